@@ -17,8 +17,7 @@ from rich.console import Console
 
 from app.pipeline.errors import InstructionError
 from app.pipeline.order.taught import Taught
-from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Scene, Skill
+from app.pipeline.steps.reading import Scene, Skill, read_steps
 from app.services.predict.instruction import is_english
 
 ASKED = Path(__file__).with_suffix(".json")

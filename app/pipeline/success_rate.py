@@ -1,8 +1,28 @@
-"""What a number of successes says about the rate of success."""
+"""What a number of successes says about the rate of success, and whether two rates differ.
 
+The latter may be looked at after every trial, and one may stop as soon as it is decided. Trials are taken in pairs, the
+k-th of one with the k-th of the other. Somebody who holds that the rates differ by `d` offers fair bets on each pair;
+whoever wins 20 times the stake refutes `d` with 95 % confidence, at whatever moment (Ville's inequality). The stake is
+spread evenly over constant bets in both directions. Source: Waudby-Smith and Ramdas, "Estimating means of bounded
+random variables by betting", JRSS B 86 (2024), for the difference of each pair, as robot policies are compared in
+arXiv 2503.10966.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.arrays import Array
+
 CONFIDENCE = 0.95
+DECIDED = 1 / (1 - CONFIDENCE)
+MAX_FORESEEN = 10_000  # pairs; what needs more is not worth a robot's time
+MAX_LOG = 300.0  # of winnings: more than any decision asks for, and a float holds it
+_BETS = np.concatenate([-(np.arange(20) + 0.5) / 20, (np.arange(20) + 0.5) / 20])  # shares of the greatest fair bet
+_DIFFERENCES = np.linspace(-0.995, 0.995, 200)
+_STEP = 0.01
 
 
 @dataclass(frozen=True)
@@ -30,3 +50,65 @@ class SuccessRate:
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.successes}/{self.trials} ({100 * low:.0f}-{100 * high:.0f} %)"
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of trials: in which only one or the other succeeded, or both or neither."""
+
+    one_alone: int
+    other_alone: int
+    alike: int
+
+    @classmethod
+    def of(cls, one: Sequence[bool], other: Sequence[bool]) -> "Pairs":
+        """Those of two series of trials in their order; what the longer one has more is left out."""
+        both = list(zip(one, other, strict=False))
+        alone, other_alone = both.count((True, False)), both.count((False, True))
+        return cls(alone, other_alone, len(both) - alone - other_alone)
+
+    @property
+    def number(self) -> int:
+        """How many."""
+        return self.one_alone + self.other_alone + self.alike
+
+    @property
+    def evidence(self) -> float:
+        """What a stake of 1 against equal rates has become."""
+        return float(winnings(self.one_alone, self.other_alone, self.alike, 0.0))
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the rates differ, with 95 % confidence: one may stop."""
+        return self.evidence >= DECIDED
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % bounds of the rate of the one minus that of the other, which hold at every moment at once."""
+        if not self.number:
+            return -1.0, 1.0
+        kept = _DIFFERENCES[winnings(self.one_alone, self.other_alone, self.alike, _DIFFERENCES) < DECIDED]
+        around = [*kept, (self.one_alone - self.other_alone) / self.number]
+        return max(-1.0, float(min(around)) - _STEP / 2), min(1.0, float(max(around)) + _STEP / 2)
+
+    @property
+    def num_until_decided(self) -> int | None:
+        """About how many pairs more decide it if they go on as these; None where they may never."""
+        if not self.number:
+            return None
+        times = np.arange(self.number, MAX_FORESEEN + 1) / self.number
+        enough = winnings(times * self.one_alone, times * self.other_alone, times * self.alike, 0.0) >= DECIDED
+        return int(enough.argmax()) if enough.any() else None
+
+
+def winnings(
+    one_alone: npt.ArrayLike, other_alone: npt.ArrayLike, alike: npt.ArrayLike, difference: npt.ArrayLike
+) -> Array:
+    """What a stake of 1 against a difference of rates in (-1, 1) becomes; all (...), and so is the answer."""
+    wins, losses, ties, held = (
+        np.asarray(item, np.float64)[..., None] for item in (one_alone, other_alone, alike, difference)
+    )
+    bets = _BETS / np.where(_BETS > 0, 1 + held, 1 - held)
+    grown = wins * np.log1p(bets * (1 - held)) + ties * np.log1p(-bets * held) + losses * np.log1p(-bets * (1 + held))
+    mean: Array = np.exp(np.minimum(grown, MAX_LOG)).mean(axis=-1)
+    return mean

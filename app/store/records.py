@@ -22,6 +22,10 @@ class Page(Generic[T]):
     next_cursor: int | None
 
 
+# Name, when it was made and version: a task that is deleted and made again counts its versions from the beginning.
+TaskState = tuple[str, datetime, int]
+
+
 @dataclass(frozen=True)
 class TaskRecord:
     """A task.
@@ -37,6 +41,11 @@ class TaskRecord:
     object_names: tuple[str, ...] | None
     created_at: datetime
     updated_at: datetime
+
+    @property
+    def state(self) -> TaskState:
+        """Equal only while nothing changed that may alter a prompt."""
+        return (self.name, self.created_at, self.version)
 
 
 @dataclass(frozen=True)

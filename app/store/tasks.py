@@ -10,14 +10,14 @@ from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from app.store import tables
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import TaskCounts, TaskRecord
+from app.store.records import TaskCounts, TaskRecord, TaskState
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
 _TASKS = tables.tasks
 # Every prediction asks this, and building the statement would take as long as running it.
 _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
-_VERSION = select(_TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
+_STATE = select(_TASKS.c.name, _TASKS.c.created_at, _TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
 
 
 def get(connection: Connection, name: str) -> TaskRecord:
@@ -33,15 +33,15 @@ def get(connection: Connection, name: str) -> TaskRecord:
     return _record(row)
 
 
-def version(connection: Connection, name: str) -> int:
-    """The task's version, which grows with every change; it costs less to read than the task.
+def state(connection: Connection, name: str) -> TaskState:
+    """The task's state, which costs less to read than the task.
 
     Raises:
         NotFoundError: if there is none of that name.
     """
-    if (number := connection.execute(_VERSION, {"name": name}).scalar()) is None:
+    if (row := connection.execute(_STATE, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
-    return int(number)
+    return (row.name, row.created_at, row.version)
 
 
 def lock(connection: Connection, name: str) -> TaskRecord:

@@ -100,3 +100,13 @@ def test_each_rule_can_be_chosen_for_what_is_stored(http, table):
         keyframes = http.get(f"/episodes/{sent.json()['id']}").json()["keyframes"]
         assert keyframes, rule
         assert keyframes[-1]["index"] == 20 or rule in ("merged", "auto")
+
+
+def test_a_change_of_an_older_version_is_refused(http):
+    version = http.put("/tasks/shared", json={"num_demonstrations": 3}).json()["version"]
+    newer = http.put("/tasks/shared", params={"version": version}, json={"num_demonstrations": 4})
+    assert newer.json()["version"] == version + 1
+    for name, said in (("shared", f"at version {version + 1}"), ("never made", "is gone")):
+        refused = http.put(f"/tasks/{name}", params={"version": version}, json={"num_demonstrations": 5})
+        assert (refused.status_code, said in refused.json()["detail"]) == (409, True)
+    assert http.get("/tasks/shared").json()["num_demonstrations"] == 4

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from app.pipeline.episode import Episode
+from app.pipeline.episode import Episode, frame_times_s, stretches
 from roboprompt_client.arrays import finite_array, unit_quaternions
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
@@ -211,3 +211,14 @@ def test_a_rotated_pose_is_accepted():
 def test_the_rate_is_that_of_the_timestamps(timestamps_s, frequency_hz):
     recorded = Trajectory(**{**VALID, "timestamps_s": timestamps_s})
     assert Episode("press", recorded).control_frequency_hz == frequency_hz
+
+
+def test_times_come_from_timestamps_or_from_the_frequency():
+    without = Trajectory(**{**VALID, "timestamps_s": None})
+    np.testing.assert_allclose(frame_times_s(without, 20.0)[:3], [0, 0.05, 0.1])
+    times_s = np.array([5.0, 5.1, 5.3, 5.4, 5.5])
+    np.testing.assert_allclose(frame_times_s(Trajectory(**{**VALID, "timestamps_s": times_s}), 20.0)[:3], [0, 0.1, 0.3])
+
+
+def test_the_gripper_s_stretches_cover_the_trajectory():
+    assert stretches(VALID["gripper_open"]) == [(0, 2, True), (2, 4, False), (4, 5, True)]

@@ -11,7 +11,6 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.container import Services
 from app.services.limits import Limits
-from app.services.predict.findings import doubted
 from app.services.predict.known import KnownReader
 from app.services.predict.write import write_question
 from app.store.store import Store
@@ -57,4 +56,4 @@ def unavailable():
 def written(services, profile, request):
     """The question to a model of that profile."""
     known = KnownReader(services.store, lambda name: profile)(request)
-    return doubted(write_question(request, request.instruction, known, Limits()), known.findings)
+    return write_question(request, request.instruction, known, Limits())

@@ -12,7 +12,6 @@ from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.measures import timings_of_its_own
 from app.services.predict.closed_loop import PreviousStep
-from app.services.predict.known import Known
 from app.services.predict.observe import Scene
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.write import understood
@@ -174,13 +173,21 @@ def test_words_take_little_time(services):
 def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
     first = question(services, instruction="push the leftmost button")
     previous = PreviousStep(
-        0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
+        0,
+        "base",
+        first.known.style,
+        (),
+        "",
+        "",
+        Pose((0, 0, 1), (1, 0, 0, 0)),
+        "push the leftmost button",
+        first.grounded,
     )
     swapped = Scene(tuple(replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects))
-    known = Known(first.settings, previous, None, swapped, first.profile, first.style, first.prefix, first.taught)
+    known = replace(first.known, previous=previous, scene=swapped)
 
     def later(said):
-        return understood(replace(REQUEST, instruction=said), said, known).text
+        return understood(replace(REQUEST, instruction=said), said, known, first.prefix.instructions).text
 
     assert later("push the leftmost button") == "push the red button"
     assert later("push the leftmost one") == "push the blue button"

@@ -102,7 +102,7 @@ def test_settings_follow_request_then_task_then_model(taught):
     services = taught(ONE_ACTION)
 
     def style(request=REQUEST):
-        return asyncio.run(services.predict_actions.prepare(request)).style
+        return asyncio.run(services.predict_actions.prepare(request)).known.style
 
     assert (style().representation, style().system_prompt) == ("absolute", "a")
     services.configure_task("pick", {"representation": "object_frame", "system_prompt": "b"})

@@ -41,7 +41,7 @@ def question(services, profile=CHAT, **options):
     ],
 )
 def test_the_system_prompt_describes_the_prompt(taught, representation, prompt_format, profile, expected):
-    style = question(taught, profile, representation=representation, prompt_format=prompt_format).style
+    style = question(taught, profile, representation=representation, prompt_format=prompt_format).known.style
     assert style.system_prompt == expected
 
 
@@ -61,7 +61,7 @@ def test_parts_are_more_than_a_step_of_a_closed_loop(scripted):
 
 
 def test_a_system_prompt_that_is_asked_for_goes_first(taught):
-    style = question(taught, representation="action_tokens", prompt_format="kat", system_prompt="a").style
+    style = question(taught, representation="action_tokens", prompt_format="kat", system_prompt="a").known.style
     assert style.system_prompt == "a"
 
 
@@ -75,7 +75,7 @@ def test_a_task_cannot_be_set_to_what_cannot_be_written(taught):
     taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})
     with pytest.raises(ValidationError, match=r"prompt_format\n.*'absolute'"):
         taught.configure_task("pick", {"representation": "absolute"})
-    assert question(taught).style.representation == "action_tokens"
+    assert question(taught).known.style.representation == "action_tokens"
 
 
 def test_episodes_are_shown_in_the_papers_representation_whatever_the_prompts_are(taught):

@@ -42,6 +42,17 @@ def test_what_changes_is_told_and_drawn_then_applied_and_undone(form, http):
     assert settings_of(http) == before
 
 
+def test_what_somebody_else_set_meanwhile_is_not_overwritten(form, http):
+    form.expected_refusals = [409]
+    http.put("/tasks/set by hand", json={"motion_limits": PANEL}).raise_for_status()
+    form.get_by_role("button", name="Add a box").click()
+    form.get_by_label("from x y z, m").last.fill("0.1 0.1 0.7")
+    form.get_by_label("to x y z, m").last.fill("0.2 0.2 0.9")
+    form.get_by_role("button", name="Apply").click()
+    expect(form.get_by_role("alert")).to_contain_text("read it again")
+    assert settings_of(http)["motion_limits"]["keep_out"] == PANEL["keep_out"]
+
+
 def test_a_setting_that_is_not_valid_is_told(form, http):
     form.expected_refusals = [422]
     form.get_by_label("Its base stands at").fill("1 2")

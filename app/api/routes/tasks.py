@@ -18,8 +18,7 @@ from app.api.schemas.poses import LearnBody, LearnedOut, TriedModelOut, TryModel
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
-from app.pipeline.check.left_out import ReplyCheck
-from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
+from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, ReplyCheck, RowCheck
 from app.services.container import Services
 from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings
@@ -133,14 +132,21 @@ def get_task(services: Wired, name: str) -> Response:
     ),
 )
 async def configure_task(
-    services: Wired, name: str, changes: Annotated[TaskSettings, Body(openapi_examples=_EXAMPLES)]
+    services: Wired,
+    name: str,
+    changes: Annotated[TaskSettings, Body(openapi_examples=_EXAMPLES)],
+    version: Annotated[
+        int | None, Query(ge=1, description="of the task that the change was made from: 409 if it is another by now")
+    ] = None,
 ) -> Response:
     """Set what the body names and keep the rest; creates the task if it is new.
 
     A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again. Where
     there are many, a job does it (202, see `Location`): until it is done the task stays as it is.
     """
-    configure = partial(services.configure_task.at_once_or_as_job, name, changes.model_dump(exclude_unset=True))
+    configure = partial(
+        services.configure_task.at_once_or_as_job, name, changes.model_dump(exclude_unset=True), version
+    )
     outcome = await anyio.to_thread.run_sync(configure, limiter=services.teaching)
     if isinstance(outcome, JobRecord):
         return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})

@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from app.pipeline.check.causes import find_causes
-from app.pipeline.check.left_out import left_out, median_off, variation
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
-from app.pipeline.check.symmetry import symmetry_findings
+from app.pipeline.check.settings import symmetry_findings
 from app.pipeline.keyframes import manner_of
 from app.pipeline.keyframes.resting import path_left_m, paths_left_m
 from app.pipeline.plans import (
@@ -18,8 +20,8 @@ from app.pipeline.plans import (
     plan_rows,
     shown_together,
 )
-
-__all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations"]
+from app.pipeline.plans.rows import robust_centre
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
@@ -40,7 +42,7 @@ def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
 
 def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], *, shown: bool) -> PlanCheck:
     rows = plan_rows(group)
-    errors = [left_out(row) if len(group) > 1 else [] for row in rows]
+    errors = [_left_out(row) if len(group) > 1 else [] for row in rows]
     was_open = bool(of_id[group[0].id].motion.phases[0].gripper_open)
     checks = []
     for k, (row, offs) in enumerate(zip(rows, errors, strict=True)):
@@ -55,12 +57,12 @@ def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], 
 
 def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[Off], *, switches: bool) -> RowCheck:
     objects = tuple(dict.fromkeys(anchor.object_name for anchor in row.anchors if anchor.object_name))
-    varies = variation([demonstration.actions[k] for demonstration in group])
+    varies = _variation([demonstration.actions[k] for demonstration in group])
     check = RowCheck(objects, row.anchors[0].frame, row.gripper_open, switches, varies)
     if not offs:
         return check
     worst = max(range(len(offs)), key=lambda place: offs[place].together_m)
-    return replace(check, error=median_off(offs), worst=offs[worst], worst_id=group[worst].id)
+    return replace(check, error=Off.median(offs), worst=offs[worst], worst_id=group[worst].id)
 
 
 def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:
@@ -71,3 +73,26 @@ def _episode_check(recording: Recording, demonstration: Demonstration, errors: S
     path_m = max(paths_left_m(motion, actions), default=0.0)
     left_m = path_left_m(motion, manner, actions)
     return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), path_m, left_m)
+
+
+def _left_out(row: PlanRow) -> list[Off]:
+    """How far each of at least two demonstrations is from where the others predict it.
+
+    The others' centre is placed in the demonstration's own scene: distances and angles are the same there as seen from
+    what the row follows.
+    """
+    offs = []
+    for place, (offset_m, rotation) in enumerate(zip(row.offsets_m, row.rotations, strict=True)):
+        others = np.arange(len(row.offsets_m)) != place
+        centre_m, mean = robust_centre(row.offsets_m[others], row.rotations[others])
+        offs.append(Off.of(offset_m - centre_m, mean.inv() * rotation))
+    return offs
+
+
+def _variation(actions: Sequence[EndEffectorAction]) -> Off:
+    """How far the median action is from the actions' centre in the world."""
+    positions_m = np.array([action.position_m for action in actions])
+    rotations = Rotation.from_quat([action.quaternion_xyzw for action in actions])
+    centre_m, mean = robust_centre(positions_m, rotations)
+    turns = mean.inv() * rotations
+    return Off.median([Off.of(way_m, turn) for way_m, turn in zip(positions_m - centre_m, turns, strict=True)])

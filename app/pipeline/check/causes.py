@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from app.pipeline.check.report import EpisodeCheck, PlanCheck, RowCheck
-from app.pipeline.check.rule_causes import many_rows, missed_path, mixed_recordings, path_left, recorded_otherwise
+from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
+from app.pipeline.check.settings import many_rows, missed_path, mixed_recordings, path_left, recorded_otherwise
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans.rows import BEYOND_NOISE_M
@@ -39,11 +39,12 @@ def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | Non
         return None
     unexplained = _unexplained(plan, rule)
     explained = [row for k, row in enumerate(plan.rows) if k not in unexplained]
-    noisy = {name: row for name, row in _closest(explained).items() if _error_m(row) >= NOISY_M}
-    if any(_error_m(row) >= BEYOND_NOISE_M for row in noisy.values()):
-        return _beyond_noise(noisy, number)
-    if noisy and len(explained) > len(unexplained):
-        return _noisy_poses(noisy, number)
+    closest = _closest(explained)
+    noisiest = max(closest, key=lambda name: closest[name].m, default="")
+    if noisiest and closest[noisiest].m >= BEYOND_NOISE_M:
+        return _beyond_noise(noisiest, closest[noisiest], number)
+    if noisiest and closest[noisiest].m >= NOISY_M and len(explained) > len(unexplained):
+        return _noisy_poses(noisiest, closest[noisiest], number)
     return _follows_no_object(plan, unexplained, number) if unexplained else None
 
 
@@ -71,27 +72,16 @@ def _follows_nothing(row: RowCheck) -> bool:
     )
 
 
-def _closest(rows: Sequence[RowCheck]) -> dict[str, RowCheck]:
-    """By object the row that keeps closest to it."""
-    following: dict[str, list[RowCheck]] = defaultdict(list)
+def _closest(rows: Sequence[RowCheck]) -> dict[str, Off]:
+    """By object how far the row is off that keeps closest to it."""
+    following: dict[str, list[Off]] = defaultdict(list)
     for row in rows:
         if row.objects and row.error is not None:
-            following[", ".join(row.objects)].append(row)
-    return {name: min(found, key=_error_m) for name, found in following.items()}
+            following[", ".join(row.objects)].append(row.error)
+    return {name: min(found, key=lambda off: off.m) for name, found in following.items()}
 
 
-def _error_m(row: RowCheck) -> float:
-    return 0.0 if row.error is None else row.error.m
-
-
-def _together_m(row: RowCheck) -> float:
-    return 0.0 if row.error is None else row.error.together_m
-
-
-def _noisy_poses(noisy: dict[str, RowCheck], number: int) -> Finding:
-    name = max(noisy, key=lambda name: _error_m(noisy[name]))
-    error = noisy[name].error
-    assert error is not None
+def _noisy_poses(name: str, error: Off, number: int) -> Finding:
     message = (
         f"Even where the hand keeps closest to {name} it scatters by {100 * error.m:.1f} cm and {error.deg:.0f} degrees"
         " around it. The objects' poses are that noisy, or the hand goes there that loosely: check calibration and"
@@ -101,29 +91,28 @@ def _noisy_poses(noisy: dict[str, RowCheck], number: int) -> Finding:
     return Finding("noisy-poses", "warning", message, f"plans[{number}]", numbers)
 
 
-def _beyond_noise(noisy: dict[str, RowCheck], number: int) -> Finding:
-    name = max(noisy, key=lambda name: _error_m(noisy[name]))
+def _beyond_noise(name: str, error: Off, number: int) -> Finding:
     message = (
-        f"Even where the hand keeps closest to {name} demonstrations are {100 * _error_m(noisy[name]):.1f} cm off where"
+        f"Even where the hand keeps closest to {name} demonstrations are {100 * error.m:.1f} cm off where"
         " the others predict them: no noise of poses is as large. They take other objects, or these in another order:"
         " demonstrate it in one way, or name what decides in the instruction."
     )
-    numbers = {"scatter_cm": round(100 * _error_m(noisy[name]), 2)}
+    numbers = {"scatter_cm": round(100 * error.m, 2)}
     return Finding("no-common-plan", "warning", message, f"plans[{number}]", numbers)
 
 
 def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> Finding:
-    worst = max((plan.rows[k] for k in places), key=_together_m)
-    assert worst.error is not None
+    lost = [(row.error, row.varies) for row in (plan.rows[k] for k in places) if row.error is not None]
+    error, varies = max(lost, key=lambda item: item[0].together_m)
     known = ", ".join(dict.fromkeys(name for row in plan.rows for name in row.objects)) or "none"
     which = f"Row {places[0] + 1}" if len(places) == 1 else f"Rows {', '.join(str(k + 1) for k in places)}"
     message = (
-        f"{which} of {plan.episodes[0].instruction!r} vary by {100 * worst.varies.m:.1f} cm and"
-        f" {worst.varies.deg:.0f} degrees and follow no known object: {100 * worst.error.m:.1f} cm and"
-        f" {worst.error.deg:.0f} degrees off where the others predict them. Is an object missing that decides where the"
+        f"{which} of {plan.episodes[0].instruction!r} vary by {100 * varies.m:.1f} cm and"
+        f" {varies.deg:.0f} degrees and follow no known object: {100 * error.m:.1f} cm and"
+        f" {error.deg:.0f} degrees off where the others predict them. Is an object missing that decides where the"
         f" hand goes? Other rows follow: {known}."
     )
-    error_cm, varies_cm = round(100 * worst.error.m, 2), round(100 * worst.varies.m, 2)
+    error_cm, varies_cm = round(100 * error.m, 2), round(100 * varies.m, 2)
     numbers = {"error_cm": error_cm, "varies_cm": varies_cm, "rows": len(places)}
     return Finding("row-follows-no-object", "danger", message, f"plans[{number}].rows[{places[0]}]", numbers)
 
@@ -150,18 +139,13 @@ def find_causes(plans: Sequence[PlanCheck], rule: KeyframeRule) -> tuple[tuple[F
 
 
 def _by_instruction(plans: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
-    groups: dict[str, list[PlanCheck]] = defaultdict(list)
-    for plan in plans:
-        groups[plan.asks_for].append(plan)
-    return list(groups.values())
+    asked = dict.fromkeys(plan.asks_for for plan in plans)
+    return [[plan for plan in plans if plan.asks_for == each] for each in asked]
 
 
 def _by_gripper(group: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
-    """Plans of the same grasps and releases together."""
-    alike: dict[tuple[bool, ...], list[PlanCheck]] = defaultdict(list)
-    for plan in group:
-        alike[plan.gripper].append(plan)
-    return list(alike.values())
+    ways = dict.fromkeys(plan.gripper for plan in group)
+    return [[plan for plan in group if plan.gripper == way] for way in ways]
 
 
 def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:

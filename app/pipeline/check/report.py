@@ -1,12 +1,19 @@
-"""What a check of demonstrations found out: per plan, row and episode, in numbers."""
+"""What a check of demonstrations found out: per plan, row and episode, in numbers; and what a model makes of each."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.pipeline.findings import Finding
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.findings import Finding, Severity
 from app.pipeline.keyframes import Manner, Rule
 from app.pipeline.representation.anchors import M_PER_RAD
+from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
+
+WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 
 
 @dataclass(frozen=True)
@@ -15,6 +22,16 @@ class Off:
 
     m: float
     deg: float
+
+    @classmethod
+    def of(cls, way_m: Array, turn: Rotation) -> "Off":
+        """By the way (3,) and the turn from one to the other."""
+        return cls(float(np.linalg.norm(way_m)), float(np.degrees(turn.magnitude())))
+
+    @classmethod
+    def median(cls, offs: Sequence["Off"]) -> "Off":
+        """The middle distance and the middle angle."""
+        return cls(float(np.median([off.m for off in offs])), float(np.median([off.deg for off in offs])))
 
     @property
     def together_m(self) -> float:
@@ -115,3 +132,59 @@ class TaskCheck:
     def num_episodes(self) -> int:
         """How many demonstrations were checked."""
         return sum(len(plan.episodes) for plan in self.plans)
+
+
+@dataclass(frozen=True)
+class ReplyCheck:
+    """A model's reply for one demonstration.
+
+    Attributes:
+        id: of the episode.
+        num_actions: of the reply; None where it gave none.
+        errors: of each action; empty where there are more or fewer than the demonstration has.
+        problem: why there are no actions to compare; empty if there are.
+    """
+
+    id: str
+    num_actions: int | None
+    errors: tuple[Off, ...] = ()
+    problem: str = ""
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether a robot that did as the reply says would do something else."""
+        return not self.errors or max(off.together_m for off in self.errors) > WRONG_M
+
+
+def check_reply(episode: EpisodeCheck, actions: Sequence[EndEffectorAction]) -> ReplyCheck:
+    """Hold a reply's actions against the demonstration's own."""
+    if len(actions) != len(episode.actions):
+        problem = f"{len(actions)} actions instead of {len(episode.actions)}"
+        return ReplyCheck(episode.id, len(actions), problem=problem)
+    pairs = list(zip(actions, episode.actions, strict=True))
+    turned = [k for k, (predicted, shown) in enumerate(pairs) if predicted.gripper_open != shown.gripper_open]
+    if turned:
+        problem = f"the gripper is the other way in action {turned[0] + 1}"
+        return ReplyCheck(episode.id, len(actions), problem=problem)
+    return ReplyCheck(episode.id, len(actions), tuple(_off_between(*pair) for pair in pairs))
+
+
+def _off_between(predicted: EndEffectorAction, shown: EndEffectorAction) -> Off:
+    turn = Rotation.from_quat(shown.quaternion_xyzw).inv() * Rotation.from_quat(predicted.quaternion_xyzw)
+    return Off.of(predicted.position_m - shown.position_m, turn)
+
+
+def reply_findings(model: str, replies: Sequence[ReplyCheck]) -> tuple[Finding, ...]:
+    """Whether the model fails."""
+    wrong = [reply for reply in replies if reply.is_wrong]
+    if not wrong:
+        return ()
+    severity: Severity = "danger" if 2 * len(wrong) > len(replies) else "warning"
+    shown = wrong[0].problem or f"{100 * max(off.m for off in wrong[0].errors):.1f} cm off"
+    message = (
+        f"{model} gets {len(wrong)} of {len(replies)} demonstrations wrong that it was not shown, the first"
+        f" {wrong[0].id}: {shown}. If nothing else is found, try another model, representation or number of"
+        " demonstrations."
+    )
+    numbers = {"wrong": len(wrong), "asked": len(replies)}
+    return (Finding("model-mispredicts", severity, message, "replies", numbers),)

@@ -44,31 +44,22 @@ def action_findings(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
     """At most one finding for all actions that demonstrations do not support, and one for those that stray."""
     unsupported = [doubt for doubt in doubts if doubt.unsupported is not None]
     straying = [doubt for doubt in doubts if doubt.unsupported is None]
-    return (*_unsupported(unsupported), *_straying(straying))
-
-
-def _unsupported(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
-    if not doubts:
-        return ()
-    first = doubts[0].unsupported
-    message = f"{first}."
-    if len(doubts) > 1:
-        message = f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
-    numbers = {"num_actions": len(doubts)}
-    return (UNSUPPORTED.finding(message, f"actions[{doubts[0].index}]", numbers),)
-
-
-def _straying(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
-    if not doubts:
-        return ()
-    off_m, off_deg = max(doubt.off_m for doubt in doubts), max(doubt.off_deg for doubt in doubts)
-    worst = max(doubts, key=lambda doubt: doubt.off_m)
-    message = (
-        f"{_named(doubts)} {'lies' if len(doubts) == 1 else 'lie'} up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees"
-        f" beyond where the demonstrations have them, seen from {worst.seen_from}."
-    )
-    numbers = {"num_actions": len(doubts), "off_m": off_m, "off_deg": off_deg}
-    return (STRAYING.finding(message, f"actions[{doubts[0].index}]", numbers),)
+    found = []
+    if unsupported:
+        message = f"{unsupported[0].unsupported}."
+        if len(unsupported) > 1:
+            message = f"{_named(unsupported)} are unlike the demonstrations; the first: {message}"
+        numbers: dict[str, float] = {"num_actions": len(unsupported)}
+        found.append(UNSUPPORTED.finding(message, f"actions[{unsupported[0].index}]", numbers))
+    if straying:
+        off_deg, worst = max(doubt.off_deg for doubt in straying), max(straying, key=lambda doubt: doubt.off_m)
+        message = (
+            f"{_named(straying)} {'lies' if len(straying) == 1 else 'lie'} up to {100 * worst.off_m:.1f} cm and"
+            f" {off_deg:.0f} degrees beyond where the demonstrations have them, seen from {worst.seen_from}."
+        )
+        numbers = {"num_actions": len(straying), "off_m": worst.off_m, "off_deg": off_deg}
+        found.append(STRAYING.finding(message, f"actions[{straying[0].index}]", numbers))
+    return tuple(found)
 
 
 def _named(doubts: Sequence[ActionDoubt]) -> str:
@@ -100,32 +91,19 @@ class ShownWays:
         Args:
             mentioned: by the instruction, in its order.
         """
-        if name not in mentioned:
-            return self._of_name.get(name)
-        place = mentioned.index(name)
-        return self._of_place[place] if place < len(self._of_place) else None
+        key: str | int = mentioned.index(name) if name in mentioned else name
+        return self._least_m.get(key)
 
     @cached_property
-    def _of_name(self) -> dict[str, float]:
-        found: dict[str, float] = {}
-        for least_m in self._least_m:
-            for name, distance_m in least_m.items():
-                found[name] = min(distance_m, found.get(name, distance_m))
+    def _least_m(self) -> dict[str | int, float]:
+        """By name, and by place in the instruction."""
+        found: dict[str | int, float] = {}
+        for demonstration in self.demonstrations:
+            least_m = _least_m(demonstration)
+            named: list[tuple[str | int, str]] = [(name, name) for name in least_m]
+            for key, name in [*named, *enumerate(demonstration.order.objects if least_m else ())]:
+                found[key] = min(least_m[name], found.get(key, math.inf))
         return found
-
-    @cached_property
-    def _of_place(self) -> tuple[float, ...]:
-        columns: list[list[float]] = []
-        for demonstration, least_m in zip(self.demonstrations, self._least_m, strict=True):
-            for place, name in enumerate(demonstration.order.objects if least_m else ()):
-                if place == len(columns):
-                    columns.append([])
-                columns[place].append(least_m[name])
-        return tuple(min(column) for column in columns)
-
-    @cached_property
-    def _least_m(self) -> tuple[dict[str, float], ...]:
-        return tuple(_least_m(demonstration) for demonstration in self.demonstrations)
 
 
 def _least_m(demonstration: Demonstration) -> dict[str, float]:

@@ -48,8 +48,13 @@ class RigidPair:
     def off_m(self, scene: Query) -> float:
         """How far `one` is from where the arrangement has it."""
         seen_m = _seen_m(scene.object(self.one), scene.object(self.other), self.frame, self.tilted)
-        beyond_m = np.maximum(seen_m - self.high_m, 0) + np.maximum(self.low_m - seen_m, 0)
-        return float(np.linalg.norm(beyond_m))
+        return float(np.linalg.norm(outside_m(seen_m, self.low_m, self.high_m)))
+
+
+def outside_m(place_m: Array, low_m: Array, high_m: Array) -> Array:
+    """(3,) how far a place lies outside of a box."""
+    outside: Array = np.maximum(place_m - high_m, 0) + np.maximum(low_m - place_m, 0)
+    return outside
 
 
 def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
@@ -111,9 +116,8 @@ def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: fr
             [d.object(n[i]).position_m - d.object(n[j]).position_m for d, n in zip(shown, named, strict=True)]
         )
         way_m = query.object(asked[i]).position_m - query.object(asked[j]).position_m
-        beyond_m = np.maximum(way_m - ways_m.max(axis=0), 0) + np.maximum(ways_m.min(axis=0) - way_m, 0)
         same = np.ptp(ways_m, axis=0) < RIGID_M
-        off_m = float((beyond_m * same).max())
+        off_m = float((outside_m(way_m, ways_m.min(axis=0), ways_m.max(axis=0)) * same).max())
         if ARRANGED.severity(off_m) is not None:
             message = (
                 f"{asked[i]} lies {100 * off_m:.1f} cm from where it stands to {asked[j]} in every demonstration: is"
@@ -159,12 +163,12 @@ def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]
         or (not matter.isdisjoint((side.one, side.other)) and _without_place(side.one) == _without_place(side.other))
     ]
     off_m, side = max(off, key=lambda item: item[0], default=(0.0, None))
-    if side is not None and SIDES.severity(off_m) is not None:
+    if side is not None:
         message = (
             f"{side.one} stands {100 * off_m:.1f} cm on the other side of {side.other}, along {'xy'[side.axis]}, than"
             " in every demonstration: is one taken for the other?"
         )
-        yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
+        yield from SIDES.findings(off_m, message, f"objects[{side.one}]", {"off_m": off_m})
 
 
 def _without_place(name: str) -> list[str]:

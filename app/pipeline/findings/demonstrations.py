@@ -1,23 +1,20 @@
 """What is doubtful about demonstrations of what is asked: they contradict each other, or scatter where it matters."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
-from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, from_shown_m
-from app.pipeline.findings.exchanged import exchanged_findings
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.implausible import dropping_findings, hand_findings
-from app.pipeline.findings.missed import Kept
+from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
+from app.pipeline.findings.hand import Kept, RecordedHand
+from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
-from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import Group, by_plan, shown_together, usual_ways, words_decide
@@ -25,6 +22,7 @@ from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
+from app.pipeline.representation.anchors import START, Anchor
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -48,6 +46,8 @@ class Taught:
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
     compared: tuple[Compared, ...] = ()
+    _restricted: dict[frozenset[str], "Taught"] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[tuple[str, tuple[str, ...]], tuple[Finding, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
@@ -93,10 +93,6 @@ class Taught:
         return found
 
     @cached_property
-    def _restricted(self) -> dict[frozenset[str], "Taught"]:
-        return {}
-
-    @cached_property
     def support(self) -> Support:
         """Their plans."""
         return Support.of(by_plan(self.usual))
@@ -113,7 +109,14 @@ class Taught:
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
-        return self._of(asked).findings
+        form = asked.form if asked.form in self._alike else ""
+        if (known := self._known.get((form, asked.objects))) is None:
+            scattered = scatter_findings(self.support, asked, self.round_objects)
+            strung = len(asked.clauses) > 1 and not form
+            dropped = dropping_findings(self.hands) if strung else ()
+            known = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
+            self._known[form, asked.objects] = known
+        return known
 
     def of_answer(
         self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
@@ -125,25 +128,18 @@ class Taught:
 
     def followed(self, asked: Order) -> frozenset[str]:
         """The objects that rows of the asked motion are relative to."""
-        return self._of(asked).followed
+        return frozenset(anchor.object_name for anchor in self._anchors(asked) if anchor.object_name)
 
-    def _of(self, asked: Order) -> "_Asked":
-        form = asked.form if asked.form in self._alike else ""
-        if (known := self._known.get((form, asked.objects))) is None:
-            scattered = scatter_findings(self.support, asked, self.round_objects)
-            strung = len(asked.clauses) > 1 and not form
-            dropped = dropping_findings(self.hands) if strung else ()
-            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
-            known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
-        return known
+    def follows_start(self, asked: Order) -> bool:
+        """Whether rows of the asked motion are relative to where the hand starts."""
+        return START in self._anchors(asked)
 
-    @cached_property
-    def _known(self) -> dict[tuple[str, tuple[str, ...]], "_Asked"]:
-        return {}
+    def _anchors(self, asked: Order) -> list[Anchor]:
+        plans = self.support.alike(asked)
+        return [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
 
     @cached_property
     def _alike(self) -> dict[str, list[Demonstration]]:
-        """By form of instruction."""
         found: dict[str, list[Demonstration]] = {}
         for demonstration in self.demonstrations:
             found.setdefault(demonstration.order.form, []).append(demonstration)
@@ -183,22 +179,8 @@ class Taught:
             yield from hand_findings(alike, hands)
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """What demonstrations say of one thing that is asked for: their doubts, and the objects that rows follow."""
-
-    findings: tuple[Finding, ...]
-    followed: frozenset[str]
-
-
-def _followed(support: Support, asked: Order) -> frozenset[str]:
-    plans = support.alike(asked)
-    anchors = [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
-    return frozenset(anchor.object_name for anchor in anchors if anchor.object_name)
-
-
 def ways_findings(
-    alike: Sequence[Demonstration], round_objects: frozenset[str] = frozenset(), *, declared: bool
+    alike: Sequence[Demonstration], round_objects: frozenset[str], *, declared: bool
 ) -> Iterator[Finding]:
     """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
 
@@ -240,7 +222,6 @@ def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> l
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    """Whether the demonstrations do the same with the gripper, and act in one place."""
     if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
         return False
     rows = plan_rows([*one, *other])

@@ -5,22 +5,26 @@ Prompts leave out a rare plan, and move each row to where most demonstrations of
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby, permutations
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.missed import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ELSEWHERE
+from app.pipeline.findings.hand import NEVER_M, off_from_m
+from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
 from app.pipeline.order.vocabulary import PLACE_WORDS
+from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
-from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
 SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
 LISTED = 3  # ids that a sentence names
+SAME_M = BEYOND_NOISE_M / 2  # from where the usual plan would act: does the same
+MIN_OTHERS = 3  # demonstrations that tell what is usual
 
 
 def elsewhere_findings(
@@ -43,7 +47,7 @@ def elsewhere_findings(
     others = {k for k, far_m in enumerate(off_m) if left_out[k] and far_m > TWO_WAYS_M}
     is_way = len(others) > WAY_SHARE * len(alike)
     found = {k for k, far_m in enumerate(off_m) if far_m > BEYOND_NOISE_M}.union(others if is_way else ())
-    at_others = _at_other_objects(_distances_m(alike)) if by_place and compared else []
+    at_others = _at_other_objects(alike) if by_place and compared else []
     elsewhere = sorted(found.union(at_others))
     if not elsewhere:
         return
@@ -85,9 +89,8 @@ def from_shown_m(support: Support, other: Demonstration) -> float:
     if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
         return 0.0  # then it is not known which rows are asked for
     placed = support.placed(other) or ()
-    acts = (
-        [(plan[k].action, rows[k]) for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False)
-    )
+    both = zip((rows for _, rows in plans), placed, strict=False)
+    acts = ([(plan[k].action, rows[k]) for k in acting_rows(rows)] for rows, plan in both)
     return min((_missed_m(acted, other) for acted in acts), default=0.0)
 
 
@@ -100,39 +103,83 @@ def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: 
     return float(best_m[-1]) if len(best_m) else NEVER_M
 
 
-def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:
-    """Of each, by role how far from its objects the hand acts."""
-    acted_m = [_acts_at_m(demonstration) for demonstration in alike]
-    return [
-        {role_of(d, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in d.objects}
-        for d, at_m in zip(alike, acted_m, strict=True)
-    ]
+def _at_other_objects(alike: Sequence[Demonstration]) -> list[int]:
+    """Those that clearly act at another object than most; any is right where words have the usual one elsewhere."""
+    away_m = [_away_by_role_m(demonstration) for demonstration in alike]
+    nearest_m = [min(roles.values()) for roles in away_m]
+    usual = Counter(min(roles, key=roles.__getitem__) for roles in away_m).most_common(1)[0][0]
+    return [k for k, m in enumerate(nearest_m) if away_m[k].get(usual, m) > m + BEYOND_NOISE_M]
 
 
-def _usual_role(distances_m: Sequence[dict[str, float]]) -> str:
-    """The one that most act nearest to."""
-    return Counter(min(roles, key=roles.__getitem__) for roles in distances_m).most_common(1)[0][0]
-
-
-def _from(role: str, distances_m: dict[str, float]) -> float:
-    """The distance from an object; from the nearest where the instruction has that object in another role."""
-    return distances_m.get(role, min(distances_m.values()))
-
-
-def _at_other_objects(distances_m: Sequence[dict[str, float]]) -> list[int]:
-    """Those that clearly act at another object than most."""
-    usual = _usual_role(distances_m)
-    return [k for k, roles in enumerate(distances_m) if _from(usual, roles) > min(roles.values()) + BEYOND_NOISE_M]
-
-
-def _acts_at_m(demonstration: Demonstration) -> Array:
-    """(3,) where the gripper first switches; without a switch where the hand is lowest."""
-    actions = demonstration.actions
-    lowest = int(np.argmin([action.position_m[2] for action in actions]))
-    return actions[next(iter(demonstration.switches), lowest)].position_m
+def _away_by_role_m(shown: Demonstration) -> dict[str, float]:
+    """How far from each object the gripper first switches; without a switch, where the hand is lowest."""
+    lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
+    at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
+    return {role_of(shown, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
 
 
 def role_of(demonstration: Demonstration, name: str) -> str:
     """The object's place in the instruction, or its name."""
     mentioned = demonstration.order.objects
     return f"<{mentioned.index(name)}>" if name in mentioned else name
+
+
+def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
+    """The two objects whose exchange explains most of the demonstrations that act elsewhere than the usual plan.
+
+    Their scenes differ with the names, so that plans seem to follow from the scenes. One object must be in the
+    instruction, which says what to act on; where no word names either, a scene may well decide between them.
+
+    Args:
+        alike: that ask for the same.
+    """
+    kinds = Counter(demonstration.kind for demonstration in alike)
+    usual = kinds.most_common(1)[0][0]
+    if len(kinds) == 1 or not all(demonstration.actions for demonstration in alike):
+        return
+    support = Support.of([[item for item in alike if item.kind == usual]])
+    others = [d for d in alike if d.kind != usual and from_shown_m(support, d) > BEYOND_NOISE_M]
+    explained: Counter[tuple[str, str]] = Counter()
+    for other in others:
+        for one, second in permutations((pose.name for pose in other.objects), 2):
+            if one in other.order.objects and from_shown_m(support, _exchanged(other, one, second)) < SAME_M:
+                explained[one, second] += 1
+    if not explained:
+        return
+    (one, second), number = explained.most_common(1)[0]
+    share = number / len(alike)
+    message = (
+        f"{number} of {len(alike)} demonstrations of {alike[0].instruction!r} do what the others do if {one} and"
+        f" {second} have each other's names there. Correct or delete those that are named wrongly."
+    )
+    yield from EXCHANGED.findings(share, message, "demonstrations", {"share": share})
+
+
+def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
+    names = {one: other, other: one}
+    return replace(shown, objects=tuple(replace(p, name=names.get(p.name, p.name)) for p in shown.objects))
+
+
+def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
+    """Says so where its gripper opens and closes otherwise than in most demonstrations that ask for the same.
+
+    Args:
+        new, others: with the keyframes of their recordings.
+    """
+    ways = Counter(_way(shown) for shown in others if shown.order.form == new.order.form)
+    if ways.total() < MIN_OTHERS:
+        return
+    own, (usual, number) = _way(new), ways.most_common(1)[0]
+    ways[own] += 1
+    if own != usual and ways[own] <= RARE_SHARE * ways.total():
+        message = (
+            f"The gripper switches {len(own) - 1} times, in {number} of the {ways.total() - 1} other demonstrations"
+            f" {len(usual) - 1} times: prompts leave this one out, unless more are like it or its scene tells when to"
+            " do so. Was something dropped, or grasped twice? Then delete it."
+        )
+        yield LEFT_OUT.finding(message, "trajectory.gripper_open", {"alike": ways[own], "demonstrations": ways.total()})
+
+
+def _way(shown: Demonstration) -> tuple[bool, ...]:
+    states = [state for state, _ in groupby(action.gripper_open for action in shown.actions)]
+    return tuple(states if states[:1] == [True] else [True, *states])

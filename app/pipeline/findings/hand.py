@@ -1,23 +1,66 @@
 """What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.missed import Kept
-from app.pipeline.keyframes import Motion
+from app.pipeline.findings.actions import distances_m
+from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import Switch
+from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.representation.anchors import M_PER_RAD
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory import EndEffectorAction, Trajectory
 
+NEVER_M = 1.0  # from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
+
+
+class Kept(NamedTuple):
+    """How far actions are from a recording.
+
+    Attributes:
+        missed_m: from where the hand acts.
+        left_m: the way through them, from the recorded one, where that matters.
+    """
+
+    missed_m: float
+    left_m: float
+
+
+def kept(motion: Motion, actions: Sequence[EndEffectorAction], delta_rad_s: float) -> Kept:
+    """How closely at least one action keeps to a recording; an arm slower than `delta_rad_s` rests."""
+    return Kept(missed_m(motion, actions), path_left_m(motion, manner_of(motion, delta_rad_s), actions))
+
+
+def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:
+    """How far the actions stay from the place where the recorded hand acts; of several places, the farthest.
+
+    The hand acts where the gripper switches, at the nearest action with the gripper as it is then. Where it never does,
+    the hand acts at the lowest place of its way, which the straight way from action to action may pass.
+
+    Args:
+        actions: at least one.
+    """
+    positions_m = motion.trajectory.positions_m
+    if not motion.acting_switches:
+        lowest_m = positions_m[int(positions_m[:, 2].argmin())]
+        way_m = np.array([positions_m[0], *(action.position_m for action in actions)])
+        return float(distances_m(way_m, lowest_m).min())
+    return max(
+        min(off_from_m(positions_m[frame], opens, a) for a in actions) for frame, opens in motion.acting_switches
+    )
+
+
+def off_from_m(place_m: Array, is_open: bool, action: EndEffectorAction) -> float:
+    """How far an action is from a place; `NEVER_M` with the gripper otherwise."""
+    return float(np.linalg.norm(action.position_m - place_m)) if action.gripper_open == is_open else NEVER_M
 
 
 class Act(NamedTuple):
@@ -41,9 +84,9 @@ class Act(NamedTuple):
         return min(self.away_m.values())
 
     @property
-    def approaches(self) -> bool:
-        """Whether the hand is on its way to the nearest object, not at it."""
-        return self.later_m < self.nearest_m - NEARER_M
+    def at_object(self) -> bool:
+        """Whether the hand is at the nearest object, not on its way to it."""
+        return self.nearest_m < AT_OBJECT_M and self.later_m >= self.nearest_m - NEARER_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +115,14 @@ class RecordedHand:
     @property
     def ends_holding(self) -> bool:
         """Whether it closed on an object at last; a fist that then comes nearer to the object closed on nothing."""
-        if not self.acts or self.acts[-1].opens:
-            return False
-        act = self.acts[-1]
-        return act.nearest_m < AT_OBJECT_M and not act.approaches
+        return bool(self.acts) and not self.acts[-1].opens and self.acts[-1].at_object
 
     @classmethod
     def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
         """What the demonstration's recording has."""
         trajectory, acting = motion.trajectory, motion.acting_switches
-        away_m = _away_m(trajectory.positions_m, shown)
+        objects_m = np.array([pose.position_m for pose in shown.objects])
+        away_m = np.linalg.norm(trajectory.positions_m[:, None] - objects_m[None], axis=2)  # (T, N)
         ends = [*(switch.frame for switch in acting[1:]), len(trajectory) - 1]
         starts_open = not acting[0].opens if acting else bool(trajectory.gripper_open[-1])
         return cls(
@@ -96,21 +137,10 @@ class RecordedHand:
         )
 
 
-def _away_m(positions_m: Array, shown: Demonstration) -> Array:
-    """(T, N) from each object's place before the motion."""
-    objects_m = np.array([pose.position_m for pose in shown.objects])
-    away: Array = np.linalg.norm(positions_m[:, None] - objects_m[None], axis=2)
-    return away
-
-
 def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration, away_m: Array) -> Act:
-    place, frame = int(away_m[switch.frame].argmin()), switch.frame
-    way_m = trajectory.positions_m[end] - trajectory.positions_m[frame]
-    before, after = trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end]
-    turn_rad = quaternions.angle_between_rad(before, after)
-    return Act(
-        switch.opens,
-        dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True)),
-        float(away_m[frame : end + 1, place].min()),
-        float(np.linalg.norm(way_m)) + M_PER_RAD * turn_rad,
-    )
+    frame = switch.frame
+    of_name = dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True))
+    later_m = float(away_m[frame : end + 1, away_m[frame].argmin()].min())
+    way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
+    turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
+    return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)

@@ -1,18 +1,24 @@
 """What no recorded hand can have done, or not with these words: all recordings may agree on it and be wrong.
 
-A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off.
+A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off, a
+hand in another frame than the objects, quaternions with w first.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings import Finding
+from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.findings.rules import BACKWARDS, BROKEN_OFF, DROPS, FAR_FROM_ALL, IMPLAUSIBLE_GRIPPER, Rule
+from app.pipeline.findings.rules import Rule
+from app.pipeline.order.order import Order
+from app.pipeline.plans.rows import PlanRow, acting_rows
+from app.pipeline.plans.support import Support, asked_anchor
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 
@@ -27,6 +33,9 @@ ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
 FEWEST = 4  # recordings that tell what their ends share from chance
 SLIPS = 0.2  # share of the recordings that may be odd
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one, of starts that are several
+MIN_TURNED = 5  # demonstrations that show how hands turn with objects
+TURNS_DEG = 8.0  # what turns by less has hardly been turned
+MUCH_LESS = 1 / 3
 
 UNHELD = (
     "the hand starts closed and empty, opens at an object and goes on with open fingers: is gripper_open inverted, or"
@@ -54,14 +63,14 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     found = [_fault(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)]
     for rule, fault in dict.fromkeys(item for item in found if item is not None):
         number = sum(item is not None and item[1] == fault for item in found)
-        yield from _finding(rule, f"In {number} of {len(alike)} recordings {fault}", number / len(alike))
+        message, share = f"In {number} of {len(alike)} recordings {fault}", number / len(alike)
+        yield from rule.findings(share, message, "demonstrations", {"share": share})
     far_m = float(np.median([_acts_away_m(item, hand) for item, hand in zip(alike, hands, strict=True)]))
-    if FAR_FROM_ALL.severity(far_m) is not None:
-        message = (
-            f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are"
-            " hand and objects in one frame, and are all objects listed?"
-        )
-        yield FAR_FROM_ALL.finding(message, "demonstrations", {"nearest_m": far_m}, value=far_m)
+    message = (
+        f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are hand"
+        " and objects in one frame, and are all objects listed?"
+    )
+    yield from rules.FAR_FROM_ALL.findings(far_m, message, "demonstrations", {"nearest_m": far_m})
     yield from _backwards(alike, hands)
 
 
@@ -74,7 +83,7 @@ def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
     holding = sum(hand.ends_holding and hand.starts_open for hand in hands)
     if 2 * holding > len(hands):
         message = "Demonstrations end with something in the hand: it falls when the next part begins with open fingers."
-        yield DROPS.finding(message, "instruction")
+        yield rules.DROPS.finding(message, "instruction")
 
 
 def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
@@ -84,27 +93,22 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
     return closed_m[0] if takes else hand.nearest_m
 
 
-def _finding(rule: Rule, message: str, share: float) -> Iterator[Finding]:
-    if rule.severity(share) is not None:
-        yield rule.finding(message, "demonstrations", {"share": share}, value=share)
-
-
 def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str] | None:
-    """The first thing that is implausible in one recording, in words."""
     verb = demonstration.order.clauses[0].verb
     if (fault := _gripper_fault(demonstration, hand)) is not None:
-        return IMPLAUSIBLE_GRIPPER, fault
+        return rules.IMPLAUSIBLE_GRIPPER, fault
     if verb in PUTTING and hand.ends_holding and not any(act.opens for act in hand.acts):
-        return BROKEN_OFF, KEEPS_HOLD
+        return rules.BROKEN_OFF, KEEPS_HOLD
     carries = hand.ends_holding and verb not in TAKING
     moves = hand.end_speed_m_s > MOVES_M_S
-    return (BROKEN_OFF, CUT_OFF) if moves and (carries or hand.nearest_m > ACTED_M) else None
+    return (rules.BROKEN_OFF, CUT_OFF) if moves and (carries or hand.nearest_m > ACTED_M) else None
 
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     verb, taken = demonstration.order.clauses[0].verb, _taken(demonstration)
     closings = [act for act in hand.acts if not act.opens]
-    if _opens_unheld(hand):
+    lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
+    if lets_go and not hand.may_hold:  # nor comes to take it
         return UNHELD
     if verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
@@ -123,14 +127,6 @@ def _taken(demonstration: Demonstration) -> str | None:
     return demonstration.order.clauses[0].objects[0] if found and found["verb"] in TAKING | PUTTING else None
 
 
-def _opens_unheld(hand: RecordedHand) -> bool:
-    """Whether the first act lets something go that the hand neither held, nor then comes to take."""
-    if not hand.acts or not hand.acts[0].opens or hand.may_hold:
-        return False
-    act = hand.acts[0]
-    return act.nearest_m < AT_OBJECT_M and not act.approaches and act.moved_m > CARRIES_M
-
-
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
     """Motions that end in one place and start where an object is, or end where others start: robots start in one."""
     if len(hands) < FEWEST:
@@ -139,7 +135,7 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
     number = _end_where_others_start(starts_m, ends_m)
     if number > SLIPS * len(hands):
         message = f"{number} of {len(hands)} recordings end where others start, and start elsewhere: backwards in time?"
-        yield BACKWARDS.finding(message, "demonstrations")
+        yield rules.BACKWARDS.finding(message, "demonstrations")
         return
     if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
         return
@@ -150,11 +146,10 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
             "The recordings end with the hand in one place, and start with it where an object implies: do they run"
             " backwards in time?"
         )
-        yield BACKWARDS.finding(message, "demonstrations")
+        yield rules.BACKWARDS.finding(message, "demonstrations")
 
 
 def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
-    """How many, where several start in one place."""
     near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
     home_m = starts_m[near.sum(axis=1).argmax()]
     away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
@@ -176,3 +171,74 @@ def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Mapping[tuple
 def _spread_m(places_m: Array) -> float:
     """How far most places (N, 3) are from their median."""
     return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), 0.8))
+
+
+class Turning(NamedTuple):
+    """A row in which the hand acts on an object whose rotations are known.
+
+    Attributes:
+        name: of the object, as it is asked for.
+        hands_xyzw, objects_xyzw: (N, 4) in the demonstrations.
+    """
+
+    row: PlanRow
+    name: str
+    hands_xyzw: Array
+    objects_xyzw: Array
+
+    def beside_m(self) -> float:
+        """How far beside the object the hand acts, where it turns with the object and its place does not; else 0."""
+        with_object_deg, with_world_deg = self._scatters_deg(self.hands_xyzw)
+        turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
+        is_beside = turns_with_it and not self.row.anchors[0].place_turns
+        return float(np.linalg.norm(self.row.centre_m[:2])) if is_beside else 0.0
+
+    def astray_deg(self) -> float:
+        """How far the hand scatters about object and world, where it would about neither if w came first; else 0."""
+        as_read_deg = min(self._scatters_deg(self.hands_xyzw))
+        as_meant_deg = min(self._scatters_deg(np.roll(self.hands_xyzw, -1, axis=1)))
+        return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
+
+    def _scatters_deg(self, hands_xyzw: Array) -> tuple[float, float]:
+        """How far rotations of the hand scatter, seen from the object and seen from the world."""
+        hands, objects = Rotation.from_quat(hands_xyzw), Rotation.from_quat(self.objects_xyzw)
+        return _scatter_deg(objects.inv() * hands), _scatter_deg(hands)
+
+
+def turning_findings(support: Support, asked: Order) -> Iterator[Finding]:
+    """At most one doubt of each kind about the rows in which the hand acts on an object."""
+    turning = list(_turning(support, asked))
+    if not turning:
+        return
+    item = max(turning, key=Turning.beside_m)
+    far_m = item.beside_m()
+    message = (
+        f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has it,"
+        " however it is turned: are hand and objects in one frame?"
+    )
+    yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
+    item = max(turning, key=Turning.astray_deg)
+    off_deg = item.astray_deg()
+    message = (
+        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
+        f" quaternions it would turn as {item.name} does. They must be x y z w."
+    )
+    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
+
+
+def _turning(support: Support, asked: Order) -> Iterator[Turning]:
+    for group, rows in support.alike(asked):
+        for k in acting_rows(rows) if len(group) >= MIN_TURNED else ():
+            names = [anchor.object_name for anchor in rows[k].anchors]
+            if not all(names):
+                continue
+            turned = [d.object(name).quaternion_xyzw for d, name in zip(group, names, strict=True)]
+            objects_xyzw = [turn for turn in turned if turn is not None]
+            if len(objects_xyzw) == len(group):
+                hands_xyzw = np.array([demonstration.actions[k].quaternion_xyzw for demonstration in group])
+                name = asked_anchor(rows[k].anchors[0], group[0].order, asked).object_name
+                yield Turning(rows[k], name, hands_xyzw, np.array(objects_xyzw))
+
+
+def _scatter_deg(rotations: Rotation) -> float:
+    return float(np.degrees(np.median((rotations.mean().inv() * rotations).magnitude())))

@@ -2,19 +2,21 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.arrangement import RigidPair, Side, rigid_pairs, sides
+from app.pipeline.findings.arrangement import RigidPair, Side, outside_m, rigid_pairs, sides
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
 UP = (0.0, 0.0, 1.0)
+HAND = "the end effector"
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
 FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
@@ -25,9 +27,23 @@ SLACK = 15.0  # 0.15 of the range beyond ten demonstrations, 0.6 of it beyond fi
 MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
 
 
+class OffBox(NamedTuple):
+    """How far a place is outside of a box, along the axis where that is most doubtful.
+
+    Attributes:
+        doubtful_m: less than `far_m` by how far beyond the box unseen places may well lie.
+        range_text: the box along that axis.
+    """
+
+    axis: str
+    far_m: float
+    doubtful_m: float
+    range_text: str
+
+
 @dataclass(frozen=True, eq=False)
 class ShownPlaces:
-    """One object in all demonstrations.
+    """One object, or the hand before it moves, in all demonstrations.
 
     Attributes:
         number: of the demonstrations.
@@ -43,9 +59,8 @@ class ShownPlaces:
     yaws_rad: Array
 
     @classmethod
-    def of(cls, name: str, shown: Sequence[Demonstration]) -> "ShownPlaces":
-        """The places of the object in at least one demonstration."""
-        poses = [demonstration.object(name) for demonstration in shown]
+    def of(cls, poses: Sequence[ObjectPose]) -> "ShownPlaces":
+        """The places of an object in at least one demonstration."""
         places_m = np.array([pose.position_m for pose in poses])
         known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
         up = np.array([quaternions.rotated(turn, UP) for turn in known]).reshape(-1, 3)
@@ -64,14 +79,17 @@ class ShownPlaces:
         slack: Array = SLACK * self.range_m / self.number**2 + max(0.0, FEW_M * (1 / self.number - 1 / MANY))
         return slack
 
-    def beyond_m(self, pose: ObjectPose) -> Array:
-        """(3,) how far the pose lies outside of the box."""
-        beyond: Array = np.maximum(pose.position_m - self.high_m, 0) + np.maximum(self.low_m - pose.position_m, 0)
-        return beyond
+    def off_box(self, place_m: Array) -> OffBox:
+        """How far a place (3,) lies outside of the box."""
+        beyond_m = outside_m(place_m, self.low_m, self.high_m)
+        axis = int(np.argmax(beyond_m - self.slack_m))
+        far_m, low_m, high_m = float(beyond_m[axis]), self.low_m[axis], self.high_m[axis]
+        return OffBox("xyz"[axis], far_m, far_m - float(self.slack_m[axis]), f"{low_m:.3f} to {high_m:.3f} m")
 
     def lifted_m(self, pose: ObjectPose) -> float:
         """How far the pose lies above or below; 0 where demonstrations have the object at different heights."""
-        return float(self.beyond_m(pose)[2]) if self.range_m[2] < FIXED_M else 0.0
+        off_m = outside_m(pose.position_m, self.low_m, self.high_m)
+        return float(off_m[2]) if self.range_m[2] < FIXED_M else 0.0
 
     def leans_deg(self, pose: ObjectPose) -> float:
         """The angle between its z axis and that of the nearest demonstration; 0 where it is not known."""
@@ -128,16 +146,20 @@ class ShownScenes:
     """The scenes of demonstrations; what they say of an object is computed once."""
 
     demonstrations: tuple[Demonstration, ...]
-
-    @cached_property
-    def _places(self) -> dict[str, ShownPlaces]:
-        return {}
+    _places: dict[str, ShownPlaces] = field(default_factory=dict, init=False, repr=False)
+    _least_apart_m: dict[tuple[str, str], float] = field(default_factory=dict, init=False, repr=False)
 
     def places(self, name: str) -> ShownPlaces:
         """Where the object is in all of them, at least one."""
         if (places := self._places.get(name)) is None:
-            places = self._places[name] = ShownPlaces.of(name, self.demonstrations)
+            places = self._places[name] = ShownPlaces.of([item.object(name) for item in self.demonstrations])
         return places
+
+    @cached_property
+    def starts(self) -> ShownPlaces | None:
+        """Where the hand is before the first action; None where some demonstration does not know it."""
+        poses = [ObjectPose(HAND, item.start.position_m) for item in self.demonstrations if item.start is not None]
+        return ShownPlaces.of(poses) if poses and len(poses) == len(self.demonstrations) else None
 
     @cached_property
     def pairs(self) -> tuple[RigidPair, ...]:
@@ -148,10 +170,6 @@ class ShownScenes:
     def sides(self) -> tuple[Side, ...]:
         """The objects that stand on one side of each other."""
         return sides(self.demonstrations)
-
-    @cached_property
-    def _least_apart_m(self) -> dict[tuple[str, str], float]:
-        return {}
 
     def least_apart_m(self, one: str, other: str) -> float:
         """The least distance between two objects in any of them."""
@@ -178,7 +196,6 @@ def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlac
 
 
 def _wrapped_deg(angles_rad: Array) -> Array:
-    """The same angles from -180 to 180 degrees."""
     wrapped: Array = np.degrees((angles_rad + np.pi) % (2 * np.pi) - np.pi)
     return wrapped
 

@@ -1,14 +1,17 @@
 """What is odd in a recording: reported when it is uploaded, so that the person can record it again at once."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from app.pipeline.episode import stretches
 from app.pipeline.findings import Finding
+from app.pipeline.findings.hand import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from roboprompt_client.arrays import Array, positions_array
 from roboprompt_client.errors import InvalidInputError
 
 MIN_MOTION_M = 0.005
@@ -20,6 +23,15 @@ SHORT_S = 0.5
 IDLE_S = 5.0
 IDLE_M_S = 0.002
 FAST_SWITCH_M_S = 0.15
+
+COMMANDED = "commanded_positions"  # in `extra`: where the hand was sent, (T, 3) m, world frame
+PUSHED_M = 0.03  # an object that the hand moves so far without holding it is pushed
+NEAR_M = 0.2  # from the object's origin to the hand that pushes it; tools may be in between
+SHORT_M = 0.015  # of where it was sent: more than controllers are off where nothing is in the way
+STILL_M_S = 0.02  # a hand that is so slow has come to where it gets
+LASTS_S = 0.2  # what is shorter is a bump
+PUSHING_N = 8.0  # beyond what usually acts on the hand; a kilogram that is carried is 10 N
+MOVING_M_S = 0.05  # at the last frame
 
 
 def check_moves(motion: Motion) -> None:
@@ -44,13 +56,10 @@ def recording_findings(motion: Motion, keyframes: Sequence[Keyframe], rule: Keyf
         rule: by which the keyframes were found.
     """
     return (
-        *_jumps(motion),
-        *_coarse(motion),
-        *_short(motion),
-        *_idle(motion),
+        *_steps(motion),
+        *_times(motion),
         *_gripper(motion),
-        *_rule(motion, keyframes, rule),
-        *_keyframes(keyframes),
+        *_keyframes(motion, keyframes, rule),
     )
 
 
@@ -67,7 +76,7 @@ def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
             yield Finding("given-pose-unlike-images", "warning", message, where, numbers)
 
 
-def _jumps(motion: Motion) -> Iterator[Finding]:
+def _steps(motion: Motion) -> Iterator[Finding]:
     steps_m = np.linalg.norm(np.diff(motion.trajectory.positions_m, axis=0), axis=1)
     speeds_m_s = steps_m / np.maximum(np.diff(motion.times_s), 1e-9)
     jumps = np.flatnonzero((steps_m > JUMP_M) & (speeds_m_s > JUMP_M_S))
@@ -79,10 +88,6 @@ def _jumps(motion: Motion) -> Iterator[Finding]:
         )
         numbers = {"frame": frame, "jump_m": float(steps_m[frame - 1]), "num_jumps": len(jumps)}
         yield Finding("jump", "warning", message, "trajectory.end_effector_positions", numbers)
-
-
-def _coarse(motion: Motion) -> Iterator[Finding]:
-    steps_m = np.linalg.norm(np.diff(motion.trajectory.positions_m, axis=0), axis=1)
     moving_m = steps_m[steps_m > MIN_MOTION_M]
     if len(moving_m) and (usual_m := float(np.quantile(moving_m, 0.75))) > COARSE_M:
         rate_hz = len(steps_m) / max(float(motion.times_s[-1] - motion.times_s[0]), 1e-9)
@@ -93,17 +98,13 @@ def _coarse(motion: Motion) -> Iterator[Finding]:
         yield Finding("coarse-recording", "warning", message, "trajectory", {"rate_hz": rate_hz, "step_m": usual_m})
 
 
-def _short(motion: Motion) -> Iterator[Finding]:
+def _times(motion: Motion) -> Iterator[Finding]:
     duration_s = float(motion.times_s[-1])
     if duration_s < SHORT_S:
         message = f"The recording takes {duration_s:.2f} s in {len(motion)} frames: is control_frequency_hz right?"
         yield Finding("short-recording", "info", message, "trajectory", {"duration_s": duration_s})
-
-
-def _idle(motion: Motion) -> Iterator[Finding]:
-    times_s = motion.times_s
     idle = [(first, end) for first, end, still in stretches(motion.hand_speeds_m_s < IDLE_M_S) if still]
-    longest_s = max((float(times_s[end - 1] - times_s[first]) for first, end in idle), default=0.0)
+    longest_s = max((float(motion.times_s[end - 1] - motion.times_s[first]) for first, end in idle), default=0.0)
     if longest_s > IDLE_S:
         message = f"The hand stands still for {longest_s:.0f} s; this leaves no keyframe."
         yield Finding("long-rest", "info", message, "trajectory", {"rest_s": longest_s})
@@ -126,7 +127,13 @@ def _gripper(motion: Motion) -> Iterator[Finding]:
         yield Finding("gripper-switches-in-motion", "info", message, "trajectory.gripper_open", numbers)
 
 
-def _keyframes(keyframes: Sequence[Keyframe]) -> Iterator[Finding]:
+def _keyframes(motion: Motion, keyframes: Sequence[Keyframe], rule: KeyframeRule) -> Iterator[Finding]:
+    if rule.rule == "merged" and manner_of(motion, rule.delta_rad_s) != "rests":
+        message = (
+            f"The recording does not rest at its keyframes: the rule merged finds {len(keyframes)}, which may miss"
+            " what the hand does between. Use the rule auto or waypoints."
+        )
+        yield Finding("keyframes-miss-the-path", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
     if len(keyframes) > MAX_KEYFRAMES:
         message = (
             f"{len(keyframes)} keyframes are more than the {MAX_KEYFRAMES} actions that a prediction may have by"
@@ -135,10 +142,84 @@ def _keyframes(keyframes: Sequence[Keyframe]) -> Iterator[Finding]:
         yield Finding("too-many-keyframes", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
 
 
-def _rule(motion: Motion, keyframes: Sequence[Keyframe], rule: KeyframeRule) -> Iterator[Finding]:
-    if rule.rule == "merged" and manner_of(motion, rule.delta_rad_s) != "rests":
+def contact_findings(motion: Motion, names: Sequence[str], extra: Mapping[str, Any]) -> Iterator[Finding]:
+    """Of a recording that lives from contact, or ends while something moves.
+
+    Args:
+        names: of the objects that the trajectory tracks, in its order.
+
+    Raises:
+        InvalidInputError: if `extra` has commanded positions of another shape.
+    """
+    yield from _pushed(motion, names)
+    if COMMANDED in extra:
+        yield from _stopped_short(motion, positions_array(f"extra.{COMMANDED}", extra[COMMANDED], (len(motion), 3)))
+    yield from _pressed(motion)
+    if (speed_m_s := float(motion.hand_speeds_m_s[-1])) > MOVING_M_S:
+        message = f"The hand moves at {speed_m_s:.2f} m/s in the last frame: record half a second more."
+        yield Finding("ends-in-motion", "info", message, "trajectory", {"speed_m_s": speed_m_s})
+
+
+def _pushed(motion: Motion, names: Sequence[str]) -> Iterator[Finding]:
+    """Tracked objects that move beside a hand that never holds anything near them."""
+    tracks_m = motion.trajectory.object_positions_m
+    if tracks_m is None:
+        return
+    for name, track_m in zip(names, tracks_m.transpose(1, 0, 2), strict=True):
+        away_m = np.linalg.norm(track_m - motion.trajectory.positions_m, axis=1)
+        if _holds(motion, away_m):
+            continue
+        steps_m = np.linalg.norm(np.diff(track_m, axis=0), axis=1)
+        moved_m = float(steps_m[(away_m[1:] < NEAR_M)].sum())
+        if moved_m > PUSHED_M and np.linalg.norm(track_m[-1] - track_m[0]) > PUSHED_M:
+            message = (
+                f"The hand moves {name} by {100 * moved_m:.0f} cm without holding it. Poses do not carry how hard it"
+                " pushes: predicted actions go where the hand was, and a robot that yields more gets less far."
+            )
+            yield Finding("contact", "info", message, f"objects[{name}]", {"moved_m": moved_m})
+
+
+def _holds(motion: Motion, away_m: Array) -> bool:
+    """Whether the hand closes on an object; a fist that then comes nearer to it has closed on nothing.
+
+    Args:
+        away_m: (T,) of the object from the hand.
+    """
+    closed = [away_m[phase.first : phase.last + 1] for phase in motion.phases if not phase.gripper_open]
+    return any(each[0] < AT_OBJECT_M and each.min() > each[0] - NEARER_M for each in closed)
+
+
+def _stopped_short(motion: Motion, commanded_m: Array) -> Iterator[Finding]:
+    short_m = np.linalg.norm(commanded_m - motion.trajectory.positions_m, axis=1)
+    if (held := _longest(motion, (short_m > SHORT_M) & (motion.hand_speeds_m_s < STILL_M_S))) is not None:
+        frame, most_m = held.start, float(short_m[held].max())
         message = (
-            f"The recording does not rest at its keyframes: the rule merged finds {len(keyframes)}, which may miss"
-            " what the hand does between. Use the rule auto or waypoints."
+            f"From frame {frame} on the hand stands still {100 * most_m:.1f} cm short of where it was sent: something"
+            " holds it. Predicted actions go where the hand was, and press less. Record the commanded positions as the"
+            " trajectory, if your robot yields to contact."
         )
-        yield Finding("keyframes-miss-the-path", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
+        yield Finding("contact", "warning", message, "trajectory", {"frame": frame, "short_m": most_m})
+
+
+def _pressed(motion: Motion) -> Iterator[Finding]:
+    wrenches = motion.trajectory.wrenches_n_nm
+    if wrenches is None:
+        return
+    forces_n = np.linalg.norm(wrenches[:, :3] - np.median(wrenches[:, :3], axis=0), axis=1)
+    if (pressed := _longest(motion, forces_n > PUSHING_N)) is not None:
+        frame, most_n = pressed.start, float(forces_n[pressed].max())
+        message = (
+            f"From frame {frame} on up to {most_n:.0f} N act on the hand. Predicted actions go where the hand was, and"
+            " do not press as hard by themselves."
+        )
+        yield Finding("contact", "info", message, "trajectory", {"frame": frame, "force_n": most_n})
+
+
+def _longest(motion: Motion, states: Array) -> slice | None:
+    """The longest stretch of frames of a state (T,); None if none lasts."""
+
+    def lasts_s(frames: slice) -> float:
+        return float(motion.times_s[frames.stop - 1] - motion.times_s[frames.start])
+
+    found = max((slice(first, end) for first, end, is_so in stretches(states) if is_so), key=lasts_s, default=None)
+    return None if found is None or lasts_s(found) < LASTS_S else found

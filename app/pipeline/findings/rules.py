@@ -45,8 +45,8 @@ class Rule:
 
     def severity(self, value: float = ALWAYS) -> Severity | None:
         """How severe the doubt is; None where there is none."""
-        levels = self.levels.items()
-        reached = [severity for severity, level in levels if (value <= level if self.nearer else value >= level)]
+        sign = -1 if self.nearer else 1
+        reached = [severity for severity, level in self.levels.items() if sign * value >= sign * level]
         return reached[-1] if reached else None
 
     def finding(
@@ -66,6 +66,10 @@ class Rule:
         if severity is None:
             raise ValueError(f"{self.code} is no finding at {value}")
         return Finding(self.code, severity, message, where, numbers or {})
+
+    def findings(self, value: float, message: str, where: str, numbers: Mapping[str, float]) -> tuple[Finding, ...]:
+        """The doubt, if the value has a severity."""
+        return () if self.severity(value) is None else (self.finding(message, where, numbers, value=value),)
 
 
 UNFAMILIAR_INSTRUCTION = Rule("unfamiliar-instruction", danger=ALWAYS, source="not one motion is taught for it")
@@ -94,6 +98,9 @@ BEYOND = Rule(
     warning=0.05,
     danger=0.10,
     source="of 4510 right scenes a danger in 0.4 % with ten demonstrations, 3.6 % with five, 2.8 % with three",
+)
+START_BEYOND = Rule(
+    "start-beyond-demonstrations", "as `object-beyond-demonstrations`, of the hand", "m", warning=0.10, danger=0.20
 )
 TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.04)
@@ -160,58 +167,4 @@ UNPARSABLE = Rule("unparsable-reply", danger=ALWAYS, source="there are no action
 UNSAFE = Rule("unsafe-action", danger=ALWAYS, source="there are no actions")
 MODEL_FAILED = Rule("model-failed", danger=ALWAYS, source="there are no actions")
 
-RULES = (
-    UNFAMILIAR_INSTRUCTION,
-    NEW_INSTRUCTION,
-    NEW_ROLE,
-    PARTS_NOT_SHOWN,
-    UNCERTAIN_POSE,
-    OTHER_SOURCE,
-    ONE_PLACE,
-    OLD_SCENE,
-    TILTED,
-    HEIGHT,
-    BEYOND,
-    TURNED,
-    NOISY,
-    ARRANGED,
-    PARTED,
-    SIDES,
-    CHANGED_PLACES,
-    OTHER_OBJECTS,
-    NUMBERED,
-    PLAN_OF_SCENE,
-    SCENE_BETWEEN,
-    SCENE_BEYOND,
-    LEFT_OUT,
-    NO_COMMON_PLAN,
-    FEW_DEMONSTRATIONS,
-    MANY_ROWS,
-    SCATTERED,
-    MISSED,
-    APART,
-    HAND_APART,
-    NOT_SHOWN_APART,
-    CONTRADICTING,
-    SEVERAL_WAYS,
-    EXCHANGED,
-    ELSEWHERE,
-    ON_A_CIRCLE,
-    PATH_NOT_KEPT,
-    IMPLAUSIBLE_GRIPPER,
-    BROKEN_OFF,
-    BACKWARDS,
-    DROPS,
-    FAR_FROM_ALL,
-    BESIDE,
-    W_FIRST,
-    PATH_LEFT,
-    GRIPPER_TURNED,
-    STRAYING,
-    PASSES_CLOSE,
-    UNSUPPORTED,
-    SAMPLES_DISAGREE,
-    UNPARSABLE,
-    UNSAFE,
-    MODEL_FAILED,
-)
+RULES = tuple(value for value in list(globals().values()) if isinstance(value, Rule))

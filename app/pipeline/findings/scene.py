@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.findings import SEVERITIES, Finding, worst_severity
+from app.pipeline.findings import SEVERITIES, Finding, rules, worst_severity
 from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
@@ -16,17 +16,6 @@ from app.pipeline.findings.places import (
     ShownScenes,
     apart_m,
     estimated_error_m,
-)
-from app.pipeline.findings.rules import (
-    BEYOND,
-    HEIGHT,
-    NOISY,
-    OLD_SCENE,
-    ONE_PLACE,
-    OTHER_OBJECTS,
-    TILTED,
-    TURNED,
-    UNCERTAIN_POSE,
 )
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
@@ -40,10 +29,7 @@ APART_SHARE = 0.5  # of the least distance between two objects in demonstrations
 
 
 def scene_findings(
-    query: Query,
-    scenes: ShownScenes,
-    followed: frozenset[str] = frozenset(),
-    needed: frozenset[str] | None = None,
+    query: Query, scenes: ShownScenes, followed: frozenset[str] = frozenset(), needed: frozenset[str] | None = None
 ) -> tuple[Finding, ...]:
     """What deserves a look, causes first; a lesser doubt hides no greater one.
 
@@ -66,8 +52,20 @@ def scene_findings(
     parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
     parted = _greater(list(sided_findings(query, scenes.sides, followed)), parted) or parted
     found += [] if confused else _greater(parted, found)
-    found += _greater(list(_noise(observed, places)), found)
+    found += _greater(_noise(observed, places), found)
     return (*uncertain, *found)
+
+
+def start_findings(query: Query, scenes: ShownScenes) -> tuple[Finding, ...]:
+    """Of a motion with rows relative to where the hand starts: it starts where no demonstration does."""
+    if query.start is None or len(scenes.demonstrations) < MIN_DEMONSTRATIONS or scenes.starts is None:
+        return ()
+    off = scenes.starts.off_box(query.start.position_m)
+    message = (
+        f"The end effector starts {100 * off.far_m:.0f} cm beyond the demonstrations along {off.axis}, which start"
+        f" from {off.range_text}, and rows are relative to its start. Is `end_effector` in the world frame?"
+    )
+    return rules.START_BEYOND.findings(off.doubtful_m, message, "end_effector", {"beyond_m": off.far_m})
 
 
 def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
@@ -78,7 +76,7 @@ def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, .
         f"The scene has other objects around than demonstrations: missing {', '.join(absent) or 'none'}; new"
         f" {', '.join(new) or 'none'}. No row follows them and no words name them."
     )
-    return (OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
+    return (rules.OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
 
 
 def _greater(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
@@ -94,7 +92,7 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             message = f"The pose of {pose.name} is not certain ({pose.estimator}, {pose.confidence:.2f}){reason}."
             numbers = {"confidence": pose.confidence}
             unsure = float(pose.confidence < UNSURE_CONFIDENCE)
-            yield UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
+            yield rules.UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
 
 
 def _of_a_demonstration(
@@ -110,16 +108,14 @@ def _of_a_demonstration(
     seen_m = np.array([pose.position_m for pose in moved])
     if np.abs(seen_m - seen_m.round(3)).max() < REPEATED_M:
         return None
-    same = (
-        d for d in shown if all(np.abs(d.object(p.name).position_m - p.position_m).max() < REPEATED_M for p in moved)
-    )
-    if (old := next(same, None)) is None:
-        return None
-    message = (
-        f"All objects stand to a hundredth of a millimetre where demonstration {old.id} had them, which no camera sees"
-        " twice: is it an old observation?"
-    )
-    return OLD_SCENE.finding(message, "objects")
+    for old in shown:
+        if all(np.abs(old.object(pose.name).position_m - pose.position_m).max() < REPEATED_M for pose in moved):
+            message = (
+                f"All objects stand to a hundredth of a millimetre where demonstration {old.id} had them, which no"
+                " camera sees twice: is it an old observation?"
+            )
+            return rules.OLD_SCENE.finding(message, "objects")
+    return None
 
 
 def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
@@ -133,68 +129,54 @@ def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[lis
                 f" {100 * least_m:.1f} cm: one is taken for the other."
             )
             numbers = {"apart_m": off_m, "least_m": least_m}
-            return [ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
+            return [rules.ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
     return [], ()
 
 
 def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
     """Doubts about one object, one of each kind: outside the demonstrations, rows have not been shown to hold."""
-    tilted = list(_tilted(pose, places))
-    turned = _turned(pose, places) if not tilted else ()  # what has fallen over has no yaw
-    return [*tilted, *_lifted(pose, places), *_beyond(pose, places), *turned]
-
-
-def _tilted(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
-    off_deg = places.tilted_beyond_deg(pose)
-    if TILTED.severity(off_deg) is not None:
-        message = f"{pose.name} is tilted by {off_deg:.0f} degrees more than in any demonstration: has it fallen over?"
-        yield TILTED.finding(message, f"objects[{pose.name}]", {"tilt_deg": off_deg}, value=off_deg)
-
-
-def _lifted(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
-    off_m = places.lifted_m(pose)
-    if HEIGHT.severity(off_m) is not None and places.leans_deg(pose) < UPRIGHT_DEG:
-        message = (
-            f"{pose.name} stands {100 * off_m:.1f} cm above or below where every demonstration has it: is it another"
-            " object, or on something?"
-        )
-        yield HEIGHT.finding(message, f"objects[{pose.name}]", {"off_m": off_m}, value=off_m)
-
-
-def _beyond(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
-    beyond_m = places.beyond_m(pose)
-    axis = int(np.argmax(beyond_m - places.slack_m))
-    far_m = float(beyond_m[axis])
-    doubtful_m = far_m - float(places.slack_m[axis])
-    if BEYOND.severity(doubtful_m) is None:
-        return
+    where = f"objects[{pose.name}]"
+    tilt_deg = places.tilted_beyond_deg(pose)
+    message = f"{pose.name} is tilted by {tilt_deg:.0f} degrees more than in any demonstration: has it fallen over?"
+    tilted = rules.TILTED.findings(tilt_deg, message, where, {"tilt_deg": tilt_deg})
+    off_m = places.lifted_m(pose) if places.leans_deg(pose) < UPRIGHT_DEG else 0.0
     message = (
-        f"{pose.name} lies {100 * far_m:.0f} cm beyond the demonstrations along {'xyz'[axis]}: they have it from"
-        f" {places.low_m[axis]:.3f} to {places.high_m[axis]:.3f} m. Is it another object? If not, demonstrate"
-        " nearer to it."
+        f"{pose.name} stands {100 * off_m:.1f} cm above or below where every demonstration has it: is it another"
+        " object, or on something?"
     )
-    yield BEYOND.finding(message, f"objects[{pose.name}]", {"beyond_m": far_m}, value=doubtful_m)
+    lifted = rules.HEIGHT.findings(off_m, message, where, {"off_m": off_m})
+    turned = () if tilted else _turned(pose, places)  # what has fallen over has no yaw
+    return [*tilted, *lifted, *_beyond(pose, places), *turned]
 
 
-def _turned(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
+def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
+    off = places.off_box(pose.position_m)
+    message = (
+        f"{pose.name} lies {100 * off.far_m:.0f} cm beyond the demonstrations along {off.axis}: they have it from"
+        f" {off.range_text}. Is it another object? If not, demonstrate nearer to it."
+    )
+    return rules.BEYOND.findings(off.doubtful_m, message, f"objects[{pose.name}]", {"beyond_m": off.far_m})
+
+
+def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
     beyond_deg, range_deg = places.turned_beyond_deg(pose)
-    if TURNED.severity(beyond_deg - 4 * range_deg / places.number) is not None:
-        message = (
-            f"{pose.name} is turned by {beyond_deg:.0f} degrees beyond the demonstrations, which have it within"
-            f" {range_deg:.0f} degrees."
-        )
-        yield TURNED.finding(message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg}, value=beyond_deg)
+    if rules.TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
+        return ()
+    message = (
+        f"{pose.name} is turned by {beyond_deg:.0f} degrees beyond the demonstrations, which have it within"
+        f" {range_deg:.0f} degrees."
+    )
+    return rules.TURNED.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
 
 
-def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> Iterator[Finding]:
+def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tuple[Finding, ...]:
     """Objects that stand alike in all demonstrations show how far their poses are off."""
     error_m = estimated_error_m(observed, places)
-    if NOISY.severity(error_m) is not None:
-        message = (
-            f"Heights and tilts differ from those that all demonstrations share: poses are off by about"
-            f" {100 * error_m:.1f} cm, and grasps may miss. Check calibration and estimator."
-        )
-        yield NOISY.finding(message, "objects", {"error_m": error_m}, value=error_m)
+    message = (
+        f"Heights and tilts differ from those that all demonstrations share: poses are off by about"
+        f" {100 * error_m:.1f} cm, and grasps may miss. Check calibration and estimator."
+    )
+    return rules.NOISY.findings(error_m, message, "objects", {"error_m": error_m})
 
 
 class Stranger(NamedTuple):
@@ -229,7 +211,6 @@ def strangers(asked: Order, taught: Sequence[str]) -> Iterator[Stranger]:
 
 
 def _kind(name: str) -> frozenset[str]:
-    """Its noun and those of the same kind."""
     words = [word for word in phrase_of(name) if word not in ADJECTIVES and len(word) > 1]
     noun = words[-1] if words else name
     return frozenset({noun}).union(*(kind for kind in NOUN_KINDS if noun in kind))

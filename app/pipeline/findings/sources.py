@@ -69,7 +69,6 @@ def source_findings(
 
 
 def _repeats(pose: ObjectPose, taught: Sequence[ObjectPose]) -> bool:
-    """Whether the pose was read from an episode."""
     return pose.estimator == GIVEN and any(
         np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught
     )

@@ -1,65 +1,15 @@
-"""Clauses: a verb and the objects in their roles."""
+"""The words of a text -> clauses, in every way in which they can be read."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.fixed_phrases import MODIFIED_OBJECT, OBJECT, FixedPhrase, fixed_phrases
+from app.pipeline.order.clauses import DIRECT, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.words import NUMBERS, PhraseTable
 
-DIRECT = ""  # the role of a direct object; the others are named after prepositions
 MAX_OBJECTS = 8  # of one role
 _NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it"])
-
-
-def without(group: Sequence[NounPhrase], excepted: Sequence[NounPhrase]) -> tuple[NounPhrase, ...]:
-    """The objects of "all mugs" without the excepted ones; none where these are not some of the group."""
-    names = {phrase.name for phrase in excepted}
-    left = tuple(phrase for phrase in group if phrase.name not in names)
-    is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
-    return left if is_group and names and len(left) == len(group) - len(names) else ()
-
-
-@dataclass(frozen=True)
-class ParsedClause:
-    """One thing to do.
-
-    Attributes:
-        verb: in its base form, with its particle; None where a noun phrase stands alone.
-        roles: by preposition (see `vocabulary.PREPOSITIONS`) or `DIRECT` the objects, in their order.
-        fixed: words of taught instructions that are no objects, as "the dirt" in "sweep the dirt to the dustpan", with
-            marks between (see `fixed_phrases`).
-    """
-
-    verb: str | None
-    roles: tuple[tuple[str, tuple[NounPhrase, ...]], ...] = ()
-    fixed: tuple[str, ...] = ()
-
-    def objects_in(self, role: str) -> tuple[NounPhrase, ...]:
-        """Those of a role; none if it is not filled."""
-        return dict(self.roles).get(role, ())
-
-    @property
-    def phrases(self) -> tuple[NounPhrase, ...]:
-        """All of its objects."""
-        return tuple(phrase for _, phrases in self.roles for phrase in phrases)
-
-    @cached_property
-    def fixed_phrases(self) -> tuple[FixedPhrase, ...]:
-        """What it says besides."""
-        return fixed_phrases(self.fixed)
-
-    def with_objects(self, role: str, phrases: tuple[NounPhrase, ...], *, after_article: bool) -> "ParsedClause":
-        """With further objects, which fixed words right before them describe unless an article stands between."""
-        mark = OBJECT if role or after_article else MODIFIED_OBJECT
-        return replace(self, roles=(*self.roles, (role, phrases)), fixed=(*self.fixed, mark))
-
-    def about(self, phrase: NounPhrase) -> "ParsedClause":
-        """With a direct object instead of "it" or none."""
-        others = tuple((role, phrases) for role, phrases in self.roles if role != DIRECT)
-        return replace(self, roles=((DIRECT, (phrase,)), *others))
 
 
 class ClauseParser:
@@ -68,11 +18,16 @@ class ClauseParser:
     Args:
         fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
         taught_verbs: verbs of taught instructions that no table has.
-        of_steps: as of `Sentences`.
+        of_steps: whether it may ask for several steps by "before", "after", "all", "both", "each" and "except".
     """
 
     def __init__(
-        self, phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str], *, of_steps: bool
+        self,
+        phrases: NounPhrases,
+        fixed: frozenset[str] | None,
+        taught_verbs: frozenset[str],
+        *,
+        of_steps: bool = False,
     ) -> None:
         self._words = phrases.words
         self._of_steps = of_steps
@@ -81,40 +36,34 @@ class ClauseParser:
         self._fixed = fixed
         self._verbs = verbs.FIRST_WORDS | taught_verbs
 
-    def text(self, at: int) -> str:
+    def _text(self, at: int) -> str:
         """The word there; empty at the end."""
         return "" if at >= len(self._texts) else self._texts[at]
 
-    def end(self, at: int, table: PhraseTable) -> int | None:
-        """Where the longest phrase of a table that stands there ends; None if none does."""
+    def _end(self, at: int, table: PhraseTable) -> int | None:
         return table.end_at(self._texts, at)
 
-    def skip(self, at: int, *tables: PhraseTable) -> int:
+    def _skip(self, at: int, *tables: PhraseTable) -> int:
         """Where what says nothing ends."""
-        while self.end(at, vocabulary.RATHER) is None:
-            ends = [end for table in tables if (end := self.end(at, table)) is not None]
+        while self._end(at, vocabulary.RATHER) is None:
+            ends = [end for table in tables if (end := self._end(at, table)) is not None]
             if not ends:
                 break
             at = max(ends)
-            if self.text(at) == "," and at + 1 < len(self._texts):
+            if self._text(at) == "," and at + 1 < len(self._texts):
                 at += 1
         return at
 
-    def forbids(self, at: int) -> bool:
+    def _forbids(self, at: int) -> bool:
         """Whether what follows is what is not meant."""
         excepted = (vocabulary.EXCEPT,) if self._of_steps else ()
-        return any(self.end(at, table) is not None for table in (vocabulary.RATHER, vocabulary.NOT, *excepted))
+        return any(self._end(at, table) is not None for table in (vocabulary.RATHER, vocabulary.NOT, *excepted))
 
-    def at_end(self, at: int) -> bool:
-        """Whether nothing follows."""
-        return at >= len(self._texts)
-
-    def separator(self, at: int) -> tuple[int, frozenset[str]]:
+    def _separator(self, at: int) -> tuple[int, frozenset[str]]:
         """Where the marks and conjunctions end that stand here, and of which sorts they are."""
         sorts: set[str] = set()
-        while not self.at_end(at):
-            text = self.text(at)
-            if (end := self.end(at, vocabulary.THEN)) is not None:
+        while text := self._text(at):
+            if (end := self._end(at, vocabulary.THEN)) is not None:
                 sorts.add("then")
                 at = end
             elif text in ("and", "but", ",", ".", ";") or (text == "?" and self._is_all_asked(at + 1)):
@@ -129,29 +78,28 @@ class ClauseParser:
 
     def _is_all_asked(self, at: int) -> bool:
         """Whether a question ends here that asks for all of it: nothing but thanks follows."""
-        while not self.at_end(at):
-            end = at + 1 if self.text(at) in vocabulary.MARKS else self.end(at, vocabulary.FILLERS)
+        while text := self._text(at):
+            end = at + 1 if text in vocabulary.MARKS else self._end(at, vocabulary.FILLERS)
             if end is None:
                 return False
             at = end
         return True
 
-    def at(self, at: int, *, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
-        """The clauses that begin here, and where each ends."""
+    def _clauses_at(self, at: int, *, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
         for verb, end in self._verb(at):
             yield from self._arguments(end, ParsedClause(verb), forbidden)
         yield from self._arguments(at, ParsedClause(None), forbidden)
         yield from self._passive(at, forbidden)
         role, start = self._preposition(at)
         for phrases, end in self._objects(start, forbidden) if role else ():
-            begin = end + 1 if self.text(end) == "," else end
-            for verb, after in self._verb(self.skip(begin, vocabulary.FILLERS)):
+            begin = end + 1 if self._text(end) == "," else end
+            for verb, after in self._verb(self._skip(begin, vocabulary.FILLERS)):
                 yield from self._arguments(after, ParsedClause(verb, ((role, phrases),)), forbidden)
 
     def _passive(self, at: int, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
         """The red button should be pushed."""
         for phrases, end in self._objects(at, forbidden):
-            if (begin := self.end(end, vocabulary.PASSIVE)) is not None:
+            if (begin := self._end(end, vocabulary.PASSIVE)) is not None:
                 for verb, after in self._verb(begin, passive=True):
                     yield from self._arguments(after, ParsedClause(verb, ((DIRECT, phrases),)), forbidden)
 
@@ -160,7 +108,7 @@ class ClauseParser:
         for phrase in verbs.TABLE.all_at(self._texts, at):
             if self._has_form(at, phrase[0], passive=passive):
                 yield " ".join(phrase), at + len(phrase)
-        text = self.text(at)
+        text = self._text(at)
         base = text if text in self._verbs else verbs.forms().get(text, "")  # "placed" is a word of places, too
         if base and (base != text or base not in verbs.PHRASES) and self._has_form(at, base, passive=passive):
             yield base, at + 1
@@ -170,23 +118,23 @@ class ClauseParser:
         word = self._words[at]
         if self._fixed is None or passive or word.corrected or word.token.text == base:
             return True
-        return word.token.text.endswith("ing") and at > 0 and self.text(at - 1) in vocabulary.BEFORE_GERUND
+        return word.token.text.endswith("ing") and at > 0 and self._text(at - 1) in vocabulary.BEFORE_GERUND
 
     def _arguments(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
         """With everything that may follow the verb, wherever the clause may end."""
         self._phrases.count_step()
-        start = self.skip(at, vocabulary.FILLERS_OF_FORBIDDEN if forbidden else vocabulary.FILLERS)
+        start = self._skip(at, vocabulary.FILLERS_OF_FORBIDDEN if forbidden else vocabulary.FILLERS)
         role, after = self._preposition(start)
         for phrases, end in self._objects(after, forbidden) if role else ():
             if not clause.objects_in(role):
                 yield from self._arguments(end, clause.with_objects(role, phrases, after_article=False), forbidden)
         if not clause.objects_in(DIRECT):
-            after_article = self.text(start) in vocabulary.DETERMINERS
+            after_article = self._text(start) in vocabulary.DETERMINERS
             for phrases, end in self._objects(start, forbidden):
                 more = clause.with_objects(DIRECT, phrases, after_article=after_article)
                 yield from self._arguments(end, more, forbidden)
-        if clause.objects_in(DIRECT) and f"{clause.verb} {self.text(start)}" in verbs.PHRASES:
-            verb = f"{clause.verb} {self.text(start)}"
+        if clause.objects_in(DIRECT) and f"{clause.verb} {self._text(start)}" in verbs.PHRASES:
+            verb = f"{clause.verb} {self._text(start)}"
             yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
         yield from self._with_fixed(start, clause, forbidden)
         if (clause.verb or clause.roles) and self._may_end(start):
@@ -195,14 +143,14 @@ class ClauseParser:
     def _with_fixed(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
         """With a word that is no object, and the preposition and article before it."""
         role, start = self._preposition(at)
-        while self.text(start) in vocabulary.DETERMINERS:
+        while self._text(start) in vocabulary.DETERMINERS:
             start += 1
-        if self.at_end(start):
+        if not self._text(start):
             return
         word = self._fixed_word(start)
         wanted = (*((f"{role}:",) if role else ()), word)
         if word and (self._fixed is None or self._fixed.issuperset(wanted)):
-            yield from self._arguments(start + 1, replace(clause, fixed=(*clause.fixed, *wanted)), forbidden)
+            yield from self._arguments(start + 1, clause.with_fixed(role, word), forbidden)
 
     def _fixed_word(self, at: int) -> str:
         """The word as clauses keep it: in the form in which it stands, for "blocks" are more than a block."""
@@ -212,32 +160,31 @@ class ClauseParser:
         return word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
 
     def _may_end(self, at: int) -> bool:
-        separated = self.at_end(at) or self.separator(at)[0] > at or self.end(at, vocabulary.FIRST) is not None
-        return separated or self.forbids(at) or next(self._verb(at), None) is not None
+        separated = not self._text(at) or self._separator(at)[0] > at or self._end(at, vocabulary.FIRST) is not None
+        return separated or self._forbids(at) or next(self._verb(at), None) is not None
 
     def _preposition(self, at: int) -> tuple[str, int]:
-        end = self.end(at, vocabulary.PREPOSITIONS)
+        end = self._end(at, vocabulary.PREPOSITIONS)
         if end is None:
             return "", at
         return vocabulary.ROLES[tuple(self._texts[at:end])], end
 
     def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
-        """One object or several: "the red, the blue and the green button"."""
-        if self._of_steps and not forbidden and self.text(at) in vocabulary.QUANTIFIERS:
+        if self._of_steps and not forbidden and self._text(at) in vocabulary.QUANTIFIERS:
             yield from self._each(at)
-        if self._of_steps and self.text(at) == "them":
+        if self._of_steps and self._text(at) == "them":
             yield (NounPhrase(at, at + 1, None, "taught", plural=True),), at + 1
-        both = self.text(at) == "both"
+        both = self._text(at) == "both"
         for phrases, end in self._listed(at + both, forbidden):
             singular = all(not phrase.plural for phrase in phrases[:-1])
-            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural) and not self.is_one_thing(phrases)
+            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural) and not self._is_one_thing(phrases)
             if (right_number or forbidden) and (not both or len(phrases) == 2):
                 yield phrases, end
 
     def _each(self, at: int) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
         """Every object that a noun and colors are true of: "all red mugs", "both tubes", "each of the tubes"."""
-        quantifier, start, of = self.text(at), at + 1, False
-        while self.text(start) in ("of", "the"):
+        quantifier, start, of = self._text(at), at + 1, False
+        while self._text(start) in ("of", "the"):
             start, of = start + 1, True
         self._phrases.at(start)
         for end, names in sorted(
@@ -249,15 +196,18 @@ class ClauseParser:
             if right_number and described and (len(names) == 2 or (len(names) > 2 and quantifier != "both")):
                 group = tuple(NounPhrase(at, end, name, "name", plural=True) for name in names)
                 yield group, end
-                begin = self.end(end, vocabulary.EXCEPT)
+                begin = self._end(end, vocabulary.EXCEPT)
                 for excepted, after in () if begin is None else self._listed(begin, forbidden=False):
                     if (left := without(group, excepted)) and self._preposition(after)[0]:
                         yield left, after
 
-    def is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
+    def _is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
         """Whether a list may describe a single object: "the red and green button" may have two colors."""
         first, last = phrases[0], phrases[-1]
-        with_article = self.text(first.start) in vocabulary.DETERMINERS, self.text(last.start) in vocabulary.DETERMINERS
+        with_article = (
+            self._text(first.start) in vocabulary.DETERMINERS,
+            self._text(last.start) in vocabulary.DETERMINERS,
+        )
         nouns = first.with_noun, last.with_noun
         return with_article == (True, False) and nouns == (False, True) and not last.plural
 
@@ -265,8 +215,8 @@ class ClauseParser:
         conjunctions = ("and", "or", "nor") if forbidden else ("and",)
         for phrase in self._object(at, forbidden):
             yield (phrase,), phrase.end
-            comma = self.text(phrase.end) == ","
-            last = self.text(phrase.end + comma) in conjunctions
+            comma = self._text(phrase.end) == ","
+            last = self._text(phrase.end + comma) in conjunctions
             if not comma and not last:
                 continue
             for others, end in self._listed(phrase.end + comma + last, forbidden):

@@ -4,15 +4,15 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from app.pipeline.order.lexicon import Lexicon, noun_of
-from app.pipeline.order.space import Layout, Pick, extreme, farthest_from, nearest_to
-from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES, look_alike
+from app.pipeline.order.space import Layout, Pick, by_distance, extreme
+from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES
 
 # How an object was found, the least certain last: that is what an answer says of a phrase that used several.
 MEANS = ("name", "alias", "taught", "spelling", "color", "relation")
 
 
 class Description(NamedTuple):
-    """What was said so far.
+    """What was said so far, up to the word `end`.
 
     Attributes:
         exact: the object whose whole name or alias was said.
@@ -24,6 +24,7 @@ class Description(NamedTuple):
         plural: whether the noun stands in the plural.
     """
 
+    end: int
     exact: str | None = None
     words: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
@@ -55,22 +56,22 @@ class Description(NamedTuple):
         """The least certain of the means."""
         return max(self.means, key=MEANS.index)
 
-    def with_pick(self, pick: Pick) -> "Description":
+    def with_pick(self, pick: Pick, end: int) -> "Description":
         """With a further relation."""
-        return self._replace(picks=(*self.picks, pick), means=self.means | {"relation"})
+        return self._replace(picks=(*self.picks, pick), means=self.means | {"relation"}, end=end)
 
-    def reaching(self, other: str | None) -> "Description":
+    def reaching(self, other: str | None, end: int) -> "Description":
         """The pending nearest or farthest is measured from an object, or from the robot."""
-        pick = (nearest_to if self.reach == "near" else farthest_from)(other, self.place or 1)
-        return self._replace(reach=None, place=None).with_pick(pick)
+        pick = by_distance(other, self.place or 1, farthest=self.reach == "far")
+        return self._replace(reach=None, place=None).with_pick(pick, end)
 
-    def counted_from(self, side: str) -> "Description":
+    def counted_from(self, side: str, end: int) -> "Description":
         """The pending ordinal counts from a side."""
-        return self._replace(place=None).with_pick(extreme(side, self.place or 1))
+        return self._replace(place=None).with_pick(extreme(side, self.place or 1), end)
 
     def candidates(self, lexicon: Lexicon, layout: Layout | None) -> tuple[str, ...]:
         """The objects that it may mean, in the task's order; several if it does not tell them apart."""
-        complete = self.reaching(None) if self.reach else self
+        complete = self.reaching(None, self.end) if self.reach else self
         named = complete._named(lexicon)
         if not complete.picks:
             return () if complete.place else named
@@ -87,9 +88,8 @@ class Description(NamedTuple):
         return named if agree else ()
 
     def _named(self, lexicon: Lexicon) -> tuple[str, ...]:
-        """Those that the words allow."""
         sets = [lexicon.objects_of[word] for word in self.words]
-        sets += [_of_color(lexicon, color) for color in self.colors]
+        sets += [lexicon.of_color(color) for color in self.colors]
         if self.exact:
             sets.append(frozenset({self.exact}))
         if self.words and (called_so := lexicon.with_noun(self.words[-1])):
@@ -97,24 +97,16 @@ class Description(NamedTuple):
         found = _common(lexicon.names, sets)
         if self.words and not (self.exact or self.generic or self.kinds):
             found = tuple(name for name in found if lexicon.is_meant(name, self.words))
-        return self._of_kinds(lexicon, found) if self.kinds else found
-
-    def _of_kinds(self, lexicon: Lexicon, found: tuple[str, ...]) -> tuple[str, ...]:
-        """Nouns of the same kind confirm what else was said; alone they tell nothing apart."""
+        # Nouns of the same kind confirm what else was said; alone they tell nothing apart.
         kinds = [lexicon.kind_of(noun) for noun in self.kinds]
-        confirmed = _common(found, kinds)
-        return confirmed if len(found) == 1 or all(len(kind) > 1 for kind in kinds) else ()
+        confirms = len(found) == 1 or all(len(kind) > 1 for kind in kinds)
+        return _common(found, kinds) if confirms else ()
 
     def _compared(self, lexicon: Lexicon) -> tuple[str, ...]:
         """What a relation compares an object with: the others of its noun, or all others where there is none."""
         noun = noun_of(lexicon.phrases[self.exact][0]) if self.exact else self.words[-1] if self.words else ""
         kind = lexicon.with_noun(noun)
         return _in_order(lexicon.names, kind) if len(kind) > 1 else lexicon.names
-
-
-def _of_color(lexicon: Lexicon, color: str) -> frozenset[str]:
-    names = lexicon.names
-    return frozenset(name for name in names if any(look_alike(color, own) for own in lexicon.colors_of(name)))
 
 
 def _common(names: Sequence[str], sets: Iterable[frozenset[str]]) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from app.pipeline.order.words import (
     Token,
     Word,
     plurals_of,
+    singulars_of,
     tokens_of,
 )
 from roboprompt_client.errors import InvalidInputError
@@ -83,9 +84,10 @@ class Lexicon:
         """The objects that are called so."""
         return frozenset(name for name, phrases in self.phrases.items() if any(noun_of(p) == noun for p in phrases))
 
-    def colors_of(self, name: str) -> set[str]:
-        """The color words in an object's name and aliases."""
-        return {word for phrase in self.phrases[name] for word in phrase if word in vocabulary.COLORS}
+    def of_color(self, color: str) -> frozenset[str]:
+        """The objects whose name or alias has a word for a like color."""
+        own = [word for word in self.objects_of if word in vocabulary.COLORS and vocabulary.look_alike(color, word)]
+        return frozenset(name for word in own for name in self.objects_of[word])
 
     def _word(self, token: Token) -> Word:
         if (known := self._known(token.text)) is not None:
@@ -103,7 +105,7 @@ class Lexicon:
             return text
         if text in NUMBERS:
             return NUMBERS[text]
-        if nouns := (plurals_of(text) & self._nouns) | self._singulars.get(text, frozenset()):
+        if nouns := (plurals_of(text) | singulars_of(text)) & self._nouns:
             return min(nouns)
         if text in self._exact:
             return text
@@ -114,23 +116,9 @@ class Lexicon:
         return frozenset({*self.objects_of, *_NOUNS} - FUNCTION_WORDS)
 
     @cached_property
-    def _singulars(self) -> Mapping[str, frozenset[str]]:
-        """From every plural to the nouns that it is one of."""
-        found: dict[str, frozenset[str]] = {}
-        for noun in self._nouns:
-            for plural in plurals_of(noun):
-                found[plural] = found.get(plural, frozenset()) | {noun}
-        return found
-
-    @cached_property
     def _exact(self) -> frozenset[str]:
-        colors: Iterable[str] = (*vocabulary.COLORS, *vocabulary.SHADES_OF)
-        return (
-            frozenset((*colors, *_NOUNS, *NUMBERS.values(), *verbs.PARTICLES))
-            | FUNCTION_WORDS
-            | self._taught
-            | verbs.FIRST_WORDS
-        )
+        colors = frozenset((*vocabulary.COLORS, *vocabulary.SHADES_OF, *NUMBERS.values()))
+        return colors | _NOUNS | verbs.PARTICLES | verbs.FIRST_WORDS | FUNCTION_WORDS | self._taught
 
     @cached_property
     def _speller(self) -> Speller:
@@ -203,11 +191,10 @@ def _contains(name: str, words: str) -> bool:
     """Whether the words stand in the name, each in the singular or in the plural."""
     shown, said = folded(name).split(), folded(words).split()
     starts = range(len(shown) - len(said) + 1)
-    return any(all(map(_is_one_word, shown[k : k + len(said)], said)) for k in starts)
-
-
-def _is_one_word(one: str, other: str) -> bool:
-    return one == other or one in plurals_of(other) or other in plurals_of(one)
+    return any(
+        all(one in {other, *plurals_of(other), *singulars_of(other)} for one, other in zip(part, said, strict=True))
+        for part in (shown[k : k + len(said)] for k in starts)
+    )
 
 
 def _singular_and_plurals(words: str) -> tuple[str, ...]:

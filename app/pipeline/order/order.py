@@ -151,7 +151,6 @@ def _occurrences(phrase: str, text: str, name: str) -> list[Mention]:
 
 
 def _distinctive_words(name: str, names: Sequence[str]) -> set[str]:
-    """The words of `name` that no other of `names` has."""
     others = {word for other in names if other != name for word in _words(other)}
     return _words(name) - others
 

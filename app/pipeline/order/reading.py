@@ -1,22 +1,26 @@
-"""An instruction is read: every word finds its place in what the task was taught, or the instruction is refused."""
+"""An instruction is read: every word finds its place in what the task was taught, or the instruction is refused.
+
+A refusal says why, and what the task knows instead.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
-from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.order import verbs, vocabulary
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.descriptions import MEANS
-from app.pipeline.order.frames import INSTRUMENT, Frame
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
-from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.refusals import passed_on, refusal
-from app.pipeline.order.sentences import PICKING, Sentences
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError, Unmatched
+from app.pipeline.order.order import Grounding, Order, clause_of
+from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.taught import Frame, Taught
+from app.pipeline.order.words import Word
 
+FIELD = "instruction"
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
+MAX_LISTED = 12  # instructions that a refusal repeats
 _JOINT = ", then "
 
 
@@ -41,15 +45,12 @@ def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allo
     if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
         error.choices = taught.choices
         raise error
-    text, named = passed_on(taught, phrases)
+    text, named = _passed_on(taught, phrases)
     return taught.order(text, _groundings(phrases, named), error.message)
 
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
-    """What each phrase was taken for."""
-    return tuple(
-        Grounding(phrases.text_of(phrase), phrase.name, phrase.by) for phrase in named if phrase.name is not None
-    )
+    return tuple(Grounding(phrases.text_of(each.start, each.end), each.name, each.by) for each in named if each.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,25 +61,8 @@ class Filled:
     objects: Mapping[str, str]
     clause: ParsedClause
 
-    @property
-    def is_as_taught(self) -> bool:
-        return all(mine == other for mine, other in self.objects.items())
-
-    @property
-    def has_instrument(self) -> bool:
-        return len(self.frame.clause.objects_in(INSTRUMENT)) == len(self.clause.objects_in(INSTRUMENT))
-
-    @property
-    def has_verb(self) -> bool:
-        return self.frame.clause.verb == self.clause.verb
-
-    @property
-    def has_words(self) -> bool:
-        return self.frame.clause.fixed_phrases == self.clause.fixed_phrases
-
 
 def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
-    """Every different thing that the instruction may ask for."""
     sentences = Sentences(phrases, taught.fixed_words, taught.verbs)
     found: dict[str, Order] = {}
     try:
@@ -95,7 +79,6 @@ def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
 
 
 def _uncertainty(order: Order) -> tuple[int, int]:
-    """Less for readings that guess less."""
     return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
 
 
@@ -104,7 +87,7 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Fi
     per_clause = [_choices(taught, clause) for clause in reading]
     for choice in islice(product(*per_clause), MAX_READINGS):
         plan = tuple(filled for part in choice for filled in part)
-        signatures = tuple(filled.frame.signature for filled in plan)
+        signatures = tuple(filled.frame.clause.signature for filled in plan)
         alone = all(filled.frame.may_stand_alone for filled in plan)
         if any(signatures == frame.plan for frame in taught.frames) or (alone and not _wants_moved(plan)):
             yield plan
@@ -122,24 +105,28 @@ def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[Filled, ...]]:
 
 
 def _best(taught: Taught, clause: ParsedClause) -> list[Filled]:
-    """The clause as frames have it: with its own verb, if that was taught, and as many of its words as possible."""
+    """The clause as frames have it, one for each thing that it may ask for: with the objects that were taught first."""
     every = [
         Filled(frame, objects, clause)
         for frame in taught.frames
         if (objects := frame.filled(clause, taught.names)) is not None
     ]
-    every = closest(every)
     by_signature: dict[object, Filled] = {}
-    for filled in sorted(every, key=lambda filled: not filled.is_as_taught):
-        by_signature.setdefault(filled.frame.signature, filled)
+    for filled in sorted(closest(every), key=lambda filled: any(a != b for a, b in filled.objects.items())):
+        by_signature.setdefault(filled.frame.clause.signature, filled)
     return list(by_signature.values())
 
 
 def closest(every: list[Filled]) -> list[Filled]:
     """Those with the clause's own instrument, verb and words, where some have them."""
-    every = [filled for filled in every if filled.has_instrument] or every
-    every = [filled for filled in every if filled.has_verb] or every
-    return [filled for filled in every if filled.has_words] or every
+    with_instrument = [
+        each
+        for each in every
+        if len(each.frame.clause.objects_in(INSTRUMENT)) == len(each.clause.objects_in(INSTRUMENT))
+    ]
+    every = with_instrument or every
+    every = [each for each in every if each.frame.clause.verb == each.clause.verb] or every
+    return [each for each in every if each.frame.clause.fixed_phrases == each.clause.fixed_phrases] or every
 
 
 def _canonical(taught: Taught, plan: Sequence[Filled]) -> str | None:
@@ -157,10 +144,129 @@ def _wants_moved(plan: Sequence[Filled]) -> bool:
     """
     moved: set[str] = set()
     for k, filled in enumerate(plan):
-        picks = filled.clause.verb in PICKING and len(filled.clause.roles) <= 1
+        picks = filled.clause.verb in verbs.PICKING and len(filled.clause.roles) <= 1
         again = picks and k > 0 and filled.objects == plan[k - 1].objects and filled.frame is plan[k - 1].frame
         if not again and not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
             return True
-        if picks or any(role in DESTINATIONS or role == "off" for role, _ in filled.clause.roles):
+        if picks or filled.clause.takes_somewhere:
             moved |= {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
     return False
+
+
+def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> InstructionError:
+    """The error for an instruction without a meaning, or with several.
+
+    Args:
+        meanings: the canonical instructions that it may stand for.
+    """
+    valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
+    if meanings:
+        listed = " or ".join(repr(text) for text in meanings[:3])
+        return UngroundedInstructionError(FIELD, f"{instruction!r} may mean {listed}", valid)
+    missed = _missed(phrases)
+    if not _asks_for_taught(taught, words):
+        return UnfamiliarInstructionError(FIELD, f"{instruction!r} is unlike what the task was taught", valid)
+    if (missed := missed or _unknown_thing(words)) is not None:
+        return _ungrounded(phrases, missed, valid)
+    if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
+        message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
+        return UnfamiliarInstructionError(FIELD, message, valid)
+    what = "says what not to do in a way that is not understood"
+    if not forbids(words):
+        what = "is no order in a form that was taught: another place, direction, number, role or sequence, or a report"
+    return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
+
+
+def _passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]]:
+    """The unfamiliar instruction with its objects by their names, and where it names them.
+
+    Raises:
+        UngroundedInstructionError: if it names something else, names nothing though taught instructions do, or forbids
+            something: which object is acted on would be chance.
+    """
+    valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
+    if forbids(words):
+        raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
+    if (missed := _missed(phrases) or _unknown_thing(words)) is not None:
+        raise _ungrounded(phrases, missed, valid)
+    found = _longest(phrases)
+    if not found and any(clause_of(text, taught.names).objects for text in taught.instructions):
+        raise UngroundedInstructionError(FIELD, f"{instruction!r} names no object of the task", valid)
+    text = phrases.with_names(phrase for phrase in found if phrase.by != "name")
+    if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
+        raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
+    return text, found
+
+
+def forbids(words: Sequence[Word]) -> bool:
+    """Whether it says what not to do."""
+    texts = [word.text for word in words]
+    tables = (vocabulary.NOT, vocabulary.SKIP, vocabulary.RATHER)
+    return any(table.end_at(texts, k) is not None for table in tables for k in range(len(texts)))
+
+
+def _longest(phrases: NounPhrases) -> list[NounPhrase]:
+    """The objects from left to right, each phrase as long as possible."""
+    found: list[NounPhrase] = []
+    for k in range(len(phrases.words)):
+        if (not found or k >= found[-1].end) and (here := phrases.at(k)) and here[0].name:
+            found.append(here[0])
+    return found
+
+
+def _missed(phrases: NounPhrases) -> Unmatched | None:
+    """The longest phrase that reads like an object and is none, unless it is a part of one that is."""
+    found = _longest(phrases)
+
+    def is_part(missed: Unmatched) -> bool:
+        return any(each.start < missed.end and missed.start < each.end and not _holds(missed, each) for each in found)
+
+    return max(
+        (missed for missed in phrases.unmatched if not is_part(missed)),
+        key=lambda missed: (missed.end - missed.start, -missed.start, missed.candidates),
+        default=None,
+    )
+
+
+def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:
+    """Whether a phrase without an object goes beyond one with an object: "the bottom drawer" beyond "drawer"."""
+    return missed.start <= phrase.start and phrase.end <= missed.end and missed[:2] != phrase[:2]
+
+
+def _unknown_thing(words: Sequence[Word]) -> Unmatched | None:
+    """The first unknown word where an object belongs: after an article, a preposition or a verb."""
+    before = vocabulary.DETERMINERS | verbs.FIRST_WORDS | {phrase[-1] for phrase in vocabulary.PREPOSITIONS}
+    for k, word in enumerate(words[1:], start=1):
+        if not word.known and words[k - 1].text in before:
+            return Unmatched(k - 1 if words[k - 1].text in vocabulary.DETERMINERS else k, k + 1, ())
+    return None
+
+
+def _asks_for_taught(taught: Taught, words: Sequence[Word]) -> bool:
+    """Whether some verb of the instruction is like a taught one; a clause without a verb leaves that open."""
+    clauses = [frame.clause for frame in taught.frames]
+    said = [word.text for word in words if word.text in verbs.FIRST_WORDS or any(c.verb == word.text for c in clauses)]
+    if not said:
+        return bool(words) and (words[0].known or words[0].text in vocabulary.DETERMINERS)
+    return any(
+        verb == clause.verb or (clause.verb or "").split()[:1] == [verb] or clause.families_with(verb)
+        for verb in said
+        for clause in clauses
+    )
+
+
+def _ungrounded(phrases: NounPhrases, missed: Unmatched, valid: str) -> UngroundedInstructionError:
+    text = phrases.text_of(missed.start, missed.end)
+    if missed.candidates:
+        return UngroundedInstructionError(FIELD, f"{text!r} may be {', '.join(missed.candidates)}", valid)
+    return UngroundedInstructionError(FIELD, f"{text!r} is none of the task's objects", valid)
+
+
+def _valid(taught: Taught) -> str:
+    objects = [
+        f"{name} (or {', '.join(taught.aliases[name])})" if taught.aliases.get(name) else name for name in taught.names
+    ]
+    listed = [repr(text) for text in taught.instructions[:MAX_LISTED]]
+    more = len(taught.instructions) - len(listed)
+    known = f"; taught {', '.join(listed)}" + (f" and {more} more" if more > 0 else "") if listed else ""
+    return f"objects {', '.join(objects)}{known}"

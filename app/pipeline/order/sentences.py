@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from app.pipeline.order import vocabulary
-from app.pipeline.order.clause_parser import DIRECT, ClauseParser, ParsedClause
-from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.verbs import common_families
+from app.pipeline.order.clause_parser import ClauseParser
+from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.words import PhraseTable
 
 Mood = Literal["do", "not", "skip", "rather", "except"]
-PICKING = frozenset(
-    {"pick", "pick up", "grasp", "grab", "grip", "take", "lift", "lift up", "get", "take hold of", "grab hold of"}
-)
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,7 @@ class Unit:
     Attributes:
         clause: with the verb of the one before where it has none of its own.
         mood: whether it says what to do, or what not.
-        joined: by which sorts of words it is joined to the unit before, see `ClauseParser.separator`.
+        joined: by which sorts of words it is joined to the unit before, see `ClauseParser._separator`.
         start, end: its words.
     """
 
@@ -39,27 +36,8 @@ class Unit:
     end: int
 
 
-class Sentences:
-    """The readings of one instruction.
-
-    Args:
-        fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
-        taught_verbs: verbs of taught instructions that no table has.
-        of_steps: whether it may ask for several steps by "before", "after", "all", "both", "each" and "except".
-    """
-
-    def __init__(
-        self,
-        phrases: NounPhrases,
-        fixed: frozenset[str] | None,
-        taught_verbs: frozenset[str],
-        *,
-        of_steps: bool = False,
-    ) -> None:
-        self._words = phrases.words
-        self._phrases = phrases
-        self._of_steps = of_steps
-        self._clauses = ClauseParser(phrases, fixed, taught_verbs, of_steps=of_steps)
+class Sentences(ClauseParser):
+    """The readings of one instruction."""
 
     def units(self) -> Iterator[tuple[Unit, ...]]:
         """The clauses of the whole text, in every way in which it is an order.
@@ -96,11 +74,11 @@ class Sentences:
             joined: by what the unit that begins here is joined to the one before.
         """
         self._phrases.count_step()
-        start = self._clauses.skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
-        if self._of_steps and not units and not joined and self._clauses.text(start) in vocabulary.ORDERING:
-            yield from self._units(start + 1, units, frozenset({self._clauses.text(start)}))
+        start = self._skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
+        if self._of_steps and not units and not joined and self._text(start) in vocabulary.ORDERING:
+            yield from self._units(start + 1, units, frozenset({self._text(start)}))
         goes_on = joined & {"then", "but", *vocabulary.ORDERING}  # "turn it left, then right now"
-        if units and not goes_on and all(self._clauses.text(k) in ".?," for k in range(start, len(self._words))):
+        if units and not goes_on and all(self._text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
         forbidding: tuple[tuple[Mood, PhraseTable], ...] = (
@@ -108,18 +86,18 @@ class Sentences:
             *((("except", vocabulary.EXCEPT),) if self._of_steps else ()),
         )  # fmt: skip
         for mood, table in forbidding:
-            if (end := self._clauses.end(start, table)) is not None:
-                for clause, after in self._clauses.at(end, forbidden=True):
+            if (end := self._end(start, table)) is not None:
+                for clause, after in self._clauses_at(end, forbidden=True):
                     yield from self._after(after, (*units, _unit(clause, units, mood, joined, start, after)))
         for begin in {at, start}:
-            for clause, after in self._clauses.at(begin, forbidden=False):
+            for clause, after in self._clauses_at(begin, forbidden=False):
                 if _may_follow(clause, units, joined) and not self._goes_on(clause, units):
                     yield from self._after(after, (*units, _unit(clause, units, "do", joined, begin, after)))
 
     def _goes_on(self, clause: ParsedClause, units: Sequence[Unit]) -> bool:
         """Whether a clause without a verb may describe the object before it further."""
         before = units[-1].clause.phrases if units else ()
-        return clause.verb is None and bool(before) and self._clauses.is_one_thing((before[-1], *clause.phrases[:1]))
+        return clause.verb is None and bool(before) and self._is_one_thing((before[-1], *clause.phrases[:1]))
 
     def _leads_after(self, units: tuple[Unit, ...], joined: frozenset[str]) -> tuple[PhraseTable, ...]:
         """A later "first" would change the order, and an "instead" after what was wanted takes that back."""
@@ -134,15 +112,15 @@ class Sentences:
         if (
             len(units) == 1
             and units[0].mood == "do"
-            and (first := self._clauses.end(at, vocabulary.FIRST)) is not None
-            and self._clauses.separator(first)[1]
+            and (first := self._end(at, vocabulary.FIRST)) is not None
+            and self._separator(first)[1]
         ):
             at = first  # "push the red button first, then the blue one"
-        end, joined = self._clauses.separator(at)
-        if self._clauses.at_end(end):
+        end, joined = self._separator(at)
+        if not self._text(end):
             if joined <= {",", "stop"}:  # "now and then" and "after that" say when
                 yield units
-        elif end > at or units[-1].mood == "rather" or self._clauses.forbids(at):
+        elif end > at or units[-1].mood == "rather" or self._forbids(at):
             yield from self._units(end, units, joined)
 
 
@@ -167,13 +145,11 @@ def _is_other(forbidden: ParsedClause, wanted: Sequence[ParsedClause]) -> bool:
 
 
 def _same_verb(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
-    roles = {role for role, _ in wanted.roles if role != DIRECT}
     same = not forbidden.verb or not wanted.verb or forbidden.verb == wanted.verb
-    return same or bool(common_families(forbidden.verb or "", wanted.verb or "", roles))
+    return same or bool(wanted.families_with(forbidden.verb))
 
 
 def _contradict(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
-    """Whether what is wanted has the objects that are forbidden, in the same roles."""
     names = {role: {phrase.name for phrase in phrases} for role, phrases in wanted.roles}
     return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
 
@@ -181,7 +157,6 @@ def _contradict(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
 def _unit(
     clause: ParsedClause, units: Sequence[Unit], mood: Mood, joined: frozenset[str], start: int, end: int
 ) -> Unit:
-    """A unit that has the verb of the one before where it has none of its own."""
     before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
     with_verb = clause if clause.verb else replace(clause, verb=before)
     return Unit(with_verb, mood, clause.verb is not None, joined, start, end)

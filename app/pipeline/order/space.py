@@ -4,7 +4,7 @@ Every function picks from candidates, and gives back several where the poses do 
 metres, to the robot horizontal; its base stands at `robot_m` in the world frame and looks along +x.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,41 +43,18 @@ class Layout:
 
 def extreme(side: str, place: int = 1) -> Pick:
     """The `place`-th (from 1) of the candidates from a side."""
-
-    def pick(layout: Layout, names: Names) -> Names:
-        return _nth(names, lambda name: -layout.along(name, side), place)
-
-    return pick
+    return lambda layout, names: _nth(names, lambda name: -layout.along(name, side), place)
 
 
-def nearest_to(other: str | None, place: int = 1) -> Pick:
-    """The candidate that is nearest to an object, or to the robot."""
-
-    def pick(layout: Layout, names: Names) -> Names:
-        others = tuple(name for name in names if name != other)
-        return _nth(others, lambda name: layout.distance_m(name, other), place)
-
-    return pick
-
-
-def farthest_from(other: str | None, place: int = 1) -> Pick:
-    """The candidate that is farthest from an object, or from the robot."""
-
-    def pick(layout: Layout, names: Names) -> Names:
-        others = tuple(name for name in names if name != other)
-        return _nth(others, lambda name: -layout.distance_m(name, other), place)
-
-    return pick
+def by_distance(other: str | None, place: int = 1, *, farthest: bool = False) -> Pick:
+    """The `place`-th (from 1) of the candidates by their distance from an object, or from the robot."""
+    sign = -1 if farthest else 1
+    return lambda layout, names: _nth(_without(names, other), lambda name: sign * layout.distance_m(name, other), place)
 
 
 def next_to(other: str) -> Pick:
     """The candidate beside an object: the only other one, or clearly the nearest."""
-
-    def pick(layout: Layout, names: Names) -> Names:
-        others = tuple(name for name in names if name != other)
-        return _clearly_nearest(layout, others, other)
-
-    return pick
+    return lambda layout, names: _clearly_nearest(layout, _without(names, other), other)
 
 
 def beyond(side: str, other: str) -> Pick:
@@ -88,7 +65,7 @@ def beyond(side: str, other: str) -> Pick:
             offset_m = layout.along(name, side) - layout.along(other, side)
             return offset_m > max(MARGIN_M, MOSTLY * layout.distance_m(name, other))
 
-        return _clearly_nearest(layout, tuple(n for n in names if n != other and is_there(n)), other)
+        return _clearly_nearest(layout, tuple(filter(is_there, _without(names, other))), other)
 
     return pick
 
@@ -108,7 +85,7 @@ def between(one: str, other: str) -> Pick:
             share = float(offset_m @ way_m) / length_m**2
             return 0 < share < 1 and float(np.linalg.norm(offset_m - share * way_m)) < ALONGSIDE * length_m
 
-        return tuple(name for name in names if name not in (one, other) and is_there(name))
+        return tuple(filter(is_there, _without(names, one, other)))
 
     return pick
 
@@ -133,6 +110,10 @@ def in_the_middle(layout: Layout, names: Names) -> Names:
     return _nth(names, lambda name: layout.along(name, side), len(names) // 2 + 1)
 
 
+def _without(names: Names, *others: str | None) -> Names:
+    return tuple(name for name in names if name not in others)
+
+
 def _nth(names: Names, key: Callable[[str], float], place: int) -> Names:
     """The name of that place by increasing key; with it those whose key is as good as the same."""
     if not 1 <= place <= len(names):
@@ -143,8 +124,8 @@ def _nth(names: Names, key: Callable[[str], float], place: int) -> Names:
 
 
 def _clearly_nearest(layout: Layout, names: Names, other: str) -> Names:
-    ordered: Sequence[str] = sorted(names, key=lambda name: layout.distance_m(name, other))
+    ordered = tuple(sorted(names, key=lambda name: layout.distance_m(name, other)))
     if len(ordered) < 2:
-        return tuple(ordered)
+        return ordered
     first_m, second_m = (layout.distance_m(name, other) for name in ordered[:2])
-    return tuple(ordered[:1] if second_m >= CLEARLY_NEARER * first_m else ordered)
+    return ordered[:1] if second_m >= CLEARLY_NEARER * first_m else ordered

@@ -1,16 +1,152 @@
-"""What a task was taught: its objects, what they are called, and its instructions."""
+"""What a task was taught: its objects, what they are called, and its instructions, as frames for other objects."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice, permutations
 
-from app.pipeline.order.frames import Frame, frames_of, taught_verb
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, Signature, fits
 from app.pipeline.order.lexicon import Lexicon, noun_of, phrase_of
-from app.pipeline.order.order import Grounding, Order, clause_of, clause_texts, mentions_in
+from app.pipeline.order.noun_phrases import NounPhrases, TooInvolvedError
+from app.pipeline.order.order import Grounding, Mention, Order, clause_of, clause_texts, mentions_in
+from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.vocabulary import PLACE_ADJECTIVES
 from app.pipeline.order.words import IsWord
 
 MAX_CHOICES = 200  # instructions that a model can be asked to choose from
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One clause of a taught instruction, with places for objects that others can fill.
+
+    Attributes:
+        text: as it was taught.
+        clause: as it was read.
+        named: where the text names objects so that prompts find them.
+        plan: the signatures of all clauses of its instruction.
+    """
+
+    text: str
+    clause: ParsedClause
+    named: tuple[Mention, ...]
+    plan: tuple[Signature, ...]
+
+    @property
+    def may_stand_alone(self) -> bool:
+        """Whether its instruction asks for nothing but this, once or several times."""
+        return set(self.plan) == {self.clause.signature}
+
+    def filled(self, clause: ParsedClause, names: Sequence[str]) -> Mapping[str, str] | None:
+        """By the objects of the frame those that `clause` puts in their place; None if it asks for something else."""
+        one_destination = self._one_destination(clause)
+        if one_destination is None or not fits(clause.fixed_phrases, self.clause.fixed_phrases):
+            return None
+        asked, taught = (
+            {"to" if one_destination and role in ("in", "on") else role: phrases for role, phrases in each.roles}
+            for each in (clause, self.clause)
+        )
+        if len(names) == 1 and not (set(asked) | set(taught)) - {DIRECT}:
+            return self._of_the_only(clause, names[0])
+        if INSTRUMENT in taught and INSTRUMENT not in asked:
+            asked[INSTRUMENT] = taught[INSTRUMENT]  # "wipe the table": with what it was taught with
+        if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
+            return None
+        pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]
+        return self._checked([(mine.name, other.name) for mine, other in pairs])
+
+    def _one_destination(self, clause: ParsedClause) -> bool | None:
+        """Whether a destination may be put in any way; None if the verbs ask for different things.
+
+        A clause without a verb leaves it to what is taught.
+        """
+        same = clause.verb in (None, self.clause.verb)
+        families = self.clause.families_with(self.clause.verb if same else clause.verb)
+        return any(family.one_destination for family in families) if same or families else None
+
+    def _of_the_only(self, clause: ParsedClause, name: str) -> Mapping[str, str] | None:
+        """A task's only object need not be named, neither by what is taught nor by what is asked.
+
+        A particle may then be about the robot: "turn around".
+        """
+        number = len(clause.objects_in(DIRECT))
+        clear = number == 1 or clause.verb is None or " " not in clause.verb or clause.verb == self.clause.verb
+        return {name: name} if number <= 1 and clear else None
+
+    def _checked(self, pairs: Sequence[tuple[str | None, str | None]]) -> Mapping[str, str] | None:
+        filled = {mine: other for mine, other in pairs if mine and other}
+        replaceable = {mention.name for mention in self.named}
+        if len(filled) < len(pairs) or len(set(filled.values())) < len(filled):
+            return None
+        return filled if all(mine in replaceable or mine == other for mine, other in filled.items()) else None
+
+    def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str | None:
+        """The taught text with other objects; None if it would not name them in the order that they have."""
+        if any(filled.get(name, name) != name for name in self._scattered):
+            return None
+        wanted = tuple(filled[name] for name in clause_of(self.text, tuple(names)).objects if name in filled)
+        for whole in (False, True):
+            text = self.text
+            for start, end, name in reversed(self.named):
+                if filled.get(name, name) != name:
+                    text = text[:start] + _called(filled[name], text[start:end], name, names, whole) + text[end:]
+            if clause_of(text, tuple(names)).objects == wanted:
+                return text
+        return None
+
+    @cached_property
+    def _scattered(self) -> frozenset[str]:
+        """What is named by words apart, for which no other name can stand: "pour water from the bottle"."""
+        mentions = zip(self.named, self.named[1:], strict=False)
+        return frozenset(
+            one.name for one, next_ in mentions if one.name == next_.name and self.text[one.end : next_.start].strip()
+        )
+
+
+def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool) -> str:
+    """What a text calls an object that stands where `was` was called `before`: its name, or the words of its own."""
+    if "_" in before:
+        return name
+    others = {word for other in names if other != name for word in other.replace("_", " ").lower().split()}
+    own = set(name.replace("_", " ").lower().split()) - others
+    named_whole = before.lower() == was.replace("_", " ").lower()
+    return name.replace("_", " ") if whole or named_whole or len(own) != 1 else own.pop()
+
+
+def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
+    """The frames of a taught instruction's clauses; none if one of them is beyond this grammar."""
+    texts = clause_texts(instruction)
+    read = [_read(text, lexicon) for text in texts]
+    if not all(read):
+        return ()
+    known = [clause for clause in read if clause]
+    plan = tuple(clause.signature for clause in known)
+    named = [mentions_in(text, lexicon.names) for text in texts]
+    return tuple(Frame(*parts, plan) for parts in zip(texts, known, named, strict=True))
+
+
+def taught_verb(text: str, lexicon: Lexicon) -> str:
+    """The first word of a taught clause, which is taken for its verb even if no table has it."""
+    words = [word for word in lexicon.read(text) if word.text != "please"]
+    return words[0].text if words else ""
+
+
+def _read(text: str, lexicon: Lexicon) -> ParsedClause | None:
+    """The reading of a taught clause in which most words are understood."""
+    own = frozenset({taught_verb(text, lexicon)} - lexicon.objects_of.keys())
+    sentences = Sentences(NounPhrases(text, lexicon, None), None, own)
+    try:
+        read = [form[0] for forms in sentences.readings() for form in forms if len(form) == 1]
+    except TooInvolvedError:
+        return None
+    mentioned = set(clause_of(text, lexicon.names).objects)
+    fitting = [clause for clause in read if mentioned <= {phrase.name for phrase in clause.phrases}]
+    return min(fitting, key=_unlikelihood, default=None)
+
+
+def _unlikelihood(clause: ParsedClause) -> tuple[bool, int, int]:
+    words = sum(len(phrase.words) + bool(phrase.role) for phrase in clause.fixed_phrases)
+    return clause.verb is None, words, -len(clause.verb or "")
 
 
 class Taught:
@@ -65,11 +201,6 @@ class Taught:
                 found.setdefault(text)
         return tuple(found)
 
-    @property
-    def names_objects(self) -> bool:
-        """Whether some taught instruction names an object."""
-        return any(clause_of(text, self.names).objects for text in self.instructions)
-
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
         """The taught instructions, each clause a frame."""
@@ -78,7 +209,8 @@ class Taught:
     @cached_property
     def fixed_words(self) -> frozenset[str]:
         """What taught clauses say besides verb and objects."""
-        return frozenset(word for frame in self.frames for word in frame.clause.fixed)
+        said = [phrase for frame in self.frames for phrase in frame.clause.fixed]
+        return frozenset(word for phrase in said for word in (f"{phrase.role}:", *phrase.words))
 
     @cached_property
     def verbs(self) -> frozenset[str]:

@@ -6,18 +6,14 @@ only. The families keep apart what differs for a robot: pulling is not opening, 
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 from app.pipeline.order.words import PhraseTable, verb_forms
 
 DESTINATIONS = frozenset({
     "to", "on", "in", "against", "next to", "left of", "right of", "behind", "in front of", "under", "above", "between",
 })  # fmt: skip
-
-
-def _anything(roles: Collection[str]) -> bool:
-    return True
 
 
 def _nowhere(roles: Collection[str]) -> bool:
@@ -28,16 +24,15 @@ def _somewhere(roles: Collection[str]) -> bool:
     return not DESTINATIONS.isdisjoint(roles)
 
 
-@dataclass(frozen=True)
-class Family:
-    """Verbs that are alike where `holds` is true of the roles that the instruction fills (see `prepositions`).
+class Family(NamedTuple):
+    """Verbs that are alike where `holds` is true of the roles that a clause fills besides the direct object.
 
     Attributes:
         one_destination: whether "to", "into" and "onto" say the same with these verbs.
     """
 
     verbs: frozenset[str]
-    holds: Callable[[Collection[str]], bool] = field(default=_anything)
+    holds: Callable[[Collection[str]], bool] = lambda _roles: True
     one_destination: bool = False
 
 
@@ -45,6 +40,7 @@ def _verbs(text: str) -> frozenset[str]:
     return frozenset(part.strip() for part in text.split(","))
 
 
+PICKING = _verbs("pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of")
 FAMILIES: tuple[Family, ...] = (
     Family(
         _verbs(
@@ -53,7 +49,7 @@ FAMILIES: tuple[Family, ...] = (
         ),
         _nowhere,
     ),
-    Family(_verbs("pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of"), _nowhere),
+    Family(PICKING, _nowhere),
     Family(
         _verbs("take, remove, lift, lift up, pick, pick up, get, grab, destack, unstack, de stack, un stack"),
         lambda roles: "off" in roles,
@@ -101,12 +97,3 @@ def forms() -> dict[str, str]:
     """From every form of the verbs to their base form."""
     found = {form: verb for verb in FIRST_WORDS for form in verb_forms(verb)}
     return found | _IRREGULAR | {verb: verb for verb in FIRST_WORDS}
-
-
-def common_families(one: str, other: str, roles: Collection[str]) -> list[Family]:
-    """The families that make two verbs alike.
-
-    Args:
-        roles: what the instruction fills besides the direct object.
-    """
-    return [family for family in FAMILIES if one in family.verbs and other in family.verbs and family.holds(roles)]

@@ -54,11 +54,8 @@ PREPOSITIONS = PhraseTable(ROLES)
 
 ORDINALS = {
     word: place
-    for place, words in enumerate(
-        (("first", "1st"), ("second", "2nd"), ("third", "3rd"), ("fourth", "4th"), ("fifth", "5th"), ("sixth", "6th")),
-        start=1,
-    )
-    for word in words
+    for place, words in enumerate(("first 1st", "second 2nd", "third 3rd", "fourth 4th", "fifth 5th", "sixth 6th"), 1)
+    for word in words.split()
 }
 # Words that say which one rather than what: no noun, wherever a name has them.
 PLACE_ADJECTIVES = frozenset(
@@ -94,8 +91,7 @@ COUNTED_FROM = {
     "leftmost": "left", "rightmost": "right", "left": "left", "right": "right", "top": "top", "bottom": "bottom",
     "above": "top", "below": "bottom", "highest": "top", "lowest": "bottom",
 }  # fmt: skip
-NEAR = frozenset({"closest", "nearest"})
-FAR = frozenset({"farthest", "furthest"})
+REACHES = {"closest": "near", "nearest": "near", "farthest": "far", "furthest": "far"}
 ROBOT = _phrases("robot,robot arm,arm,robot base,base,you,yourself,your base,robot's base")
 BEING = _phrases(
     "that is,which is,that stands,which stands,that lies,which lies,that sits,which sits,located,placed,standing,lying,"
@@ -127,17 +123,17 @@ RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 # libraries go by CSS, where azure is nearly white.
 BASIC = frozenset(["black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "grey"])
 _SHADES = {
-    "red": "crimson scarlet ruby cherry vermilion vermillion carmine maroon burgundy claret tomato rouge",
-    "yellow": "lemon canary mustard gold golden dandelion sunflower",
-    "green": "lime emerald jade olive grass moss mint forest avocado pistachio",
-    "blue": "azure navy cobalt sapphire ultramarine cerulean azul",
-    "purple": "violet lavender lilac plum aubergine eggplant amethyst",
-    "pink": "rose bubblegum",
-    "orange": "tangerine pumpkin apricot",
-    "brown": "chocolate chestnut sepia",
-    "grey": "slate",
-    "white": "ivory",
-    "black": "ebony jet",
+    "red": "crimson scarlet ruby cherry vermilion vermillion carmine maroon burgundy claret tomato rouge reddish",
+    "yellow": "lemon canary mustard gold golden dandelion sunflower yellowish",
+    "green": "lime emerald jade olive grass moss mint forest avocado pistachio greenish",
+    "blue": "azure navy cobalt sapphire ultramarine cerulean azul bluish blueish",
+    "purple": "violet lavender lilac plum aubergine eggplant amethyst purplish",
+    "pink": "rose bubblegum pinkish",
+    "orange": "tangerine pumpkin apricot orangish",
+    "brown": "chocolate chestnut sepia brownish",
+    "grey": "gray slate greyish grayish",
+    "white": "ivory whitish",
+    "black": "ebony jet blackish",
 }
 _BETWEEN = {
     "teal": "green blue", "turquoise": "green blue", "cyan": "green blue", "aqua": "green blue",
@@ -148,22 +144,16 @@ _BETWEEN = {
     "beige": "white brown", "khaki": "green brown", "cream": "white yellow", "silver": "grey white",
     "charcoal": "grey black", "wine": "red purple", "mauve": "pink purple",
 }  # fmt: skip
-_SAME = {
-    "gray": "grey", "reddish": "red", "greenish": "green", "yellowish": "yellow", "bluish": "blue", "blueish": "blue",
-    "purplish": "purple", "pinkish": "pink", "orangish": "orange", "brownish": "brown", "greyish": "grey",
-    "grayish": "grey", "blackish": "black", "whitish": "white",
-}  # fmt: skip
 # What may stand before a color word without naming another basic color: "sky blue", "dark red".
-SHADES_OF = frozenset(
-    {"light", "dark", "bright", "pale", "deep", "vivid", "intense", "sky", "royal", "baby", "blood", "racing", "bottle"}
-    | {"pastel", "neon"}
-)
+SHADES_OF = frozenset({
+    "light", "dark", "bright", "pale", "deep", "vivid", "intense", "sky", "royal", "baby", "blood", "racing", "bottle",
+    "pastel", "neon",
+})  # fmt: skip
 
 COLORS: dict[str, frozenset[str]] = {
     **{name: frozenset({name}) for name in BASIC},
     **{word: frozenset({name}) for name, words in _SHADES.items() for word in words.split()},
     **{word: frozenset(names.split()) for word, names in _BETWEEN.items()},
-    **{word: frozenset({name}) for word, name in _SAME.items()},
 }
 
 ADJECTIVES = PLACE_ADJECTIVES | BASIC | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
@@ -183,7 +173,7 @@ NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for
 } | {"and", "or", "not", "it", "is"}  # fmt: skip
 FUNCTION_WORDS = (
     frozenset(word for table in _TABLES for phrase in table for word in phrase)
-    | {*DETERMINERS, *COLORED, *ORDINALS, *NEAR, *FAR, *MARKS, *_ALONE}
+    | {*DETERMINERS, *COLORED, *ORDINALS, *REACHES, *MARKS, *_ALONE}
 )  # fmt: skip
 
 
@@ -192,4 +182,4 @@ def look_alike(one: str, other: str) -> bool:
     return not COLORS[one].isdisjoint(COLORS[other])
 
 
-PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
+PLACE_WORDS = frozenset({*COUNTED_FROM, *REACHES, *PLACE_ADJECTIVES})  # that say which of several objects

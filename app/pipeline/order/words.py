@@ -107,6 +107,11 @@ def plurals_of(singular: str) -> set[str]:
     return plurals | {f"{singular[:-1]}ies"} if singular.endswith("y") else plurals
 
 
+def singulars_of(plural: str) -> set[str]:
+    """The words that may have it as a regular plural."""
+    return {word for word in (plural[:-1], plural[:-2], f"{plural[:-3]}y") if plural in plurals_of(word)}
+
+
 def verb_forms(verb: str) -> set[str]:
     """The regular forms of a verb's base form: pushes, pushing, pushed; placing, tapped, carries."""
     short = verb[:-1] if verb.endswith("e") else verb

@@ -4,18 +4,22 @@ Every word must find its place, as in the instruction of one task, and every ste
 with objects of these kinds. A sentence that can be read in two ways is refused.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.findings.scene import strangers
+from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
-from app.pipeline.order.order import clause_of
-from app.pipeline.order.reading import closest
-from app.pipeline.order.refusals import FIELD, refusal
+from app.pipeline.order.order import Order, clause_of
+from app.pipeline.order.reading import FIELD, Filled, closest, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import Frame, Taught
+from app.pipeline.order.words import IsWord
 from app.pipeline.steps.several import (
     IT,
     TIMES_WORDS,
@@ -28,12 +32,63 @@ from app.pipeline.steps.several import (
     with_objects,
     without_excepted,
 )
-from app.pipeline.steps.skill import Scene, Step
 
 MAX_STEPS = 24  # that one sentence asks for
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
 CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
+
+
+class Step(NamedTuple):
+    """What one task is to do, in its own words."""
+
+    task: str
+    instruction: str
+
+
+@dataclass(frozen=True, eq=False)
+class Skill:
+    """A task as sentences are read against it."""
+
+    task: str
+    taught: Taught
+
+    @cached_property
+    def wholes(self) -> tuple[str, ...]:
+        """The taught instructions that are understood as they stand only: of different clauses, or beyond grammar."""
+        alone = {frame.text for frame in self.taught.frames if frame.may_stand_alone}
+        return tuple(text for text in self.taught.instructions if text not in alone)
+
+    def steps(self, clause: ParsedClause) -> Iterator[tuple[Filled, Step]]:
+        """What the task may do for a clause: only with objects, or kinds of objects, that it was taught with so."""
+        names, asked = self.taught.names, {phrase.name for phrase in clause.phrases}
+        for frame in self.taught.frames if asked <= set(names) else ():
+            named = asked or not frame.clause.phrases
+            filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
+            text = None if filled is None else frame.text_for(filled, names)
+            if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
+                yield Filled(frame, filled, clause), Step(self.task, text.rstrip(". "))
+
+
+class Scene(Taught):
+    """The objects of a scene, and all that the tasks were taught that may be used in it.
+
+    Args:
+        names, aliases: of all objects, also of those that no task is about.
+        skills: of these objects.
+        is_word: as of `Taught`.
+    """
+
+    def __init__(
+        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], skills: Sequence[Skill], is_word: IsWord
+    ) -> None:
+        super().__init__(names, aliases, [text for skill in skills for text in skill.taught.instructions], is_word)
+        self.skills = tuple(skills)
+
+    @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """As each task has them: what its instructions name is clear among its own objects."""
+        return tuple(frame for skill in self.skills for frame in skill.taught.frames)
 
 
 def read_steps(instruction: str, scene: Scene, layout: Layout | None, others: str = "") -> tuple[Step, ...]:
@@ -69,8 +124,6 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 class _Reader:
-    """Reads one sentence."""
-
     def __init__(self, scene: Scene, phrases: NounPhrases) -> None:
         self._scene = scene
         self._phrases = phrases
@@ -103,12 +156,10 @@ class _Reader:
         return refusal(self._scene, self._phrases, [])
 
     def _miss(self, place: int, unit: Unit, why: str) -> None:
-        words = self._phrases.words
-        part = self._phrases.instruction[words[unit.start].token.start : words[unit.end - 1].token.end]
+        part = self._phrases.text_of(unit.start, unit.end)
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
-        """The steps of one reading."""
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
         done = wanted(without_excepted([unit for unit in units if not forbidden.get(unit)]))

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause, without
+from app.pipeline.order.clauses import DIRECT, FixedPhrase, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
-from app.pipeline.order.sentences import PICKING, Unit
-from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.sentences import Unit
+from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import ORDERING
 from app.pipeline.order.words import NUMBERS
 
@@ -31,9 +31,12 @@ def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedCla
 
 def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
     """The clause without how often it is to be done, and that."""
+    *others, last = clause.fixed if clause.goes_on else (FixedPhrase("", ()),)
     for words, times in TIMES.items():
-        if clause.fixed[-len(words) :] == words:
-            return replace(clause, fixed=clause.fixed[: -len(words)]), times
+        if last.words[-len(words) :] == words:
+            left = last.words[: -len(words)]
+            kept = (*others, last._replace(words=left)) if left else tuple(others)
+            return replace(clause, fixed=kept, goes_on=bool(left)), times
     return clause, 1
 
 
@@ -99,6 +102,6 @@ def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
     """Whether an object is told by its place after something was moved: only where objects are now is known."""
     return any(
         any(phrase.by == "relation" for phrase in later.phrases)
-        and (earlier.verb in PICKING or any(role in DESTINATIONS or role == "off" for role, _ in earlier.roles))
+        and (earlier.verb in PICKING or earlier.takes_somewhere)
         for earlier, later in combinations(clauses, 2)
     )

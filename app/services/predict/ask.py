@@ -18,7 +18,6 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
-from app.services.predict.findings import doubted
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits, MotionCheck
@@ -97,9 +96,7 @@ class PredictActions:
 
     def _question(self, request: PredictRequest) -> Question:
         instruction = checked_instruction("instruction", request.instruction)
-        known = self._known(request)
-        question = write_question(request, instruction, known, self._limits)
-        return doubted(question, known.findings)
+        return write_question(request, instruction, self._known(request), self._limits)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
@@ -146,7 +143,7 @@ class PredictActions:
     @asynccontextmanager
     async def _asked(self, question: Question, motion: MotionCheck) -> AsyncIterator[Reply]:
         """The reply that the block waits for; meanwhile people see that it is under way, and no prefix is warmed."""
-        async with self._models.using(question.profile.name) as model:
+        async with self._models.using(question.known.profile.name) as model:
             reply = Reply(question, model, motion)
             try:
                 with self._warmer.giving_way():
@@ -176,7 +173,9 @@ async def _watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[No
 
     def show() -> None:
         deadline_s = started_s + question.deadline_s + GRACE_S
-        note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, started_s, deadline_s)
+        note = UnderWay(
+            uuid4().hex, request.task, request.instruction, question.known.profile.name, started_s, deadline_s
+        )
         showing = asyncio.create_task(_show(notes, note, ended))
         _showing.add(showing)
         showing.add_done_callback(_showing.discard)

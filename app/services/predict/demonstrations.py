@@ -2,15 +2,17 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.missed import kept
+from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.sources import Compared
-from app.pipeline.plans import Recording, agreeing, demonstrated, shown_together
+from app.pipeline.plans import Recording, agreeing, demonstrated
+from app.pipeline.plans.choice import PlanChooser
 from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
 from app.store import episodes
@@ -25,27 +27,36 @@ class Demonstrations:
     Attributes:
         shown: as a prompt shows them.
         recorded: the same as they were recorded, before rows of one plan were made to agree.
+        aligned: whether those of one plan have equally many rows.
+        hands: what the hand did in the recording of each; empty where that is not needed.
     """
 
     shown: tuple[Demonstration, ...]
     recorded: tuple[Demonstration, ...]
+    aligned: bool = False
+    hands: tuple[RecordedHand, ...] = ()
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
         """The recordings' demonstrations."""
         recorded = demonstrated(recordings)
-        return cls(agreeing(recorded) if recordings and recordings[0].rule.aligned else recorded, recorded)
+        aligned = bool(recordings) and recordings[0].rule.aligned
+        return cls(agreeing(recorded) if aligned else recorded, recorded, aligned)
 
     def only(self, names: Collection[str]) -> "Demonstrations":
         """The same with these of their objects."""
         shown, recorded = (tuple(item.only(names) for item in items) for items in (self.shown, self.recorded))
-        return Demonstrations(shown, recorded)
+        return replace(self, shown=shown, recorded=recorded)
 
-    def without_rare_plans(self) -> "Demonstrations":
-        """Those that a prompt shows where nobody named them."""
-        kept = {demonstration.id for demonstration in shown_together(self.recorded)}
-        shown, recorded = (tuple(item for item in items if item.id in kept) for items in (self.shown, self.recorded))
-        return Demonstrations(shown, recorded)
+    @cached_property
+    def needed(self) -> frozenset[str]:
+        """The names of the objects that a scene must have."""
+        return Taught(self.recorded).needed
+
+    @cached_property
+    def plans(self) -> PlanChooser | None:
+        """Chooses among their plans; None where their rows are not aligned."""
+        return PlanChooser(self.recorded) if self.aligned else None
 
 
 def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) -> tuple[RecordedHand, ...]:
@@ -55,15 +66,6 @@ def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) ->
         kept_to = kept(recording.motion, demonstration.actions, recording.rule.delta_rad_s)
         hands.append(RecordedHand.of(recording.motion, demonstration, kept_to))
     return tuple(hands)
-
-
-def read_recordings(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> list[Recording]:
-    """The recordings of the named episodes.
-
-    Raises:
-        NotFoundError: naming the first id that is no episode of this task.
-    """
-    return recordings_of(connection, episodes.demonstrations_by_id(connection, task, ids), settings)
 
 
 def read_compared(
@@ -79,31 +81,24 @@ def read_compared(
     )
 
 
-def read_stepwise(
-    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
-) -> tuple[Demonstration, ...]:
-    """The same for a closed loop, each with its own keyframes: the objects were tracked to these."""
-    return tuple(_demonstrations(episodes.demonstrations_by_id(connection, task, ids), settings))
-
-
 def recordings_of(
     connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
 ) -> list[Recording]:
     """The demonstrations of records as they were found, each with the motion that it was made from."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
-    found = _demonstrations(records, settings)
+    found = stepwise(records, settings)
     for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
         recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
     return recordings
 
 
-def _demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> list[Demonstration]:
-    """As they were found, with the objects that all have: what only some have does not matter to the task."""
+def stepwise(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> tuple[Demonstration, ...]:
+    """Each with its own keyframes and the objects that all have: what only some have does not matter to the task."""
     found = [canonical_demonstration(record.demonstration(), settings) for record in records]
     names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
-    return [demonstration.only(names) for demonstration in found]
+    return tuple(demonstration.only(names) for demonstration in found)
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:

@@ -4,7 +4,6 @@ With what a reply adds, this is the one list that answers, stored predictions, p
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
@@ -20,7 +19,7 @@ from app.pipeline.findings.rules import (
     Rule,
 )
 from app.pipeline.findings.scatter import not_shown_findings
-from app.pipeline.findings.scene import scene_findings, strangers
+from app.pipeline.findings.scene import scene_findings, start_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
 from app.services.predict.question import Question
@@ -36,25 +35,19 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 }
 
 
-def doubted(question: Question, known: Sequence[Finding]) -> Question:
-    """The question with what deserves a look before the LLM is asked, causes first.
-
-    Args:
-        known: what was found before it was written.
-    """
-    taught, order, seen = question.taught, question.grounded, question.seen
-    followed, words = taught.followed(order), (*_words(order, question.prefix.instructions), *_parts(question))
-    sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
-    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
-    of_demonstrations = (*taught.findings(order), *_too_few(question))
-    return replace(question, findings=(*known, *words, *sources, *of_demonstrations, *scene, *question.findings))
-
-
-def _too_few(question: Question) -> Iterator[Finding]:
-    """Of the demonstrations that the prompt shows, where they are not all."""
-    shown, taught = question.prefix, question.taught
-    if len(shown.demonstration_ids) < len(taught.demonstrations):
-        yield from not_shown_findings(shown.support, taught.support, question.grounded)
+def doubts_before(question: Question) -> Iterator[Finding]:
+    """What deserves a look before the LLM is asked, causes first."""
+    taught, order, seen = question.known.taught, question.grounded, question.seen
+    followed = taught.followed(order)
+    yield from _words(order, question.prefix.instructions)
+    yield from _parts(question)
+    yield from source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
+    yield from taught.findings(order)
+    if len(question.prefix.demonstration_ids) < len(taught.demonstrations):
+        yield from not_shown_findings(question.prefix.support, taught.support, order)
+    yield from scene_findings(seen, taught.scenes, followed, taught.needed)
+    if taught.follows_start(order):
+        yield from start_findings(seen, taught.scenes)
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:

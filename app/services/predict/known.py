@@ -9,13 +9,15 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
+from app.pipeline.prompt import check_object_names
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
+from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.observe import Scene, look, observed
-from app.services.predict.prefix import Prefix
+from app.services.predict.prefix import Prefix, usual_prefixes
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import Kept, TaskReading
+from app.services.predict.task_reading import Caches, TaskReading
 from app.services.task_settings import TaskSettings
 from app.store.store import Store
 from roboprompt_client.motion_limits import Pose
@@ -26,10 +28,15 @@ class Known:
     """What is known of a request before its question is written.
 
     Attributes:
+        settings: of the task.
+        previous: the step that a closed loop goes on from.
+        end_effector: where it is before the first action: as the robot says, else where the last step sent it.
         scene: as it was observed.
-        end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
+        profile: of the model that is asked.
+        demonstrations: that the request names or its selection finds.
+        chosen: whether the request names them.
         taught: all demonstrations of the task, which an answer is held against.
-        findings: which of the demonstrated plans the first shows, and why; which objects are others than demonstrated.
+        findings: which objects are others than demonstrated.
     """
 
     settings: TaskSettings
@@ -38,7 +45,8 @@ class Known:
     scene: Scene
     profile: ModelProfile
     style: PromptStyle
-    prefix: Prefix
+    demonstrations: Demonstrations
+    chosen: bool
     taught: Taught
     findings: tuple[Finding, ...] = ()
 
@@ -59,7 +67,7 @@ class KnownReader:
         self._store = store
         self.profile_of = profile_of
         self._pose_servers = pose_servers or PoseServers()
-        self._kept = Kept()
+        self._caches: Caches = {}
 
     def __call__(self, request: PredictRequest) -> Known:
         """As the request asks; a closed loop goes on as it began.
@@ -74,7 +82,7 @@ class KnownReader:
         seen = look(self._store, self._pose_servers, request) if request.frames else None
         with self._store.read() as connection:
             with timed("read"):
-                task = TaskReading(connection, request.task, self._kept)
+                task = TaskReading(connection, request.task, self._caches)
                 previous = previous_step(connection, request)
             settings = task.settings
             end_effector = request.end_effector or (previous.end_effector if previous else None)
@@ -87,14 +95,26 @@ class KnownReader:
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                taught, ids = task.taught(style), _ids(task, request, scene, previous)
-                if scene.absent:
-                    taught = task.taught_of([pose.name for pose in scene.objects], taught, ids)
-                prefix, findings = _shown(task, request, style, scene, ids)
-        others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
+                taught = task.taught(style.from_start, style.closed_loop)
+                demonstrations = task.demonstrations(_ids(task, request, scene, previous), style.closed_loop)
+        if scene.absent:
+            present = [pose.name for pose in scene.objects]
+            check_object_names(present, task.record.object_names or (), taught.needed | demonstrations.needed)
+            taught = taught.of_objects(present)
         moved = changed_places(previous.objects, scene.objects) if previous else ()
-        findings = (*findings, *others, *moved, *alike_findings(request.alike))
-        return Known(settings, previous, end_effector, scene, profile, style, prefix, taught, findings)
+        others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
+        return Known(
+            settings,
+            previous,
+            end_effector,
+            scene,
+            profile,
+            style,
+            demonstrations,
+            chosen=request.options.episode_ids is not None and previous is None,
+            taught=taught,
+            findings=(*others, *moved, *alike_findings(request.alike)),
+        )
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
         """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
@@ -104,15 +124,16 @@ class KnownReader:
         """
         request = PredictRequest(task_name, "", ())
         with self._store.read() as connection:
-            task = TaskReading(connection, task_name, self._kept)
+            task = TaskReading(connection, task_name, self._caches)
             style = PromptStyle.of(request, task.settings, self.profile_of(None))
-            task.taught(style)
-            ids = task.ids(request.options.selection, task.settings.num_demonstrations, request.options.seed, ())
-            plans = task.plans(ids)
-            return [task.prefix(style, ids, choice) for choice in ([None] if plans is None else plans.likely())]
+            task.taught(style.from_start, style.closed_loop)  # an answer needs it next
+            demonstrations = task.demonstrations(_ids(task, request))
+        return usual_prefixes(demonstrations, task.settings, style)
 
 
-def _ids(task: TaskReading, request: PredictRequest, scene: Scene, previous: PreviousStep | None) -> tuple[str, ...]:
+def _ids(
+    task: TaskReading, request: PredictRequest, scene: Scene | None = None, previous: PreviousStep | None = None
+) -> tuple[str, ...]:
     """The demonstrations that the request names or its selection finds."""
     options = request.options
     if previous is not None:
@@ -121,18 +142,4 @@ def _ids(task: TaskReading, request: PredictRequest, scene: Scene, previous: Pre
         task.refuse_left_out(options.episode_ids)
         return options.episode_ids
     number = options.num_demonstrations or task.settings.num_demonstrations
-    return task.ids(options.selection, number, options.seed, scene.objects)
-
-
-def _shown(
-    task: TaskReading, request: PredictRequest, style: PromptStyle, scene: Scene, ids: tuple[str, ...]
-) -> tuple[Prefix, tuple[Finding, ...]]:
-    """The demonstrations of those ids, and why it shows the plans that it shows.
-
-    Of several plans those that the scene calls for, unless somebody chose the demonstrations.
-    """
-    named = request.options.episode_ids is not None and request.options.after is None
-    plans = None if named or style.closed_loop else task.plans(ids)
-    choice = None if plans is None else plans(scene.objects)
-    prefix = task.prefix(style, ids, choice, scene.absent, all_of_them=named)
-    return prefix, () if choice is None else choice.findings
+    return task.ids(options.selection, number, options.seed, () if scene is None else scene.objects)

@@ -9,6 +9,7 @@ from app.services.cache import Cache
 from app.services.predict.question import Question
 from app.services.task_settings import TaskSettings
 from app.store import tasks
+from app.store.records import TaskState
 from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.motion_guard import MotionGuard
@@ -19,11 +20,11 @@ MAX_LIMITS = 64  # of so many tasks they are kept
 
 
 class CurrentLimits:
-    """Reads tasks' limits of motion; one whose version is as it was costs the read of that number."""
+    """Reads tasks' limits of motion; one that is as it was costs the read of its state."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._built: Cache[tuple[str, int], MotionLimits] = Cache(MAX_LIMITS)
+        self._built: Cache[TaskState, MotionLimits] = Cache(MAX_LIMITS)
 
     def read(self, connection: Connection, task: str) -> MotionLimits:
         """The task's limits.
@@ -35,7 +36,7 @@ class CurrentLimits:
         def build() -> MotionLimits:
             return TaskSettings.model_validate(tasks.get(connection, task).settings).limits_of_motion()
 
-        return self._built.get_or_make((task, tasks.version(connection, task)), build)
+        return self._built.get_or_make(tasks.state(connection, task), build)
 
     async def now(self, task: str) -> MotionLimits:
         """The same on a connection of its own, in a thread."""
@@ -56,7 +57,7 @@ class MotionCheck:
     def __init__(self, current: CurrentLimits, question: Question) -> None:
         self._current, self._question = current, question
         self._actions: list[EndEffectorAction] = []
-        self._limits = question.settings.limits_of_motion()
+        self._limits = question.known.settings.limits_of_motion()
         self._guard = self._guarding(self._limits)
 
     async def check(self, actions: Sequence[EndEffectorAction], *, sent_now: bool) -> None:
@@ -95,4 +96,4 @@ class MotionCheck:
         self._limits, self._guard = limits, guard
 
     def _guarding(self, limits: MotionLimits) -> MotionGuard:
-        return MotionGuard(limits, self._question.request.options.max_actions, self._question.end_effector)
+        return MotionGuard(limits, self._question.request.options.max_actions, self._question.known.end_effector)

@@ -74,7 +74,7 @@ class SupportCheck:
         plans = question.plans.get(instruction)
         self._guard = SupportGuard(plans, num_before) if plans else None
         self._allows = question.request.options.unsupported == "allow"
-        self._tolerated_m = TOLERATED_BINS * float(question.settings.workspace.workspace().bin_size_m.max())
+        self._tolerated_m = TOLERATED_BINS * float(question.known.settings.workspace.workspace().bin_size_m.max())
         self._index = num_before
         self.doubts: list[ActionDoubt] = []
 
@@ -157,5 +157,5 @@ def predicted(
     actions: Sequence[EndEffectorAction], rows: Sequence[PlacedRow | None], question: Question
 ) -> list[PredictedAction]:
     """The actions with their bins, each with the demonstrated row that it carries out."""
-    bins = discretize_actions(actions, question.settings.workspace.workspace())
+    bins = discretize_actions(actions, question.known.settings.workspace.workspace())
     return list(map(PredictedAction, actions, bins, rows))

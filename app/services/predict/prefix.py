@@ -1,20 +1,26 @@
 """What an LLM reads before the query, made once for each version of a task and style of prompt: the demonstrations."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans import by_plan
+from app.pipeline.findings import Finding
+from app.pipeline.plans import agreeing, by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
+from app.services.predict.demonstrations import Demonstrations
+from app.services.predict.observe import Scene
 from app.services.predict.request import PromptStyle
+from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError
+
+MAX_PREFIXES = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,26 +49,65 @@ class Prefix:
         return self.template.at_step(step) if isinstance(self.template, ClosedLoopTemplate) else self.template
 
 
-def make_prefix(
-    shown: Sequence[Demonstration], recorded: Sequence[Demonstration], workspace: Workspace, style: PromptStyle
-) -> Prefix:
-    """Fit the representation and write the demonstrations.
+def choose_prefix(
+    demonstrations: Demonstrations, scene: Scene, settings: TaskSettings, style: PromptStyle, *, chosen: bool = False
+) -> tuple[Prefix, tuple[Finding, ...]]:
+    """What the LLM reads before the query in this scene, and why.
+
+    Of several plans it is shown those that the scene calls for.
 
     Args:
-        shown: as the prompt shows them.
-        recorded: the same before rows of one plan were made to agree.
+        chosen: whether somebody chose the demonstrations: then all are shown.
+
+    Raises:
+        as `write_prefix`.
+    """
+    choice = None if chosen or demonstrations.plans is None else demonstrations.plans(scene.objects)
+    shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
+    return write_prefix(demonstrations, settings.workspace.workspace(), style, shown, scene.absent), findings
+
+
+def usual_prefixes(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:
+    """What is read in scenes of the usual plans, the most usual first."""
+    workspace, plans = settings.workspace.workspace(), demonstrations.plans
+    choices = [None] if plans is None else [choice.shown for choice in plans.likely()]
+    return [write_prefix(demonstrations, workspace, style, shown) for shown in choices]
+
+
+@lru_cache(MAX_PREFIXES)
+def write_prefix(
+    demonstrations: Demonstrations,
+    workspace: Workspace,
+    style: PromptStyle,
+    of_scene: tuple[Demonstration, ...] | None = None,
+    absent: tuple[str, ...] = (),
+) -> Prefix:
+    """Fit the representation and write the demonstrations. Nothing but the arguments may change a prefix's bytes.
+
+    Args:
+        of_scene: those of them whose plans the scene calls for, as they were recorded; None for all.
+        absent: objects of the task that the scene does not have.
 
     Raises:
         InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
     """
-    if not style.from_start:
-        shown, recorded = (tuple(replace(item, start=None) for item in items) for items in (shown, recorded))
+    recorded = demonstrations.recorded if of_scene is None else of_scene
+    shown = demonstrations.shown if of_scene is None else agreeing(of_scene)
+    shown, recorded = (
+        tuple(_as_asked(item, absent, style.from_start) for item in items) for items in (shown, recorded)
+    )
     return Prefix(
         _template(shown, workspace, style),
         tuple(item.id for item in shown),
         None if style.closed_loop else Support.of(by_plan(recorded), by_plan(shown)),
         tuple(item.instruction for item in shown),
     )
+
+
+def _as_asked(demonstration: Demonstration, absent: Collection[str], from_start: bool) -> Demonstration:
+    """With the objects and the start that the question has as well."""
+    present = demonstration.only([pose.name for pose in demonstration.objects if pose.name not in absent])
+    return present if from_start else replace(present, start=None)
 
 
 def _template(

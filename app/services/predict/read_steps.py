@@ -11,15 +11,13 @@ from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
 from app.pipeline.prompt import check_object_names
-from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Scene, Skill, Step
+from app.pipeline.steps.reading import Scene, Skill, Step, read_steps
 from app.services.cache import Cache
 from app.services.predict.instruction import MAX_TASKS, is_english, taught_of
 from app.services.predict.request import PredictRequest
-from app.services.predict.task_reading import TaskState
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.records import TaskRecord
+from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_instruction
@@ -103,7 +101,7 @@ class ReadSteps:
             skill = Skill(task.name, taught_of(tuple(task.object_names or ()), aliases, tuple(taught)))
             return _Known(skill, tuple(settings.robot_base))
 
-        return self._known.get_or_make((task.name, task.created_at, task.version), make)
+        return self._known.get_or_make(task.state, make)
 
 
 def _scene(names: Sequence[str], skills: Sequence[Skill]) -> Scene:

@@ -100,9 +100,9 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
     return PredictionDraft(
         task=question.request.task,
         instruction=question.request.instruction,
-        model=question.profile.name,
-        representation=question.style.representation,
-        prompt_format=question.style.prompt_format,
+        model=question.known.profile.name,
+        representation=question.known.style.representation,
+        prompt_format=question.known.style.prompt_format,
         status=status,
         request=question.request.as_sent,
         demonstration_ids=question.prefix.demonstration_ids,

@@ -74,8 +74,8 @@ class Reply:
             found = () if self._chosen is None else self._chosen.findings
             return (*found, *self._disagreeing)
         actions, question = [item.action for item in self.actions], self.question
-        passing = passing_findings(question.seen, actions, question.taught.ways, question.bystanders)
-        odd = question.taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
+        passing = passing_findings(question.seen, actions, question.known.taught.ways, question.known.scene.bystanders)
+        odd = question.known.taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
         return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
 
     async def whole(self) -> None:
@@ -222,7 +222,7 @@ class Reply:
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
             within_s = round(question.deadline_s, 1)
-            raise ModelTimeoutError(f"{question.profile.name} did not answer within {within_s:g} s")
+            raise ModelTimeoutError(f"{question.known.profile.name} did not answer within {within_s:g} s")
         return CompletionRequest(
             self.prompt,
             max_tokens=(options.max_actions - len(self.actions)) * MAX_TOKENS_PER_ACTION,

@@ -1,6 +1,6 @@
 """Which of a task's episodes a prompt shows: the choice may depend on where their objects stand."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,15 +58,16 @@ class Scenes:
     names: tuple[str, ...]
     positions_m: Array
 
-    def with_objects(self, objects: Sequence[ObjectPose]) -> tuple[Array, Array]:
-        """(N, K, 3) the positions of those objects that were observed, and (K, 3) as they were observed."""
+    def nearest_last(self, objects: Sequence[ObjectPose], number: int) -> tuple[str, ...]:
+        """The ids of the `number` scenes nearest to these objects, as far as scenes have them, the nearest last."""
         by_name = {pose.name: pose.position_m for pose in objects}
         places = [place for place, name in enumerate(self.names) if name in by_name]
-        return self.positions_m[:, places], np.array([by_name[self.names[place]] for place in places])
+        observed_m = np.array([by_name[self.names[place]] for place in places])
+        return tuple(self.ids[index] for index in nearest_last(self.positions_m[:, places], observed_m, number))
 
-    def ids_at(self, indices: Iterable[int]) -> tuple[str, ...]:
-        """The episodes' ids."""
-        return tuple(self.ids[index] for index in indices)
+    def most_diverse(self, number: int) -> tuple[str, ...]:
+        """The ids of `number` scenes that lie far apart, oldest first."""
+        return tuple(self.ids[index] for index in most_diverse(self.positions_m, number))
 
 
 def read_scenes(connection: Connection, task: str) -> Scenes:

@@ -8,7 +8,7 @@ from statistics import median
 from sqlalchemy import Connection
 
 from app.llm.baselines import YARDSTICKS
-from app.pipeline.sequential import Pairs
+from app.pipeline.success_rate import Pairs
 from app.store import configurations, tasks
 from app.store.configurations import Configuration, Counts, Trial
 from roboprompt_client.errors import InvalidInputError

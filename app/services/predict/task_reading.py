@@ -1,50 +1,48 @@
-"""A task as one transaction reads it: its settings, its demonstrations, and what is made of them once a version."""
+"""A task as one transaction reads it: its settings and demonstrations, and what is made of them once a version."""
 
 import random
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from datetime import datetime
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import wraps
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from sqlalchemy import Connection
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.plans import Recording, agreeing
-from app.pipeline.plans.choice import PlanChoice, PlanChooser
-from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
-from app.services.predict.demonstrations import Demonstrations, hands_of, read_compared, read_recordings, read_stepwise
-from app.services.predict.prefix import Prefix, make_prefix
-from app.services.predict.request import PromptStyle, Selection
-from app.services.predict.select import Scenes, most_diverse, nearest_last, read_scenes
+from app.services.predict.demonstrations import Demonstrations, hands_of, read_compared, recordings_of, stepwise
+from app.services.predict.request import Selection
+from app.services.predict.select import Scenes, read_scenes
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.records import TaskRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
 
-# Name, when it was made and version: one that was deleted and made again counts its versions from the beginning.
-TaskState = tuple[str, datetime, int]
 Ids = tuple[str, ...]
-# What a prefix depends on: nothing else may change its bytes.
-PrefixKey = tuple[TaskState, PromptStyle, Ids, bool, Ids, Ids]
+Caches = dict[str, Cache[Any, Any]]  # by the name of the method that makes the values
+P = ParamSpec("P")
+V = TypeVar("V")
 
 
-@dataclass(frozen=True, eq=False)
-class Kept:
-    """What was made of tasks, the most recently used; nothing in it depends on an observed scene or on words."""
+def kept(
+    capacity: int,
+) -> Callable[[Callable[Concatenate["TaskReading", P], V]], Callable[Concatenate["TaskReading", P], V]]:
+    """For methods whose value depends on the task's version and the arguments alone: it is made once."""
 
-    settings: Cache[TaskState, TaskSettings] = field(default_factory=lambda: Cache(128))
-    scenes: Cache[TaskState, Scenes] = field(default_factory=lambda: Cache(64))  # 10,000 of three objects take 1 MB
-    chosen: Cache[tuple[TaskState, Selection, int, int], Ids] = field(default_factory=lambda: Cache(1024))
-    demonstrations: Cache[tuple[TaskState, Ids], Demonstrations] = field(default_factory=lambda: Cache(16))
-    taught: Cache[tuple[TaskState, bool, bool], Taught] = field(default_factory=lambda: Cache(128))
-    needed: Cache[tuple[TaskState, Ids], frozenset[str]] = field(default_factory=lambda: Cache(128))
-    plans: Cache[tuple[TaskState, Ids], PlanChooser] = field(default_factory=lambda: Cache(128))
-    prefixes: Cache[PrefixKey, Prefix] = field(default_factory=lambda: Cache(256))
+    def keeping(make: Callable[Concatenate["TaskReading", P], V]) -> Callable[Concatenate["TaskReading", P], V]:
+        @wraps(make)
+        def look_up(self: "TaskReading", /, *args: P.args, **kwargs: P.kwargs) -> V:
+            cache = self.caches.setdefault(make.__name__, Cache(capacity))
+            key = (self.record.state, args, *kwargs.items())
+            value: V = cache.get_or_make(key, lambda: make(self, *args, **kwargs))
+            return value
+
+        return look_up
+
+    return keeping
 
 
 class TaskReading:
@@ -52,33 +50,50 @@ class TaskReading:
 
     Attributes:
         record: as it is stored.
-        settings: of the task.
+
+    Args:
+        caches: what was made of tasks; nothing in it depends on an observed scene or on words.
 
     Raises:
         NotFoundError: if there is no such task.
     """
 
-    def __init__(self, connection: Connection, name: str, kept: Kept) -> None:
-        self.record: TaskRecord = tasks.get(connection, name)
-        self._connection, self._kept = connection, kept
-        self._state: TaskState = (name, self.record.created_at, self.record.version)
-        self.settings = kept.settings.get_or_make(
-            self._state, lambda: TaskSettings.model_validate(self.record.settings)
-        )
+    def __init__(self, connection: Connection, name: str, caches: Caches) -> None:
+        self.record = tasks.get(connection, name)
+        self.caches = caches
+        self._connection = connection
+
+    @property
+    @kept(128)
+    def settings(self) -> TaskSettings:
+        """Of the task."""
+        return TaskSettings.model_validate(self.record.settings)
 
     def ids(self, selection: Selection, number: int, seed: int, objects: Sequence[ObjectPose]) -> Ids:
         """The ids of at most `number` episodes of the task.
 
         Args:
             selection: `first` and `recent` by time of upload; `random` by `seed`; `nearest` by the distance of the
-                observed `objects` to the episode's, the nearest last, where a language model heeds it most; `diverse`
-                those whose objects stand farthest apart, oldest first.
+                observed `objects` to the episode's, the nearest last, where a language model attends to it most;
+                `diverse` those whose objects stand farthest apart, oldest first.
         """
         if selection == "nearest":
-            scenes = self._scenes
-            return scenes.ids_at(nearest_last(*scenes.with_objects(objects), number))
-        key = (self._state, selection, number, seed if selection == "random" else 0)
-        return self._kept.chosen.get_or_make(key, lambda: self._chosen(selection, number, seed))
+            return self._scenes().nearest_last(objects, number)
+        return self._chosen(selection, number, seed if selection == "random" else 0)
+
+    @kept(1024)
+    def _chosen(self, selection: Selection, number: int, seed: int) -> Ids:
+        if selection == "random":
+            ids = episodes.list_ids(self._connection, self.record.name)
+            return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
+        if selection == "diverse":
+            return self._scenes().most_diverse(number)
+        order: Literal["recent", "first"] = "recent" if selection == "recent" else "first"
+        return tuple(item.id for item in episodes.demonstrations(self._connection, self.record.name, number, order))
+
+    @kept(64)  # 10,000 of three objects take 1 MB
+    def _scenes(self) -> Scenes:
+        return read_scenes(self._connection, self.record.name)
 
     def refuse_left_out(self, ids: Sequence[str]) -> None:
         """Refuse episodes that no prompt is to show.
@@ -92,108 +107,47 @@ class TaskReading:
                 remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
                 raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
 
-    def plans(self, ids: Ids) -> PlanChooser | None:
-        """Chooses among the plans of these demonstrations; None where their rows are not aligned."""
-        if not self.settings.keyframes.keyframe_rule().aligned:
-            return None
-        return self._kept.plans.get_or_make((self._state, ids), lambda: PlanChooser(self._demonstrations(ids).recorded))
+    @kept(64)
+    def demonstrations(self, ids: Ids, closed_loop: bool = False) -> Demonstrations:
+        """Of those ids; for a closed loop each with its own keyframes, to which its objects were tracked.
 
-    def prefix(
-        self,
-        style: PromptStyle,
-        ids: Ids,
-        choice: PlanChoice | None = None,
-        absent: Ids = (),
-        *,
-        all_of_them: bool = False,
-    ) -> Prefix:
-        """The demonstrations of those ids, written down.
-
-        Args:
-            choice: those of them that the scene calls for.
-            absent: objects of the task that the scene does not have.
-            all_of_them: also those of a rare plan.
+        Raises:
+            NotFoundError: naming the first id that is no episode of this task.
         """
-        shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
+        records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
+        if closed_loop:
+            own = stepwise(records, self.settings)
+            return Demonstrations(own, own).only(self.record.object_names or ())
+        recordings = recordings_of(self._connection, records, self.settings)
+        found = Demonstrations.of(recordings).only(self.record.object_names or ())
+        return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
 
-        def make() -> Prefix:
-            if choice is not None:
-                shown = Demonstrations(agreeing(choice.shown), choice.shown)
-            elif style.closed_loop:
-                own = read_stepwise(self._connection, self.record.name, ids, self.settings)
-                shown = Demonstrations(own, own)
-            else:
-                shown = self._demonstrations(ids)
-                if self.settings.keyframes.keyframe_rule().aligned and not all_of_them:
-                    shown = shown.without_rare_plans()
-            shown = shown.only(set(self._object_names).difference(absent))
-            return make_prefix(shown.shown, shown.recorded, self.settings.workspace.workspace(), style)
+    @property
+    def _held_against(self) -> Ids:
+        """The ids of the demonstrations that answers are held against."""
+        return self._chosen("diverse", MAX_HELD_AGAINST, 0)
 
-        return self._kept.prefixes.get_or_make((self._state, style, ids, all_of_them, shown_ids, absent), make)
-
-    def taught(self, style: PromptStyle) -> Taught:
+    @kept(128)
+    def taught(self, from_start: bool, closed_loop: bool) -> Taught:
         """All demonstrations of the task, whichever a request names; of very many those that lie farthest apart.
 
         Those that a program names may be of one way by chance: the service cannot know that a person chose them.
 
+        Args:
+            from_start: whether rows may be relative to where the end effector is.
+
         Raises:
             NoDemonstrationsError: if there is none, or all are left out.
         """
-
-        def make() -> Taught:
-            if not (ids := self.ids("diverse", MAX_HELD_AGAINST, 0, ())):
-                raise NoDemonstrationsError(self.record.name)
-            recordings = self._recordings(ids)
-            recorded = self._kept.demonstrations.get_or_make((self._state, ids), lambda: self._of(recordings)).recorded
-            hands = hands_of(recordings, recorded)
-            if not style.from_start:
-                recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
-            several, round_objects = self.settings.ways == "several", frozenset(self.settings.yaw_symmetry_deg)
-            compared = read_compared(self._connection, self.record.name, ids, self.settings)
-            return Taught(recorded, several, hands, round_objects, moves=style.closed_loop, compared=compared)
-
-        return self._kept.taught.get_or_make((self._state, style.from_start, style.closed_loop), make)
-
-    def taught_of(self, present: Sequence[str], taught: Taught, ids: Ids) -> Taught:
-        """What is taught of scenes that have only these of the task's objects.
-
-        Args:
-            ids: of the demonstrations that the prompt shows.
-
-        Raises:
-            ObjectSetError: if another may matter to all that is taught, or to the demonstrations of those ids.
-        """
-
-        def needed() -> frozenset[str]:
-            return taught.needed | Taught(self._demonstrations(ids).recorded).needed
-
-        check_object_names(present, self._object_names, self._kept.needed.get_or_make((self._state, ids), needed))
-        return taught.of_objects(present)
-
-    @property
-    def _object_names(self) -> Ids:
-        return self.record.object_names or ()
-
-    def _demonstrations(self, ids: Ids) -> Demonstrations:
-        """Of those ids; a prompt and what its answer is held against are often made of the same."""
-        return self._kept.demonstrations.get_or_make((self._state, ids), lambda: self._of(self._recordings(ids)))
-
-    def _recordings(self, ids: Ids) -> list[Recording]:
-        return read_recordings(self._connection, self.record.name, ids, self.settings)
-
-    def _of(self, recordings: Sequence[Recording]) -> Demonstrations:
-        return Demonstrations.of(recordings).only(self._object_names)
-
-    def _chosen(self, selection: Selection, number: int, seed: int) -> Ids:
-        name = self.record.name
-        if selection == "random":
-            ids = episodes.list_ids(self._connection, name)
-            return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
-        if selection == "diverse":
-            return self._scenes.ids_at(most_diverse(self._scenes.positions_m, number))
-        order: Literal["first", "recent"] = "recent" if selection == "recent" else "first"
-        return tuple(record.id for record in episodes.demonstrations(self._connection, name, number, order))
-
-    @property
-    def _scenes(self) -> Scenes:
-        return self._kept.scenes.get_or_make(self._state, lambda: read_scenes(self._connection, self.record.name))
+        if not (ids := self._held_against):
+            raise NoDemonstrationsError(self.record.name)
+        known, settings = self.demonstrations(ids), self.settings
+        recorded = known.recorded if from_start else tuple(replace(item, start=None) for item in known.recorded)
+        return Taught(
+            recorded,
+            several_ways=settings.ways == "several",
+            hands=known.hands,
+            round_objects=frozenset(settings.yaw_symmetry_deg),
+            moves=closed_loop,
+            compared=read_compared(self._connection, self.record.name, ids, settings),
+        )

@@ -10,8 +10,7 @@ import anyio.to_thread
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.check import check_demonstrations
-from app.pipeline.check.left_out import ReplyCheck, check_reply, reply_findings
-from app.pipeline.check.report import EpisodeCheck, TaskCheck
+from app.pipeline.check.report import EpisodeCheck, ReplyCheck, TaskCheck, check_reply, reply_findings
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans import Recording
@@ -22,7 +21,7 @@ from app.services.predict.record import Prediction
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.records import TaskRecord
+from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import Pose
@@ -80,7 +79,7 @@ class CheckTask:
         self._predict = predict
         self._threads = anyio.CapacityLimiter(1)  # what waits for its turn takes no thread from others
         self._one_at_a_time = threading.Lock()  # a page that is reloaded must not work the same out twice
-        self._kept: Cache[tuple[str, int], _Read] = Cache(KEPT)
+        self._kept: Cache[TaskState, _Read] = Cache(KEPT)
 
     def without_model(self, task: str) -> CheckedTask:
         """Predict each demonstration as the centre of the others. Synchronous: call it in a thread.
@@ -111,7 +110,7 @@ class CheckTask:
         with self._store.read() as connection:
             task = tasks.get(connection, name)
         with self._one_at_a_time:
-            return self._kept.get_or_make((name, task.version), lambda: self._made(task))
+            return self._kept.get_or_make(task.state, lambda: self._made(task))
 
     def _made(self, task: TaskRecord) -> _Read:
         settings = TaskSettings.model_validate(task.settings)

@@ -33,14 +33,24 @@ class ConfigureTask:
         self._pose_servers = pose_servers
         self._max_at_once = max_at_once
 
-    def __call__(self, name: str, changes: Mapping[str, Any]) -> TaskRecord:
+    def __call__(
+        self,
+        name: str,
+        changes: Mapping[str, Any],
+        learned: Mapping[str, Mapping[str, Any]] | None = None,
+        version: int | None = None,
+    ) -> TaskRecord:
         """Set the named settings and keep the others; a new task has the defaults.
+
+        Args:
+            learned: object models that the task is given beside those that it has by now.
+            version: of the task that the changes were made from; None: whichever there is.
 
         Raises:
             InvalidInputError: if a stored episode cannot be extracted with the new settings; nothing is changed.
             ConflictError: if the task changed meanwhile.
         """
-        before, old, new = self._planned(name, changes)
+        before, old, new = self._planned(name, changes, learned, version)
         if before is None:
             return self._create(name, new.model_dump(mode="json"))
         with self._store.read() as connection:
@@ -59,13 +69,15 @@ class ConfigureTask:
             record_limits(connection, name, old.model_dump(mode="json"), settings)
             return task
 
-    def at_once_or_as_job(self, name: str, changes: Mapping[str, Any]) -> TaskRecord | JobRecord:
+    def at_once_or_as_job(
+        self, name: str, changes: Mapping[str, Any], version: int | None = None
+    ) -> TaskRecord | JobRecord:
         """As the call; but if more than `max_at_once` episodes must be extracted again, a job that does it.
 
         Raises:
             as the call; also ConflictError: if the task has such a job already.
         """
-        before, old, new = self._planned(name, changes)
+        before, old, new = self._planned(name, changes, version=version)
         if before is not None and new.reads_unlike(old):
             with self._store.read() as connection:
                 number = episodes.number_of(connection, name)
@@ -77,17 +89,26 @@ class ConfigureTask:
                     job = jobs.add(connection, name, kept)
                     record_limits(connection, name, old.model_dump(mode="json"), wanted, action="limits.requested")
                     return job
-        return self(name, changes)
+        return self(name, changes, version=version)
 
-    def _planned(self, name: str, changes: Mapping[str, Any]) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
+    def _planned(
+        self,
+        name: str,
+        changes: Mapping[str, Any],
+        learned: Mapping[str, Mapping[str, Any]] | None = None,
+        version: int | None = None,
+    ) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
         """The task as it is, and its settings as they are and as they will be."""
         checked_name("task", name)
         with self._store.read() as connection:
             before = None
             with suppress(NotFoundError):
                 before = tasks.get(connection, name)
+        if version is not None and (before is None or before.version != version):
+            now = "is gone" if before is None else f"is at version {before.version}"
+            raise ConflictError(f"task {name!r} {now}, no longer at {version}: read it again and repeat")
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
-        new = old.changed(changes)
+        new = old.changed({**changes, "object_models": {**old.object_models, **learned}} if learned else changes)
         new.workspace.workspace()
         self._pose_servers.check(new.object_models)
         if before is not None and before.object_names is not None:

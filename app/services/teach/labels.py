@@ -98,7 +98,7 @@ class LearnFromLabels:
         """
         symmetry_deg = yaw_symmetry_deg(symmetric)
         with self.store.read() as connection:
-            settings = tasks.get(connection, task).settings
+            tasks.get(connection, task)
             records = labels.all_of(connection, task, name)[-MAX_VIEWS:]
         if not records:
             raise ObjectModelError(
@@ -108,7 +108,7 @@ class LearnFromLabels:
         learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
         model = self._model(records, learned, symmetric, yaw_may_be_unknown=yaw_may_be_unknown).as_json()
         if not dry_run:
-            self.configure_task(task, {"object_models": {**settings.get("object_models", {}), name: model}})
+            self.configure_task(task, {}, learned={name: model})
         return model
 
     def _view(self, record: LabelRecord) -> LabelledView:

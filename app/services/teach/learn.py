@@ -65,8 +65,7 @@ class LearnObjectModels:
         symmetries = task.settings.get("yaw_symmetry_deg", {})
         learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted, symmetries)
         if learned:
-            kept = task.settings.get("object_models", {})
-            self._configure_task(name, {"object_models": {**kept, **learned}})
+            self._configure_task(name, {}, learned)
         return LearnedModels(learned, refused, tuple(record.id for record in chosen))
 
     def _scene(self, record: EpisodeRecord, wanted: Sequence[str]) -> LabelledScene:

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from app.pipeline.alike import Alike
-from app.pipeline.episode import Episode
+from app.pipeline.alike import Alike, with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST
@@ -15,7 +14,6 @@ from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
-from app.pipeline.order.which import with_numbers
 from app.pipeline.plans.alignment import GRASPED_M
 from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
@@ -61,18 +59,20 @@ def check_objects(
     return other_objects([name for name in names if name not in sent], [query.name for query in new])
 
 
-def saying_which(episode: Episode, poses: Sequence[ObjectPose], alike: Sequence[Alike], settings: TaskSettings) -> str:
+def saying_which(
+    instruction: str, motion: Motion, poses: Sequence[ObjectPose], alike: Sequence[Alike], base_m: Array
+) -> str:
     """The instruction, with the number of each of several objects of one name that it is about.
 
     Args:
         poses: of all objects, by their numbers.
+        base_m: (3,) where the robot stands.
 
     Raises:
         UngroundedInstructionError: if it is not clear which is meant, or the hand goes to another.
     """
-    acts_m = _acts_at_m(settings.motion_of(episode.trajectory, episode.control_frequency_hz))
-    layout = Layout({pose.name: pose.position_m for pose in poses}, np.array(settings.robot_base))
-    return with_numbers(episode.instruction, layout, acts_m, alike, is_english)
+    layout = Layout({pose.name: pose.position_m for pose in poses}, base_m)
+    return with_numbers(instruction, layout, _acts_at_m(motion), alike, is_english)
 
 
 def _is_acted_on(query: ObjectQuery, objects: Sequence[ObjectQuery], motion: Motion) -> bool:

@@ -14,10 +14,10 @@ from app.perception.images import ImageBytes
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
-from app.pipeline.findings.contact import contact_findings
-from app.pipeline.findings.recording import check_moves
+from app.pipeline.findings.elsewhere import unlike_findings
+from app.pipeline.findings.recording import check_moves, contact_findings
 from app.pipeline.findings.units import check_recording_units
-from app.pipeline.findings.unlike import unlike_findings
+from app.pipeline.keyframes import Motion
 from app.pipeline.prompt import check_object_names
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
@@ -141,8 +141,9 @@ class UploadEpisode:
                     seen = tasks.get(connection, upload.task)
                 first = () if seen is None else episodes.demonstrations(connection, upload.task, FIRST)
             settings = _settings_of(seen, upload.objects)
-            upload = _saying_which(upload, settings)
-            extracted = self._extract(upload, seen, settings)
+            motion = settings.motion_of(upload.episode.trajectory, upload.episode.control_frequency_hz)
+            upload = _saying_which(upload, motion, settings)
+            extracted = self._extract(upload, motion, seen, settings)
             calibrated = [frame.camera for frame in upload.episode.frames]
             cameras = put_images(self._store.blobs, calibrated, upload.images)
             read = settings.model_dump(mode="json") if seen is None else seen.settings
@@ -151,12 +152,10 @@ class UploadEpisode:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
-    def _extract(self, upload: Upload, task: TaskRecord | None, settings: TaskSettings) -> Extracted:
-        settings.with_joints_of(upload.episode.trajectory)
+    def _extract(self, upload: Upload, motion: Motion, task: TaskRecord | None, settings: TaskSettings) -> Extracted:
+        settings.with_joints_of(motion.trajectory)
         self._pose_servers.check(settings.object_models)
-        names, others = [query.name for query in upload.objects], tuple[Finding, ...]()
-        episode = upload.episode
-        motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
+        names, others, episode = [query.name for query in upload.objects], tuple[Finding, ...](), upload.episode
         if task is not None and task.object_names is not None:
             others = check_objects(self._store, task, settings, episode.instruction, upload.objects, motion)
             names = list(dict.fromkeys((*task.object_names, *names)))
@@ -201,12 +200,12 @@ class UploadEpisode:
         return answer
 
 
-def _saying_which(upload: Upload, settings: TaskSettings) -> Upload:
+def _saying_which(upload: Upload, motion: Motion, settings: TaskSettings) -> Upload:
     """The upload with an instruction that says by its number which of several objects of one name is meant."""
     if not upload.alike:
         return upload
     said = upload.episode.instruction
-    text = saying_which(upload.episode, _given(upload.objects), upload.alike, settings)
+    text = saying_which(said, motion, _given(upload.objects), upload.alike, np.array(settings.robot_base))
     first = upload.uploaded_instruction or (None if text == said else said)
     return replace(upload, episode=replace(upload.episode, instruction=text), uploaded_instruction=first)
 

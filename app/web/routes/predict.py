@@ -212,7 +212,7 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
 
 
 def _prompt_part(request: Request, services: Wired, question: Question) -> Response:
-    prompt, style = question.prompt, question.style
+    prompt, style = question.prompt, question.known.style
     with services.store.read() as connection:
         shown = episodes.by_ids(connection, question.request.task, question.prefix.demonstration_ids)
     html = render_part(
@@ -225,5 +225,5 @@ def _prompt_part(request: Request, services: Wired, question: Question) -> Respo
     )
     observed = [ObjectRecord.of(pose) for pose in question.seen.objects]
     demonstrated = [item for record in shown.values() for item in record.objects]
-    drawn = scene(question.settings.workspace, observed, (), shown=demonstrated)
+    drawn = scene(question.known.settings.workspace, observed, (), shown=demonstrated)
     return JSONResponse({"html": html, "scene": drawn}, headers=HEADERS)

@@ -68,7 +68,8 @@ function look() {
 async function put(json, said) {
   say(byId("state"), "busy", "Applying…");
   try {
-    const task = await call(`/tasks/${encodeURIComponent(form.dataset.task)}`, { method: "PUT", json });
+    const seen = byId("version").textContent; // another change since, e.g. of boxes, must not be overwritten unseen
+    const task = await call(`/tasks/${encodeURIComponent(form.dataset.task)}?version=${seen}`, { method: "PUT", json });
     stored = { ...stored, ...json };
     if (task.version) byId("version").textContent = task.version;
     look();

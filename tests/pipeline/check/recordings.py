@@ -4,20 +4,18 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.pipeline.plans import Recording
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.trajectory import ObjectPose
+
+from ..recordings import DOWN, arrival_s, flowing, resting
 
 HZ = 20.0
-STEP_M = 0.0125  # a quarter of a metre in a second
-REST = 6  # frames
-SMOOTH = 7  # frames over which a flowing hand rounds its corners
+SPEED_M_S = 0.25
 HOME_M = (0.4, 0.0, 0.5)
-DOWN = Rotation.from_rotvec([np.pi, 0, 0])
 INSTRUCTION = "put the cube on the plate"
 ABOVE_M = np.array([0.0, 0.0, 0.12])
 
@@ -44,7 +42,7 @@ def _recorded(number, rule, flows, noise_m, without, instruction, way_m, seed):
 
 def recording(id_, rng, rule, *, flows, way_m, noise_m, without, instruction):
     cube_m, plate_m = (rng.uniform([-0.2, low, 0.02], [0.2, low + 0.3, 0.02]) for low in (-0.35, 0.1))
-    trajectory = motion(steps(cube_m, plate_m, way_m), flows=flows)
+    trajectory = motion(cube_m, plate_m, way_m, flows=flows)
     objects = tuple(
         ObjectPose(name, place_m + rng.normal(0, noise_m, 3) if noise_m else place_m)
         for name, place_m in (("cube", cube_m), ("plate", plate_m), ("lamp", rng.uniform(-0.3, 0.3, 3)))
@@ -57,39 +55,12 @@ def recording(id_, rng, rule, *, flows, way_m, noise_m, without, instruction):
     return Recording(demonstration, recorded, rule)
 
 
-def steps(cube_m, plate_m, way_m):
-    """Where the hand goes, and what the gripper does there."""
-    over = [(cube_m + np.array(point_m), False) for point_m in way_m]
-    return [
-        (cube_m + ABOVE_M, True),
-        (cube_m, False),
-        (cube_m + ABOVE_M, False),
-        *over,
-        (plate_m + ABOVE_M, False),
-        (plate_m, True),
-        (plate_m + ABOVE_M, True),
-    ]
-
-
-def motion(poses, *, flows):
-    positions_m, is_open, rests = [np.array(HOME_M)], [True], [False]
-    for place_m, after in poses:
-        before_m, state = positions_m[-1], is_open[-1]
-        number = max(2, round(float(np.linalg.norm(place_m - before_m)) / STEP_M))
-        for k in range(1, number + 1):
-            positions_m.append(before_m + (place_m - before_m) * k / number)
-            is_open.append(after if flows and k == number else state)
-            rests.append(False)
-        if not flows:
-            positions_m += [place_m] * REST
-            is_open += [state] * (REST // 2) + [after] * (REST // 2)
-            rests += [True] * REST
-    path_m = np.array(positions_m)
-    if flows:
-        path_m = uniform_filter1d(path_m, SMOOTH, axis=0, mode="nearest")
-    speeds_rad_s = np.zeros((len(path_m), 7))
-    speeds_rad_s[:, 0] = np.where(rests, 0.0, 0.6)
-    return Trajectory(speeds_rad_s, path_m, np.tile(DOWN.as_quat(), (len(path_m), 1)), np.array(is_open, dtype=float))
+def motion(cube_m, plate_m, way_m, *, flows):
+    over = [cube_m + np.array(point_m) for point_m in way_m]
+    stops_m = [HOME_M, cube_m + ABOVE_M, cube_m, cube_m + ABOVE_M, *over, plate_m + ABOVE_M, plate_m, plate_m + ABOVE_M]
+    made = flowing(stops_m, SPEED_M_S) if flows else resting(stops_m, SPEED_M_S)
+    switches = tuple(arrival_s(made, at_m) + made.rest_s / 2 for at_m in (cube_m, plate_m))
+    return replace(made, switches=switches).at(HZ)
 
 
 def slipped(item):

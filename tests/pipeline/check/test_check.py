@@ -119,7 +119,7 @@ def test_a_tolerance_that_is_too_wide_leaves_the_path():
 
 
 def test_many_rows_are_said_to_be_many():
-    zigzag = [(0.1 * (k % 2), 0.02 * k, 0.12) for k in range(16)]
+    zigzag = [(0.1 * (k % 2), 0.02 * k, 0.12) for k in range(1, 17)]
     check = check_demonstrations(recorded(4, way_m=zigzag))
     assert codes(check) == ["many-rows"]
     assert check.findings[0].numbers["rows"] == 22

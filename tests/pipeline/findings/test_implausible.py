@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.missed import kept
+from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.plans import aligned_by_plan

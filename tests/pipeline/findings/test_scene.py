@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
-from app.pipeline.findings.scene import ShownPlaces, ShownScenes, estimated_error_m, scene_findings
+from app.pipeline.findings.scene import ShownPlaces, ShownScenes, estimated_error_m, scene_findings, start_findings
 from app.pipeline.noise import disturbed
 from roboprompt_client.trajectory import ObjectPose
-from tests.pipeline.scenes import demonstration, pose, rotated
+from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 STACK = "stack the red cube on the blue cube"
 REVERSE = "stack the blue cube on the red cube"
@@ -134,7 +134,7 @@ def test_noise_is_told_by_what_all_demonstrations_share(error_m, expected):
 
 
 def test_the_size_of_the_noise_is_estimated():
-    places = [ShownPlaces.of(item.name, SHOWN) for item in OBSERVED]
+    places = [ShownPlaces.of([shown.object(item.name) for shown in SHOWN]) for item in OBSERVED]
     estimates_m = [
         estimated_error_m(
             disturbed(OBSERVED, np.random.default_rng(k), mean_error_m=0.03, mean_error_rad=0.1437), places
@@ -147,7 +147,7 @@ def test_the_size_of_the_noise_is_estimated():
 def test_nothing_is_estimated_where_demonstrations_share_nothing():
     shown = [demonstration(STACK, (pose("red cube", (0, 0, 0.8 + 0.05 * k)),), []) for k in range(5)]
     observed = (ObjectPose("red cube", np.array([0.0, 0.0, 0.93])),)
-    assert estimated_error_m(observed, [ShownPlaces.of("red cube", shown)]) == 0
+    assert estimated_error_m(observed, [ShownPlaces.of([item.object("red cube") for item in shown])]) == 0
     assert found(observed, shown, "lift the red cube") == []
 
 
@@ -161,3 +161,12 @@ def test_an_object_at_any_angle_is_never_turned_too_far():
     shown = [demonstration(STACK, (pose("tap", (0.01 * k, 0, 0.8), 36 * k - 180),), []) for k in range(10)]
     for yaw_deg in range(-180, 180, 15):
         assert found((pose("tap", (0.05, 0, 0.8), yaw_deg),), shown, "turn the tap") == []
+
+
+@pytest.mark.parametrize(("off_m", "severity"), [(0.0, []), (0.07, []), (0.17, ["warning"]), (-0.4, ["danger"])])
+def test_a_hand_that_starts_elsewhere_than_demonstrations(off_m, severity):
+    shown = [replace(item, start=action((0.3, 0.02 * k, 1.1))) for k, item in enumerate(SHOWN)]
+    query = Query(STACK, OBSERVED, start=action((0.3, 0.09, 1.1 + off_m)))
+    findings = start_findings(query, ShownScenes(tuple(shown)))
+    assert [finding.severity for finding in findings] == severity
+    assert start_findings(query, ShownScenes(tuple(SHOWN))) == ()

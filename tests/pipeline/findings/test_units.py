@@ -1,6 +1,11 @@
-"""Recordings in other units, frames or conventions are refused or reported with the likely cause."""
+"""Recordings in other units, frames or conventions are refused or reported with the likely cause.
 
+Among them is every row of the table of conventions in docs/your-arm.md: what a library says, uploaded as it is.
+"""
+
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +16,7 @@ from app.pipeline.keyframes import Motion
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.trajectory_npz import trajectory_from_arrays
 
 FRAMES, RATE_HZ = 60, 20.0
 TIMES_S = np.arange(FRAMES) / RATE_HZ
@@ -45,11 +51,6 @@ def camera(away_m):
     return Camera("front", 500, 500, 320, 240, transform)
 
 
-def test_a_right_recording_passes():
-    checked(recording(), [camera(1.2)])
-    assert not list(unit_findings(recording(), [cube()]))
-
-
 @pytest.mark.parametrize("slow", [1.0, 0.2])
 @pytest.mark.parametrize("positions", [True, False])
 def test_joint_velocities_in_degrees_contradict_the_joints_or_the_hand(slow, positions):
@@ -64,42 +65,86 @@ def test_joint_velocities_in_degrees_contradict_the_joints_or_the_hand(slow, pos
     assert caught.value.field == "trajectory.joint_velocities"
 
 
-def test_a_hand_that_approaches_along_its_axis_only_if_w_came_first():
-    turned = Rotation.from_euler("z", 90, degrees=True) * Rotation.from_quat([1, 0, 0, 0])
-    right = recording(turn=turned)
-    checked(right)
-    wrong = replace(right, quaternions_xyzw=np.roll(right.quaternions_xyzw, 1, axis=1))
-    with pytest.raises(InvalidInputError, match="only if w comes first") as caught:
-        checked(wrong)
-    assert caught.value.field == "trajectory.end_effector_quaternions_xyzw"
-
-
-@pytest.mark.parametrize(
-    ("turn", "way_m"),
-    [([1.0, 0, 0, 0], [0, 0, 0.2]), ([0.7071068, 0.7071068, 0, 0], [0, -0.2, 0])],
-    ids=["up, before it closes", "across, to push"],
-)
-def test_a_hand_that_points_down_may_move_elsewhere_before_it_closes(turn, way_m):
-    """Meta-World's drawers are closed so."""
-    steps = np.linspace(0, 1, 40)[:, None]
-    positions_m = np.array([0.5, 0.1, 0.2]) + np.concatenate([steps * way_m, np.tile(way_m, (10, 1))])
-    closes = np.r_[np.ones(42), np.zeros(8)]
-    checked(Trajectory.from_poses(positions_m, np.tile(turn, (50, 1)), closes, np.arange(50) / 20))
-
-
-def test_an_object_that_the_hand_never_comes_near_is_in_another_frame():
-    (finding,) = unit_findings(recording(), [cube(-0.3)])
-    assert (finding.code, finding.severity, finding.where) == ("far-from-objects", "warning", "objects[cube].position")
-    assert finding.numbers["away_m"] == pytest.approx(0.8)
-    assert not list(unit_findings(recording(), [cube(-0.3), replace(cube(), name="bowl")]))
-
-
-def test_a_camera_placed_in_centimetres_is_refused():
-    with pytest.raises(InvalidInputError, match="likely centimetres") as caught:
-        checked(recording(), [camera(25.0)])
-    assert caught.value.field == "cameras[front].camera_to_world"
-
-
 def test_two_frames_are_few():
     two = Trajectory.from_poses([[0.5, 0.1, 0.4], [0.5, 0.1, 0.02]], [[1, 0, 0, 0]] * 2, [1, 0])
     assert [finding.code for finding in unit_findings(two, [cube()])] == ["few-frames"]
+
+
+PAGE = Path(__file__).parents[3] / "docs/your-arm.md"
+HAND, TURN, GRIPPER = "end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open"
+ANGLES, RATES, WIDTH, TIMES = "joint_positions", "joint_velocities", "gripper_width", "timestamps"
+BASE_M = np.array([-0.3, 0.0, 0.752])
+
+
+def right():
+    """The arrays of a right recording, each by its name."""
+    made = recording(turn=Rotation.from_euler("z", 90, degrees=True) * Rotation.from_quat([1, 0, 0, 0]))
+    arrays = {HAND: made.positions_m, TURN: made.quaternions_xyzw, GRIPPER: made.gripper_open.astype(float)}
+    widths_m = np.where(made.gripper_open, 0.08, 0.02)
+    joints = {ANGLES: made.joint_positions_rad, RATES: made.joint_velocities_rad_s}
+    return {**arrays, **joints, WIDTH: widths_m, TIMES: TIMES_S}
+
+
+def doubts(arrays, objects=None, cameras=()):
+    """The codes of what is found."""
+    objects = [cube()] if objects is None else objects
+    trajectory = trajectory_from_arrays(arrays)
+    check_recording_units(Motion.of(trajectory, RATE_HZ), objects, cameras)
+    return [finding.code for finding in unit_findings(trajectory, objects)]
+
+
+# By the table's rows: what is taken as that library has it -> the field that is refused
+REFUSED = {
+    "UR: a rotation vector": ({TURN: np.zeros((FRAMES, 3))}, TURN),
+    "UR: the output that closes": ({GRIPPER: 1 - right()[GRIPPER]}, GRIPPER),
+    "xArm: millimeters": ({HAND: 1000 * right()[HAND]}, HAND),
+    "xArm: roll pitch yaw": ({TURN: np.tile([180.0, 0.0, 0.0], (FRAMES, 1))}, TURN),
+    "xArm: pulses": ({WIDTH: 10_000 * right()[WIDTH]}, WIDTH),
+    "xArm: degrees": ({ANGLES: np.degrees(right()[ANGLES])}, ANGLES),
+    "xArm: degrees per second": ({RATES: np.degrees(right()[RATES])}, RATES),
+    "LeRobot: per cent": ({GRIPPER: 100 * right()[GRIPPER]}, GRIPPER),
+    "LeRobot: degrees": ({ANGLES: np.degrees(right()[ANGLES]), RATES: None}, ANGLES),
+    "ROS 2: stamps in nanoseconds": ({TIMES: 1.7e18 + 1e9 * TIMES_S}, TIMES),
+    "ROS 2: stamps in milliseconds": ({TIMES: 1000 * TIMES_S}, TIMES),
+    "openpi: 1 closed": ({GRIPPER: 1 - right()[GRIPPER]}, GRIPPER),
+    "openpi: Euler angles": ({TURN: np.zeros((FRAMES, 3))}, TURN),
+    "MuJoCo: w first": ({TURN: np.roll(right()[TURN], 1, axis=1)}, TURN),
+}
+
+
+def test_the_right_recording_has_no_doubts():
+    assert doubts(right(), cameras=[camera(1.2)]) == []
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_in_another_unit_or_order_is_refused(case):
+    changes, field = REFUSED[case]
+    arrays = {name: array for name, array in {**right(), **changes}.items() if array is not None}
+    with pytest.raises(InvalidInputError) as caught:
+        doubts(arrays)
+    assert caught.value.field == f"trajectory.{field}"
+
+
+@pytest.mark.parametrize("row", ["Franka", "UR", "xArm", "LeRobot", "ROS 2", "openpi"])
+def test_a_hand_in_the_base_s_frame_is_found(row):
+    assert row in _rows()
+    assert doubts({**right(), HAND: right()[HAND] - BASE_M}) == ["far-from-objects"]
+
+
+def test_objects_and_cameras_in_millimeters_are_refused():
+    with pytest.raises(InvalidInputError, match=r"objects\[cube\]\.position.*likely millimetres"):
+        doubts(right(), [ObjectPose("cube", 1000 * cube().position_m)])
+    for away, unit in ((1200.0, "probably millimeters"), (25.0, "likely centimetres")):
+        with pytest.raises(InvalidInputError, match=rf"cameras\[front\]\.camera_to_world.*{unit}"):
+            doubts(right(), cameras=[camera(away)])
+
+
+def test_every_row_that_differs_from_ours_has_a_case():
+    """RLBench has our conventions."""
+    assert {case.partition(":")[0] for case in REFUSED} - {"MuJoCo"} == _rows() - {"RoboPrompt", "RLBench", "Franka"}
+
+
+def _rows():
+    table = PAGE.read_text().partition("\n## Conventions\n")[2].partition("\n\nCameras:")[0]
+    names = re.findall(r"^\| \**([\w ]+?)\**(?: \(.*?\)| SDK)? \|", table, re.MULTILINE)
+    return set(names)

@@ -1,6 +1,6 @@
 import pytest
 
-from app.pipeline.findings.unlike import unlike_findings
+from app.pipeline.findings.elsewhere import unlike_findings
 
 from ..scenes import action, demonstration, pose
 

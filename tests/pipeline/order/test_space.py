@@ -21,10 +21,10 @@ def layout(**moved):
         (space.extreme("left", 5), ALL, ()),
         (space.extreme("far"), ALL, ("d",)),
         (space.extreme("near"), ALL, ("a", "b", "c")),  # equally near: not decided
-        (space.nearest_to(None), ("a", "d"), ("a",)),
-        (space.farthest_from(None), ALL, ("d",)),
-        (space.nearest_to("a"), ALL, ("b",)),
-        (space.farthest_from("a", 2), ALL, ("c",)),
+        (space.by_distance(None), ("a", "d"), ("a",)),
+        (space.by_distance(None, farthest=True), ALL, ("d",)),
+        (space.by_distance("a"), ALL, ("b",)),
+        (space.by_distance("a", 2, farthest=True), ALL, ("c",)),
         (space.next_to("a"), ALL, ("b",)),
         (space.next_to("b"), ALL, ("a", "c", "d")),  # one on either side
         (space.beyond("left", "c"), ALL, ("b",)),
@@ -49,4 +49,4 @@ def test_what_lies_closer_together_than_poses_are_certain_is_not_told_apart():
 
 def test_distances_are_measured_from_where_the_robot_stands():
     beside = Layout(layout().positions_m, np.array([0.5, -0.5, 0.0]))
-    assert space.nearest_to(None)(beside, ALL) == ("d",)
+    assert space.by_distance(None)(beside, ALL) == ("d",)

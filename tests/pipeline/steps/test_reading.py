@@ -8,8 +8,7 @@ from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
-from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Scene, Skill, Step
+from app.pipeline.steps.reading import Scene, Skill, Step, read_steps
 from app.services.predict.instruction import is_english
 
 TASKS = {
