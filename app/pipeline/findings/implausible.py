@@ -18,7 +18,8 @@ from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
-from app.pipeline.plans.support import Support, asked_anchor
+from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 

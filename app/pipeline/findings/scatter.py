@@ -20,8 +20,8 @@ from app.pipeline.findings.rules import (
 )
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
-from app.pipeline.plans.support import Support, asked_anchor
-from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor
+from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor, asked_anchor
 from app.pipeline.representation.turning import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
 
 SCATTER_M = 0.01  # what people and pose estimators do at their best

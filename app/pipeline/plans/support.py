@@ -9,7 +9,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, anchor_pose, tilted_objects
+from app.pipeline.representation.anchors import Anchor, anchor_pose, asked_anchor, tilted_objects
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
@@ -138,15 +138,6 @@ def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, ti
         PlacedRow(*frame, action, *row.tolerance, *row.reach, row.grippers)
         for row, frame, action in zip(rows, frames, actions, strict=True)
     )
-
-
-def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
-    """The anchor of a demonstration in a scene with another order: the object mentioned in the same place."""
-    if anchor.object_name in shown.objects:
-        place = shown.objects.index(anchor.object_name)
-        if place < len(asked.objects):
-            return Anchor(asked.objects[place], anchor.frame)
-    return anchor
 
 
 class SupportGuard:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
+from app.pipeline.order.order import Order
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
@@ -113,6 +114,15 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     own = object_rotation(pose, anchor.frame, tilted)
     place_axes, hand_axes = (own if turns else NOT_TURNED for turns in (anchor.place_turns, anchor.hand_turns))
     return AnchorPose(pose.position_m, place_axes, hand_axes)
+
+
+def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
+    """The anchor of a demonstration in a scene with another order: the object mentioned in the same place."""
+    if anchor.object_name in shown.objects:
+        place = shown.objects.index(anchor.object_name)
+        if place < len(asked.objects):
+            return Anchor(asked.objects[place], anchor.frame)
+    return anchor
 
 
 def relative_action(

@@ -11,9 +11,9 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Frame
+from app.pipeline.representation.anchors import Frame, asked_anchor
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.object_rows import Row, asked_anchor, groups_of, letter
+from app.pipeline.representation.object_rows import Row, anchor_text, groups_of, letter
 from app.pipeline.workspace import ROTATION_BINS
 
 MARGIN_UNITS = 2  # 1 cm
@@ -89,7 +89,10 @@ def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> lis
     patterns = []
     for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):
         numbers = np.array([row.numbers for row in rows])
-        anchors = {asked_anchor(row.anchor, shown_, asked) for row, shown_ in zip(rows, shown, strict=True)}
+        anchors = {
+            anchor_text(asked_anchor(row.anchor, item.order, asked), item.objects, asked)
+            for row, item in zip(rows, shown, strict=True)
+        }
         columns = [frozenset(column.tolist()) for column in numbers.T]
         patterns.append(
             RowPattern(

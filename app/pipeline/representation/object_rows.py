@@ -125,13 +125,6 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
     return f"{letter(names.index(anchor.object_name))} {anchor.frame}"
 
 
-def asked_anchor(anchor: Anchor, demonstration: Demonstration, asked: Order) -> str:
-    """An anchor of a demonstration as an answer to an order writes it: the object mentioned in the same place."""
-    if anchor.object_name in demonstration.order.objects:
-        return f"{letter(demonstration.order.objects.index(anchor.object_name))} {anchor.frame}"
-    return anchor_text(anchor, demonstration.objects, asked)
-
-
 def letter(place: int) -> str:
     """A to Z, then AA, AB, ..."""
     first, last = divmod(place, len(LETTERS))
