@@ -25,6 +25,7 @@ from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor,
 from app.pipeline.representation.turning import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
 
 SCATTER_M = 0.01  # what people and pose estimators do at their best
+APART_SHARES = np.array([TURNED_SHARE, 0.4])  # of their scatter, that places and rotations have along other axes
 CIRCLE_SHARE = 0.25  # of their scatter, within which half of the demonstrations have one distance from the axis
 
 
@@ -179,7 +180,7 @@ def _apart(
     world_m, own_m = (scatter_m[:, k] for scatter_m in scatters_m(shown, row.anchors, tilted))
     turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
     off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
-    place_m, hand_m = np.where(much_less(other_m, off_m, TURNED_SHARE), off_m, 0.0).tolist()
+    place_m, hand_m = np.where(much_less(other_m, off_m, APART_SHARES), off_m, 0.0).tolist()
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 

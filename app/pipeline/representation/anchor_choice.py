@@ -17,13 +17,15 @@ from app.pipeline.representation.anchors import (
     in_frame,
     relative_poses,
 )
-from app.pipeline.representation.turning import DECIDING_SHARE, MANY_DEMONSTRATIONS, mixed_frames
+from app.pipeline.representation.turning import mixed_frames
 from roboprompt_client.arrays import Array
 
 APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
 CONTRADICTED_M = 0.03  # a frame in which a row spreads by this much more than in the other is not that of the row
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
 CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
+MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
+DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
 WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
 # Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes

@@ -17,12 +17,13 @@ from app.pipeline.representation.anchors import (
 )
 from roboprompt_client.arrays import Array
 
-MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
-DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
+MANY_TURNED = 8  # demonstrations, from which on those that are farthest off do not decide, but
+DECIDING_SHARE = 0.8  # this share of them: of fewer one that is turned as no other may say most
 MIN_TURNED = 3  # demonstrations that show what turns with an object
 TURNED_M = 0.006  # scatter (rms) along the wrong axes that matters; of rotations 6 degrees
-TURNED_SHARE = 0.4  # of it, at most, is left along the right axes, as well-recorded rows on the way have 0.5 by chance,
-CHANCE = 0.01  # and of few demonstrations as little as noise leaves so rarely
+TURNED_SHARE = 0.6  # of it, at most, is left along the right axes, and of few as little as noise leaves by `CHANCE`;
+SERVES_M = 0.02  # and no more than this: rows on the way that scatter about everything have no axes
+CHANCE = 0.01
 
 
 def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> dict[Anchors, list[int]]:
@@ -31,16 +32,15 @@ def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset
     Three demonstrations or more must contradict both frames of the object, one by the place and the other by the hand's
     rotation: either scatters by `TURNED_M` along the wrong axes, and along the right ones by so small a share of it
     that of independent scatters one would be as small once in a hundred times (an F test of the variances of offsets in
-    a plane: 0.25 of three demonstrations, 0.34 of four and five, `TURNED_SHARE` of more). Noise is the same along both
-    axes, so that it passes less often: 3 in 1000 rows of three demonstrations at the worst, and none of 22 tasks with
-    the paper's noise on their poses.
+    a plane from a demonstration among them: 0.1 of three demonstrations, 0.34 of five, 0.49 of ten). Noise is the same
+    along both axes, so that it passes far less often.
 
     Args:
         own: the objects' own frames.
     """
     if len(group) < MIN_TURNED or not group[0].actions:
         return {}
-    freedom = _deciding(len(group)) - 1  # half of that of offsets in a plane
+    freedom = _deciding(len(group)) - 2  # half of that of offsets in a plane
     quantile = float(betaincinv(freedom, freedom, CHANCE))
     certain = min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
     world_m, own_m = scatters_m(group, own, tilted)
@@ -60,9 +60,9 @@ def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     return world_m, own_m
 
 
-def much_less(off_m: Array, than_m: Array, share: float) -> np.ndarray:
+def much_less(off_m: Array, than_m: Array, share: float | Array) -> np.ndarray:
     """(...) bool: whether a scatter is so small a share of one that matters."""
-    return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m))
+    return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m) & (off_m < SERVES_M))
 
 
 def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
@@ -85,4 +85,4 @@ def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
 
 def _deciding(number: int) -> int:
     """Of so many demonstrations those that decide."""
-    return math.ceil(DECIDING_SHARE * number) if number >= MANY_DEMONSTRATIONS else number
+    return math.ceil(DECIDING_SHARE * number) if number >= MANY_TURNED else number
