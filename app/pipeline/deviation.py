@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action, tilted_objects
-from roboprompt_client.arrays import Array
+from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.representation.anchors import Anchor, relative_action, tilted_objects
 from roboprompt_client.trajectory import ObjectPose
 
 
@@ -67,27 +67,23 @@ def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonst
     group = [shown for shown in demonstrations if (shown.order.form, len(shown.actions)) == asked]
     if not group or not predicted.actions:
         return ()
-    tilted = tilted_objects([*group, predicted])
-    chosen = choose_anchors(group, tilted)
-    return tuple(_deviation(predicted, group, k, anchors, tilted) for k, anchors in enumerate(chosen))
+    tilted, rows = tilted_objects(group), plan_rows(group, beyond_objects=False)
+    return tuple(_deviation(predicted, group[0], k, row, tilted) for k, row in enumerate(rows))
 
 
 def _deviation(
-    predicted: Demonstration, group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]
+    predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]
 ) -> ActionDeviation:
-    own = _own_anchor(predicted, group[0], anchors[0])
+    own = _own_anchor(predicted, shown, row.anchors[0])
     offset_m, rotation = relative_action(predicted, k, own, tilted)
-    shown = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
-    offsets_m: Array = np.array([offset for offset, _ in shown])
-    rotations = Rotation.concatenate([turned for _, turned in shown])
-    centre_m, mean = np.median(offsets_m, axis=0), rotations.mean()
+    centre_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
         own.object_name,
         float(np.linalg.norm(offset_m - centre_m)),
-        float(np.linalg.norm(offsets_m - centre_m, axis=1).max()),
+        float(np.linalg.norm(row.offsets_m - centre_m, axis=1).max()),
         float(np.degrees((mean.inv() * rotation).magnitude())),
-        float(np.degrees((mean.inv() * rotations).magnitude().max())),
-        predicted.actions[k].gripper_open in [d.actions[k].gripper_open for d in group],
+        float(np.degrees((mean.inv() * row.rotations).magnitude().max())),
+        predicted.actions[k].gripper_open in row.grippers,
     )
 
 

@@ -129,17 +129,6 @@ def system_prompt_text(choice: str) -> str:
     return SYSTEM_PROMPTS.get(choice, choice)
 
 
-def objects_of_task(objects: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
-    """The observed objects in the task's order.
-
-    Raises:
-        ObjectSetError: if the names differ from the task's, or one appears twice; names the difference.
-    """
-    check_object_names([pose.name for pose in objects], names)
-    by_name = {pose.name: pose for pose in objects}
-    return tuple(by_name[name] for name in names)
-
-
 def check_object_names(given: Sequence[str], names: Sequence[str], needed: Collection[str] | None = None) -> None:
     """Refuse object names that are not those of the task.
 

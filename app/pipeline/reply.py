@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
@@ -150,12 +151,5 @@ def _apart_m(replies: Sequence[Sequence[EndEffectorAction]]) -> Array:
 
 def _clusters(near: np.ndarray) -> list[list[int]]:
     """The indices that are linked to each other by steps between near ones."""
-    left, clusters = set(range(len(near))), []
-    while left:
-        cluster, frontier = set(), {min(left)}
-        while frontier:
-            cluster |= frontier
-            frontier = set(np.flatnonzero(near[sorted(frontier)].any(axis=0)).tolist()) - cluster
-        left -= cluster
-        clusters.append(sorted(cluster))
-    return clusters
+    number, labels = connected_components(near, directed=False)
+    return [np.flatnonzero(labels == label).tolist() for label in range(number)]

@@ -12,7 +12,8 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
-FRAMES = ("w", "o", "world", "start")
+OBJECT_FRAMES = ("w", "o", "ow", "wo")
+FRAMES = (*OBJECT_FRAMES, "world", "start")
 UPRIGHT_RAD = math.radians(0.5)  # a frame that leans less is turned about the vertical alone
 
 
@@ -32,7 +33,8 @@ class ActionAnchor:
 
     Attributes:
         object_name: None for the frames `world` and `start`, which do not move.
-        frame: `w` at the object's position, world axes; `o`: axes that turn with the object.
+        frame: `w` at the object's position, world axes; `o`: axes that turn with the object; `ow`: these for the offset
+            and the world's for the rotation; `wo`: the reverse.
         offset_m, rotation_xyzw: the action's pose (3,), (4,) in that frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
     """
@@ -57,7 +59,7 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
         name, frame = item["object"], item["frame"]
         offset_m, rotation_xyzw = np.array(item["offset_m"], float), np.array(item["rotation_xyzw"], float)
         tolerance_m, tolerance_deg = float(item["tolerance_m"]), float(item["tolerance_deg"])
-        valid = frame in FRAMES and (isinstance(name, str) if frame in ("w", "o") else name is None)
+        valid = frame in FRAMES and (isinstance(name, str) if frame in OBJECT_FRAMES else name is None)
         valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all())
         valid = valid and rotation_xyzw.shape == (4,) and abs(float(np.linalg.norm(rotation_xyzw)) - 1) < 1e-2
     except (KeyError, TypeError, ValueError):
@@ -112,18 +114,26 @@ def _moved_along(
     new: ObjectPose,
     symmetry_deg: float | None,
 ) -> EndEffectorAction:
-    rotation = action.quaternion_xyzw
     was, is_ = _axes(old, new, symmetry_deg)
-    frame = rotations.product(rotation, rotations.inverse(_unit(anchor.rotation_xyzw)))
-    if anchor.frame == "w":
-        turn = rotations.IDENTITY
-    elif rotations.tilt_rad(frame) < UPRIGHT_RAD:
+    offset_m = action.position_m - old.position_m
+    if _is_upright(action, anchor, offset_m):
         turn = rotations.about_z(rotations.yaw_rad(is_) - rotations.yaw_rad(was))
     else:
         turn = rotations.product(is_, rotations.inverse(was))
-    position_m = new.position_m + rotations.rotated(turn, action.position_m - old.position_m)
-    turned = rotations.canonical(_unit(rotations.product(turn, rotation)))
-    return EndEffectorAction(position_m, turned, action.gripper_open)
+    if anchor.frame in ("o", "ow"):
+        offset_m = rotations.rotated(turn, offset_m)
+    hand_turn = turn if anchor.frame in ("o", "wo") else rotations.IDENTITY
+    turned = rotations.canonical(_unit(rotations.product(hand_turn, action.quaternion_xyzw)))
+    return EndEffectorAction(new.position_m + offset_m, turned, action.gripper_open)
+
+
+def _is_upright(action: EndEffectorAction, anchor: ActionAnchor, offset_m: Array) -> bool:
+    """Whether the axes of a frame that turns with its object turn about the vertical alone: then heights stay."""
+    if anchor.frame == "ow":
+        leans_m = abs(float(offset_m[2] - anchor.offset_m[2]))
+        return leans_m <= UPRIGHT_RAD * float(np.linalg.norm(offset_m))
+    axes = rotations.product(action.quaternion_xyzw, rotations.inverse(_unit(anchor.rotation_xyzw)))
+    return rotations.tilt_rad(axes) < UPRIGHT_RAD
 
 
 def _axes(old: ObjectPose, new: ObjectPose, symmetry_deg: float | None) -> tuple[Array, Array]:

@@ -51,6 +51,25 @@ def test_in_world_axes_only_the_place_follows():
     np.testing.assert_allclose(moved.quaternion_xyzw, action.quaternion_xyzw, atol=1e-12)
 
 
+@pytest.mark.parametrize("tilt_deg", [0, 3, 40])
+@pytest.mark.parametrize(("frame", "place_turns", "hand_turns"), [("ow", True, False), ("wo", False, True)])
+def test_place_and_rotation_may_turn_apart(frame, place_turns, hand_turns, tilt_deg):
+    """Of an object that leans by little, as of an upright one, only the yaw counts."""
+    before, now = seen("mug", 0, 20, tilt_deg), seen("mug", 0.03, 80, tilt_deg)
+    own = [turned(yaw_deg, tilt_deg if tilt_deg > 5 else 0) for yaw_deg in (20, 80)]
+    poses, offset_m = (before["mug"], now["mug"]), np.array([0.04, 0.0, 0.05])
+    was, is_ = (
+        EndEffectorAction(
+            pose.position_m + (axes.apply(offset_m) if place_turns else offset_m),
+            ((axes if hand_turns else Rotation.identity()) * DOWN).as_quat(),
+            True,
+        )
+        for pose, axes in zip(poses, own, strict=True)
+    )
+    (moved,) = reanchored([was], [ActionAnchor("mug", frame, offset_m, DOWN.as_quat())], before, now, {})
+    assert_same_pose(moved, is_)
+
+
 def test_below_the_threshold_nothing_changes():
     before, now = seen("cube", 0, 0), seen("cube", 0.004, 2)
     action, moved = follow(before, now, "o")

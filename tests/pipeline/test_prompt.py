@@ -1,10 +1,8 @@
-import re
-
 import pytest
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.prompt import PromptTemplate, check_object_names, objects_of_task, system_prompt_text
+from app.pipeline.prompt import PromptTemplate, check_object_names, system_prompt_text
 from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
 
@@ -101,11 +99,6 @@ def test_a_long_system_prompt_is_refused():
     assert caught.value.field == "system_prompt"
 
 
-def test_the_objects_come_in_the_tasks_order():
-    lid, jar = pose("lid", (0, 0, 1)), pose("jar", (0.1, 0, 1))
-    assert objects_of_task([jar, lid], ["lid", "jar"]) == (lid, jar)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -121,5 +114,3 @@ def test_another_set_of_objects_is_refused_by_its_differences(given, message):
     with pytest.raises(ObjectSetError) as caught:
         check_object_names(given, ["lid", "jar"])
     assert (caught.value.field, caught.value.message, caught.value.valid) == ("objects", message, "lid, jar")
-    with pytest.raises(ObjectSetError, match=re.escape(message)):
-        objects_of_task([pose(name, (0, 0, 1)) for name in given], ["lid", "jar"])

@@ -15,7 +15,7 @@ class RowCheckOut(BaseModel):
     """A row of a plan: each demonstration's action held against where the others predict it."""
 
     objects: Annotated[list[str], Field(description="which the row follows; empty if it follows none")]
-    frame: Literal["w", "o", "world", "start"]
+    frame: Literal["w", "o", "ow", "wo", "world", "start"]
     gripper_open: bool
     switches: Annotated[bool, Field(description="whether the gripper opens or closes there")]
     error_cm: Annotated[float | None, Field(description="of the median demonstration; null without others")]
@@ -80,9 +80,10 @@ class AnchorOut(BaseModel):
 
     object: Annotated[str | None, Field(description="null for the frames world and start")]
     frame: Annotated[
-        Literal["w", "o", "world", "start"],
+        Literal["w", "o", "ow", "wo", "world", "start"],
         Field(
             description="w: world axes at the object; o: the object's axes (only its yaw where it stands upright); "
+            "ow: the object's axes for the offset, the world's for the rotation; wo: the reverse; "
             "world: the world frame; start: world axes where the end effector was at first"
         ),
     ]

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.keyframes.resting import LEFT_M, leave_path
 from app.pipeline.plans import Recording
-from app.pipeline.plans.path_left import LEFT_M, leave_path
 from app.pipeline.representation.anchors import object_rotation, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.motion_limits import MAX_ACTIONS

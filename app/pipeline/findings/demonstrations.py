@@ -21,8 +21,8 @@ from app.pipeline.plans import Group, by_plan, shown_together, usual_ways, words
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
-from app.pipeline.plans.support import Support, asked_anchor
-from app.pipeline.representation.anchors import START, Anchor
+from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from roboprompt_client.trajectory import EndEffectorAction
 
 

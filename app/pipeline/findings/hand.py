@@ -10,7 +10,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings.actions import distances_m
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import Switch
-from app.pipeline.plans.path_left import path_left_m
+from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.representation.anchors import M_PER_RAD
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array

@@ -18,7 +18,8 @@ from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
-from app.pipeline.plans.support import Support, asked_anchor
+from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 
@@ -187,7 +188,7 @@ class Turning(NamedTuple):
         """How far beside the object the hand acts, where it turns with the object and its place does not; else 0."""
         with_object_deg, with_world_deg = self._scatters_deg(self.hands_xyzw)
         turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
-        is_beside = turns_with_it and self.row.anchors[0].frame == "w"
+        is_beside = turns_with_it and not self.row.anchors[0].place_turns
         return float(np.linalg.norm(self.row.centre_m[:2])) if is_beside else 0.0
 
     def astray_deg(self) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from app.pipeline.findings import SEVERITIES, Finding, Severity
 from app.pipeline.plans.rows import BEYOND_NOISE_M
+from app.pipeline.representation.turning import TURNED_M
 
 ALWAYS = 0.0
 MEASURED = "thresholds: docs/results/findings.md; no danger in 1056 right scenes of 22 tasks"
@@ -122,10 +123,12 @@ MISSED = Rule(
 )
 APART = Rule(
     "scattered-demonstrations",
-    "rms of places where only the hand, or only the place, turns with an object",
+    "rms of places along the row's axes that are alike along the object's others",
     "m",
-    danger=0.006,
+    danger=TURNED_M,
 )
+HAND_APART = Rule("scattered-demonstrations", "the same of the hand's rotations", "degrees", danger=10.0)
+NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the prompt's demonstrations are too few")
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
 )

@@ -1,23 +1,31 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows what is not known."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import APART, CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED, Rule
-from app.pipeline.geometry import yaw_rad
+from app.pipeline.findings.rules import (
+    APART,
+    CONTRADICTING,
+    HAND_APART,
+    MISSED,
+    NOT_SHOWN_APART,
+    ON_A_CIRCLE,
+    SCATTERED,
+    Rule,
+)
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
-from app.pipeline.plans.support import Support, asked_anchor
-from roboprompt_client.arrays import Array
+from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor, asked_anchor
+from app.pipeline.representation.turning import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
 
 SCATTER_M = 0.01  # what people and pose estimators do at their best
-OTHER_SHARE = 0.4  # of their spread, that offsets have along the other axes, the object's or the world's, if these hold
-MIN_TURNED = 3  # demonstrations that show whether offsets turn with an object
+APART_SHARES = np.array([TURNED_SHARE, 0.4])  # of their scatter, that places and rotations have along other axes
 CIRCLE_SHARE = 0.25  # of their scatter, within which half of the demonstrations have one distance from the axis
 
 
@@ -27,7 +35,7 @@ class _Acting:
 
     Attributes:
         seen_from: what the row is relative to, as it is called in the scene that is asked about.
-        apart_m: see `_apart_m`.
+        apart_m, hand_apart_deg: see `_apart`.
         releases: whether the hand lets something go: that may have no one place, as in a bin.
     """
 
@@ -35,6 +43,7 @@ class _Acting:
     row: PlanRow
     seen_from: str
     apart_m: float
+    hand_apart_deg: float
     releases: bool
 
     def finding(self, rule: Rule, message: str, value: float) -> Finding:
@@ -58,18 +67,21 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             k,
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
-            _apart_m(shown, rows[k], round_objects),
+            *_apart(shown, rows[k], k, support.tilted, round_objects),
             releases=k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open,
         )
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
-    apart = [item for item in acting if item.apart_m > 0]
+    apart = [item for item in acting if APART.severity(item.apart_m) is not None]
+    hand_apart = [item for item in acting if HAND_APART.severity(item.hand_apart_deg) is not None]
     contradicting = [item for item in acting if CONTRADICTING.severity(item.row.way_off_m) is not None]
     on_a_circle = [item for item in acting if _on_a_circle(item.row, round_objects)]
     scattered = [item for item in acting if item.row.scatter_m > SCATTER_M]
     if apart:
         yield _apart_finding(max(apart, key=lambda item: item.apart_m))
+    elif hand_apart:
+        yield _hand_apart_finding(max(hand_apart, key=lambda item: item.hand_apart_deg))
     elif contradicting:
         yield _contradicting_finding(max(contradicting, key=lambda item: item.row.way_off_m))
     elif on_a_circle:
@@ -79,15 +91,49 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
 
 
 def _apart_finding(item: _Acting) -> Finding:
-    place, hand = "turns with", "does not turn"
-    if item.row.anchors[0].frame == "o":
-        place, hand = "does not turn with", "turns"
+    turns = "does not turn" if item.row.anchors[0].place_turns else "turns"
     message = (
-        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) {place} {item.seen_from}, and the"
-        f" hand {hand}: no row says both, and the place may be {200 * item.apart_m:.1f} cm off. Turn the hand as the"
-        " place turns in demonstrations, or name the place as an object of its own."
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) {turns} with {item.seen_from}, it"
+        f" seems, and how the hand is turned says otherwise: the place may be {200 * item.apart_m:.1f} cm off. Record"
+        f" more demonstrations with {item.seen_from} turned otherwise, or name the place as an object of its own."
     )
     return item.finding(APART, message, item.apart_m)
+
+
+def _hand_apart_finding(item: _Acting) -> Finding:
+    turns = "does not turn" if item.row.anchors[0].hand_turns else "turns"
+    message = (
+        f"The hand of {len(item.row.off_m)} demonstrations {turns} with {item.seen_from}, it seems, where it acts"
+        f" (action {item.index + 1}), and the place says otherwise: the hand may be turned by"
+        f" {2 * item.hand_apart_deg:.0f} degrees. Record more demonstrations with {item.seen_from} turned otherwise."
+    )
+    return item.finding(HAND_APART, message, item.hand_apart_deg)
+
+
+def not_shown_findings(shown: Support | None, taught: Support, asked: Order) -> Iterator[Finding]:
+    """A frame in which only place or hand turns with an object, that the few demonstrations of a prompt do not show.
+
+    Args:
+        shown: by a prompt; None where its plans are not known.
+        taught: by all demonstrations of the task.
+    """
+    missing = _mixed(taught, asked) - (frozenset() if shown is None else _mixed(shown, asked))
+    for name in sorted({anchor.object_name for anchor in missing})[:1]:
+        message = (
+            f"Of what the hand does at {name} only its place, or only its rotation, turns with {name}; the prompt shows"
+            " too few demonstrations to say so. Ask with more of them (num_demonstrations)."
+        )
+        yield NOT_SHOWN_APART.finding(message, "demonstrations")
+
+
+def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
+    """The anchors with a mixed frame at which the hand acts, as they are called in a scene."""
+    return frozenset(
+        asked_anchor(rows[k].anchors[0], group[0].order, asked)
+        for group, rows in support.alike(asked)
+        for k in acting_rows(rows)
+        if rows[k].anchors[0].frame in MIXED_FRAMES
+    )
 
 
 def _contradicting_finding(item: _Acting) -> Finding:
@@ -119,26 +165,23 @@ def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
     return item.finding(MISSED if missed else SCATTERED, message, item.row.center_off_m)
 
 
-def _apart_m(shown: Sequence[Demonstration], row: PlanRow, round_objects: frozenset[str]) -> float:
-    """How far offsets spread (rms) along the row's axes that are alike along the object's others; 0 if they are not.
+def _apart(
+    shown: Sequence[Demonstration], row: PlanRow, k: int, tilted: frozenset[str], round_objects: frozenset[str]
+) -> tuple[float, float]:
+    """How far places (m) and rotations (degrees) scatter along row `k`'s axes that are alike along the object's others.
 
-    Rotations decide the frame of such a row: of its place it is the wrong one.
+    0 for what is not so. Otherwise the other of the two decided the frame, and there are too few demonstrations, or too
+    noisy ones, to choose one for each.
     """
-    name, frame = row.anchors[0]
-    if not name or len(shown) < MIN_TURNED or name in round_objects or {a.frame for a in row.anchors} != {frame}:
-        return 0.0
-    poses = [item.object(anchor.object_name) for item, anchor in zip(shown, row.anchors, strict=True)]
-    if any(pose.quaternion_xyzw is None for pose in poses):
-        return 0.0
-    yaws_rad = np.array([yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)) for pose in poses])
-    to_other = Rotation.from_euler("z", (yaws_rad if frame == "o" else -yaws_rad)[:, None])
-    spread_m = _spread_m(row.offsets_m)
-    apart = _spread_m(to_other.apply(row.offsets_m)) < OTHER_SHARE * spread_m
-    return spread_m if apart and APART.severity(spread_m) is not None else 0.0
-
-
-def _spread_m(offsets_m: Array) -> float:
-    return float(np.sqrt(((offsets_m - offsets_m.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    names = {anchor.object_name for anchor in row.anchors}
+    poses = [item.object(anchor.object_name) for item, anchor in zip(shown, row.anchors, strict=True) if all(names)]
+    if len(poses) < MIN_TURNED or names & round_objects or any(pose.quaternion_xyzw is None for pose in poses):
+        return 0.0, 0.0
+    world_m, own_m = (scatter_m[:, k] for scatter_m in scatters_m(shown, row.anchors, tilted))
+    turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
+    off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
+    place_m, hand_m = np.where(much_less(other_m, off_m, APART_SHARES), off_m, 0.0).tolist()
+    return place_m, math.degrees(hand_m / M_PER_RAD)
 
 
 def _on_a_circle(row: PlanRow, round_objects: frozenset[str]) -> bool:

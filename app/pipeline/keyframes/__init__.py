@@ -11,8 +11,8 @@ from app.pipeline.keyframes.rule import (
     authors,
     merged,
     uniform,
+    waypoints,
 )
-from app.pipeline.keyframes.waypoints import waypoints
 from roboprompt_client.errors import InvalidInputError
 
 __all__ = [

@@ -13,9 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans.agreement import agreed, two_ways
+from app.pipeline.plans.agreement import agreed, lone_way, two_ways
 from app.pipeline.plans.alignment import Recording, aligned
-from app.pipeline.plans.lone import lone_way
 from app.pipeline.plans.rows import PlanRow, plan_rows
 
 __all__ = [

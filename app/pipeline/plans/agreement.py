@@ -1,7 +1,8 @@
 """Demonstrations of one plan agree on a row where they scatter around one value: then all show its centre.
 
 A row that depends on something else in the scene, or that is done in several ways, stays as it was shown: two ways are
-never averaged.
+never averaged. One demonstration whose hand is turned otherwise where the gripper acts does not scatter either: it is a
+way of its own.
 """
 
 import math
@@ -9,10 +10,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import BEYOND_NOISE_M, PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, tilted_objects
+from app.pipeline.representation.anchors import (
+    M_PER_RAD,
+    NOT_TURNED,
+    Anchor,
+    anchor_pose,
+    relative_action,
+    tilted_objects,
+)
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -24,6 +33,9 @@ FEWEST_OF_A_WAY = 2
 SHARE_OF_A_WAY = 0.3
 EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
 NEGLIGIBLE_M = 0.02  # scatter within which it does not matter
+FEWEST_OF_A_LONE = 4  # demonstrations: two that agree against one may do so by chance
+LONE_DEG = 60.0  # from all others
+ALIKE_DEG = 20.0  # the others are turned alike
 FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
 
 
@@ -57,9 +69,7 @@ def _centred(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str
     """The centre of a row as each demonstration's scene has it."""
     actions = []
     for demonstration, anchor in zip(group, row.anchors, strict=True):
-        origin_m, axes = anchor_frame(anchor, demonstration, tilted)
-        rotation = axes * row.mean_rotation
-        position_m = origin_m + axes.apply(row.centre_m)
+        position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.centre_m, row.mean_rotation)
         actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
     return actions
 
@@ -116,8 +126,8 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
 
 def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
     """(3,) where an object (by its place in the order of mention) is, seen from an anchor."""
-    origin_m, axes = anchor_frame(anchor, demonstration, tilted_objects([demonstration]))
-    seen_m: Array = axes.inv().apply(demonstration.ordered_objects[place].position_m - origin_m)
+    origin = anchor_pose(anchor, demonstration, tilted_objects([demonstration]))
+    seen_m, _ = origin.seen(demonstration.ordered_objects[place].position_m, NOT_TURNED)
     return seen_m
 
 
@@ -128,3 +138,41 @@ def _left_out_m(inputs: Array, offsets_m: Array) -> float:
     hat = design @ np.linalg.pinv(design)
     errors_m = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
     return float(np.median(np.linalg.norm(errors_m, axis=1)))
+
+
+def lone_way(group: Sequence[Demonstration]) -> int | None:
+    """The place of a demonstration whose hand is turned otherwise than all others' where the gripper acts.
+
+    Args:
+        group: demonstrations of one plan, with equally many actions.
+    """
+    if len(group) < FEWEST_OF_A_LONE or not group[0].actions:
+        return None
+    states = [[action.gripper_open for action in demonstration.actions] for demonstration in group]
+    acting = [k for k in range(1, len(states[0])) if any(shown[k] != shown[k - 1] for shown in states)]
+    candidates = {place for k in acting if (place := _odd(group, k)) is not None}
+    return next((place for place in sorted(candidates) if _is_alone(group, place, acting)), None)
+
+
+def _odd(group: Sequence[Demonstration], k: int) -> int | None:
+    """Whose hand is turned farthest from the others' in the world, if it is so from each of them."""
+    hands = Rotation.from_quat([demonstration.actions[k].quaternion_xyzw for demonstration in group])
+    apart_deg = np.degrees([(hand.inv() * hands).magnitude() for hand in hands])
+    np.fill_diagonal(apart_deg, np.inf)
+    place = int(apart_deg.min(axis=1).argmax())
+    return place if apart_deg[place].min() > LONE_DEG else None
+
+
+def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int]) -> bool:
+    others = [demonstration for k, demonstration in enumerate(group) if k != place]
+    rows, tilted = plan_rows(others), tilted_objects(group)
+    return any(
+        float(rows[k].off_deg.max()) <= ALIKE_DEG and _turned_deg(group[place], k, rows[k], tilted) > LONE_DEG
+        for k in acting
+    )
+
+
+def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]) -> float:
+    """How far its hand is turned from where the others have it."""
+    _, hand = relative_action(demonstration, k, row.anchors[0], tilted)
+    return float(np.degrees((row.mean_rotation.inv() * hand).magnitude()))

@@ -17,11 +17,10 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
 from app.pipeline.keyframes.path import HandPath, best_waypoints
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES
-from app.pipeline.keyframes.waypoints import at_frames, at_tips, waypoints
-from app.pipeline.plans.path_left import leave_path, path_left_m
+from app.pipeline.keyframes.resting import leave_path, path_left_m
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames, at_tips, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
+from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -230,10 +229,10 @@ def _chosen(
 def _distances(recording: Recording, path: HandPath, row: PlanRow, place: int) -> Array:
     """(N,) how far each pose of the path is from where the other demonstrations have the row, in tolerances."""
     demonstration = recording.demonstration
-    origin_m, axes = anchor_frame(row.anchors[place], demonstration, tilted_objects([demonstration]))
+    origin = anchor_pose(row.anchors[place], demonstration, tilted_objects([demonstration]))
     trajectory = recording.motion.trajectory
-    offsets_m = axes.inv().apply(trajectory.positions_m[path.frames] - origin_m)
-    rotations = axes.inv() * Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
+    hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
+    offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
     off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)
     off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
     distances: Array = off_m / recording.rule.tolerance_m

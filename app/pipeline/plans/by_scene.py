@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.plans import by_plan
 from app.pipeline.plans.rows import plan_rows
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
@@ -130,10 +131,8 @@ def parting(demonstrations: Sequence[Demonstration]) -> Parting | None:
 
 def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
     """(N,) which way each demonstration does it: plans whose hands act alike, however they come there, are one."""
-    plans = list(dict.fromkeys(demonstration.kind for demonstration in demonstrations))
-    groups = [[d for d in demonstrations if d.kind == plan] for plan in plans]
     found: list[list[Demonstration]] = []
-    for group in groups:
+    for group in by_plan(demonstrations):
         alike = next((way for way in found if _act_alike([*way[:COMPARED], *group[:COMPARED]])), None)
         if alike is None:
             found.append(list(group))
@@ -231,8 +230,8 @@ def _clear(ways: Array, between: Array) -> float:
 
 def _quantities(demonstrations: Sequence[Demonstration]) -> list[Quantity]:
     """Places and yaws of the objects that rows of some plan follow, and of each pair of them."""
-    groups = [[d for d in demonstrations if d.kind == kind] for kind in dict.fromkeys(d.kind for d in demonstrations)]
-    followed = {anchor.object_name for group in groups for row in plan_rows(group) for anchor in row.anchors}
+    rows = [row for group in by_plan(demonstrations) for row in plan_rows(group)]
+    followed = {anchor.object_name for row in rows for anchor in row.anchors}
     poses = [pose for pose in demonstrations[0].objects if pose.name in followed]
     unturned = {pose.name for d in demonstrations for pose in d.objects if pose.quaternion_xyzw is None}
     single = [Quantity(axis, pose.name) for pose in poses for axis in range(3 + (pose.name not in unturned))]

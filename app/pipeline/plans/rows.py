@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import M_PER_RAD, Anchor, choose_anchors, relative_action, tilted_objects
+from app.pipeline.representation.anchor_choice import choose_anchors
+from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
 from roboprompt_client.arrays import Array
 
 HUBER = 1.5  # in robust standard deviations: what is farther from the centre counts less
@@ -43,7 +44,7 @@ class PlanRow:
         positions_m: (N, 3) of the hand in the world frame.
     """
 
-    anchors: tuple[Anchor, ...]
+    anchors: Anchors
     offsets_m: Array
     rotations: Rotation
     centre_m: Array
@@ -115,7 +116,7 @@ def plan_rows(
     return tuple(_row(group, k, anchors, tilted) for k, anchors in enumerate(chosen))
 
 
-def _row(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]) -> PlanRow:
+def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]) -> PlanRow:
     relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offset_m for offset_m, _ in relative])
     rotations = Rotation.concatenate([rotation for _, rotation in relative])
@@ -123,7 +124,7 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilt
     states = [demonstration.actions[k].gripper_open for demonstration in group]
     is_open = 2 * sum(states) >= len(states)
     positions_m = np.array([demonstration.actions[k].position_m for demonstration in group])
-    return PlanRow(tuple(anchors), offsets_m, rotations, centre_m, mean, is_open, frozenset(states), positions_m)
+    return PlanRow(anchors, offsets_m, rotations, centre_m, mean, is_open, frozenset(states), positions_m)
 
 
 def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:

@@ -9,7 +9,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
+from app.pipeline.representation.anchors import Anchor, anchor_pose, asked_anchor, tilted_objects
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
@@ -23,7 +23,8 @@ class PlacedRow:
 
     Attributes:
         anchor: what it is relative to.
-        origin_m, axes_xyzw: (3,) and (4,) where the anchor is and how its axes are turned, in the world frame.
+        origin_m: (3,) where the anchor is, in the world frame.
+        place_axes_xyzw, hand_axes_xyzw: (4,) how its axes are turned there, for places and for the hand's rotation.
         action: its centre in the world frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
@@ -32,7 +33,8 @@ class PlacedRow:
 
     anchor: Anchor
     origin_m: Array
-    axes_xyzw: Array
+    place_axes_xyzw: Array
+    hand_axes_xyzw: Array
     action: EndEffectorAction
     tolerance_m: float
     tolerance_deg: float
@@ -42,9 +44,9 @@ class PlacedRow:
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """An action's offset (3,) in metres along the anchor's axes, and its rotation (4,) from them."""
-        to_anchor = quaternions.inverse(self.axes_xyzw)
-        offset_m = quaternions.rotated(to_anchor, action.position_m - self.origin_m)
-        return offset_m, quaternions.canonical(quaternions.product(to_anchor, action.quaternion_xyzw))
+        to_place, to_hand = quaternions.inverse(self.place_axes_xyzw), quaternions.inverse(self.hand_axes_xyzw)
+        offset_m = quaternions.rotated(to_place, action.position_m - self.origin_m)
+        return offset_m, quaternions.canonical(quaternions.product(to_hand, action.quaternion_xyzw))
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is from the row's centre, in metres and degrees."""
@@ -120,30 +122,22 @@ class Support:
 
 def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
     """The rows in the query's scene; those that share an anchor have it computed once."""
-    placed: dict[Anchor, tuple[Anchor, Array, Array]] = {}
+    placed: dict[Anchor, tuple[Anchor, Array, Array, Array]] = {}
     for anchor in dict.fromkeys(row.anchors[0] for row in rows):
         asked = asked_anchor(anchor, shown.order, query.order)
-        origin_m, axes = anchor_frame(asked, query, tilted)
-        placed[anchor] = asked, origin_m, axes.as_quat(canonical=True)
+        origin_m, *axes = anchor_pose(asked, query, tilted)
+        place_xyzw, hand_xyzw = (turned.as_quat(canonical=True) for turned in axes)
+        placed[anchor] = asked, origin_m, place_xyzw, hand_xyzw
     frames = [placed[row.anchors[0]] for row in rows]
     positions_m, quaternions_xyzw = [], []
-    for row, (_, origin_m, axes_xyzw) in zip(rows, frames, strict=True):
-        positions_m.append(origin_m + quaternions.rotated(axes_xyzw, row.centre_m))
-        quaternions_xyzw.append(quaternions.canonical(quaternions.product(axes_xyzw, row.mean_xyzw)))
+    for row, (_, origin_m, place_xyzw, hand_xyzw) in zip(rows, frames, strict=True):
+        positions_m.append(origin_m + quaternions.rotated(place_xyzw, row.centre_m))
+        quaternions_xyzw.append(quaternions.canonical(quaternions.product(hand_xyzw, row.mean_xyzw)))
     actions = EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
     return tuple(
         PlacedRow(*frame, action, *row.tolerance, *row.reach, row.grippers)
         for row, frame, action in zip(rows, frames, actions, strict=True)
     )
-
-
-def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
-    """The anchor of a demonstration in a scene with another order: the object mentioned in the same place."""
-    if anchor.object_name in shown.objects:
-        place = shown.objects.index(anchor.object_name)
-        if place < len(asked.objects):
-            return Anchor(asked.objects[place], anchor.frame)
-    return anchor
 
 
 class SupportGuard:

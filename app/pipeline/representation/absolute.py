@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
@@ -121,23 +121,13 @@ def _lists_of_actions(text: str) -> Iterator[list[object]]:
         yield value
 
 
-_COLUMNS = (
-    *(Column(name, 0, POSITION_BINS - 1) for name in ("x", "y", "z")),
-    *(Column(name, 0, ROTATION_BINS - 1) for name in ("roll", "pitch", "yaw")),
-    Column("gripper", 0, 1),
-)
-_ROW_RULES = """row ::= "[" p ", " p ", " p ", " r ", " r ", " r ", " [01] "]"
-p ::= [0-9] | [1-9] [0-9]
-r ::= [0-9] | [1-6] [0-9] | "7" [01]
-"""
-
-
 @dataclass(frozen=True, eq=False)
 class AbsoluteCodec:
     """``{'drawer': [42, 65, 29], 'open the drawer'}>[[46, 74, 55, 54, 36, 37, 1], ...], ``.
 
     Attributes:
         with_instruction: whether the observation ends with the instruction (`paper`) or not (`authors`).
+        columns, row_rules: of a row: its integers, and its grammar.
     """
 
     workspace: Workspace
@@ -145,6 +135,15 @@ class AbsoluteCodec:
     with_instruction: bool
     stop: tuple[str, ...] = ("{'",)  # the next observation
     separator: str = ", "
+    columns: ClassVar[Sequence[Column]] = (
+        *(Column(name, 0, POSITION_BINS - 1) for name in ("x", "y", "z")),
+        *(Column(name, 0, ROTATION_BINS - 1) for name in ("roll", "pitch", "yaw")),
+        Column("gripper", 0, 1),
+    )
+    row_rules: ClassVar[str] = """row ::= "[" p ", " p ", " p ", " r ", " r ", " r ", " [01] "]"
+p ::= [0-9] | [1-9] [0-9]
+r ::= [0-9] | [1-6] [0-9] | "7" [01]
+"""
 
     def needed(self) -> tuple[Demonstration, ...]:
         return self.demonstrations
@@ -165,10 +164,10 @@ class AbsoluteCodec:
         return f"{self.observation_text(demonstration)}{self.actions_text(demonstration)}{self.separator}"
 
     def grammar(self, query: Query, max_actions: int) -> str:
-        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, query.order, max_actions))
+        return list_grammar(self.row_rules, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
     def schema(self, query: Query, max_actions: int) -> Mapping[str, object]:
-        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, query.order, max_actions))
+        return list_schema(self.columns, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         return list_rows(reply_text, complete)
@@ -180,5 +179,5 @@ class AbsoluteCodec:
         return self._actions
 
     def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
-        bins = [row_integers(row, index, _COLUMNS) for index, row in enumerate(rows, start=first)]
+        bins = [row_integers(row, index, self.columns) for index, row in enumerate(rows, start=first)]
         return undiscretize_actions(bins, self.workspace)

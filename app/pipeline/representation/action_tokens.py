@@ -6,8 +6,9 @@ prediction").
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation.absolute import AbsoluteCodec, Column, list_grammar, list_schema, row_integers
-from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_integers
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -31,14 +31,6 @@ ROUNDING_RESIDUAL_MM = math.sqrt(3) / 2
 # paper's rotation bins.
 MAX_RESIDUAL_MM = 10 * ROUNDING_RESIDUAL_MM
 MAX_MM = 99_999  # no arm reaches that far; keeps an LLM's endless digits out
-_COLUMNS = (
-    *(Column(f"{axis} of point {point}", -MAX_MM, MAX_MM) for point in (1, 2, 3) for axis in "xyz"),
-    Column("gripper", 0, 1),
-)
-_ROW_RULES = """row ::= "[" point ", " point ", " point ", " [01] "]"
-point ::= mm ", " mm ", " mm
-mm ::= "0" | "-"? [1-9] [0-9]{0,4}
-"""
 
 
 class ActionTokensCodec(AbsoluteCodec):
@@ -47,17 +39,20 @@ class ActionTokensCodec(AbsoluteCodec):
     ``{'drawer': [42, 65, 29], 'open the drawer'}>[[165, 245, 1155, 165, 345, 1155, 165, 245, 1255, 1], ...], ``.
     """
 
+    columns: ClassVar[Sequence[Column]] = (
+        *(Column(f"{axis} of point {point}", -MAX_MM, MAX_MM) for point in (1, 2, 3) for axis in "xyz"),
+        Column("gripper", 0, 1),
+    )
+    row_rules: ClassVar[str] = """row ::= "[" point ", " point ", " point ", " [01] "]"
+point ::= mm ", " mm ", " mm
+mm ::= "0" | "-"? [1-9] [0-9]{0,4}
+"""
+
     def actions_text(self, demonstration: Demonstration) -> str:
         return str([_tokens(action) for action in demonstration.actions])
 
-    def grammar(self, query: Query, max_actions: int) -> str:
-        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, query.order, max_actions))
-
-    def schema(self, query: Query, max_actions: int) -> Mapping[str, object]:
-        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, query.order, max_actions))
-
     def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
-        return [_action(index, row) for index, row in enumerate(rows, start=first)]
+        return [_action(index, row, self.columns) for index, row in enumerate(rows, start=first)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +69,8 @@ class KatCodec(ActionTokensCodec):
         return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in query.objects]}\nOUTPUTS:\n"
 
 
-def _action(index: int, row: str) -> EndEffectorAction:
-    *coordinates, gripper = row_integers(row, index, _COLUMNS)
+def _action(index: int, row: str, columns: Sequence[Column]) -> EndEffectorAction:
+    *coordinates, gripper = row_integers(row, index, columns)
     points_mm = np.array(coordinates).reshape(3, 3)
     if not np.cross(points_mm[1] - points_mm[0], points_mm[2] - points_mm[0]).any():
         raise ReplyParseError(f"action {index}: its three points lie on one line, which leaves a turn open", row)

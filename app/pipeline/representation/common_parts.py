@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.order.lexicon import noun_of, phrase_of
-from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchor, Frame, relative_poses
+from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES, Anchor, Frame, relative_poses
 from app.pipeline.representation.object_rows import OFFSET_UNIT_M
 from app.pipeline.workspace import rotation_bins
 from roboprompt_client.arrays import Array
@@ -26,6 +26,7 @@ from roboprompt_client.arrays import Array
 ALIKE_M, ALIKE_DEG = 0.015, 10.0  # within which demonstrations show one action
 ENOUGH = 3  # demonstrations have a part, or all of fewer: two may lie alike by chance
 MENTIONED = 2.0  # so much more counts an object that the instruction mentions
+MIXED = 0.5  # so much less a frame in which only place or hand turns: most demonstrations must contradict the others
 
 
 class PartRow(NamedTuple):
@@ -136,6 +137,7 @@ def _described(demonstration: Demonstration, candidates: Sequence[Sequence[_Seen
 def _merit(seen: _Seen, mentioned: Sequence[str], before: Anchor | None) -> tuple[float, bool, float]:
     """How well an action is described so; of equals what goes on from the action before, then the nearer object."""
     share = MENTIONED if seen.anchor.object_name in mentioned else 1.0
+    share *= MIXED if seen.anchor.frame in MIXED_FRAMES else 1.0
     return share * seen.count, seen.anchor == before, -float(np.linalg.norm(seen.offset_m))
 
 
@@ -143,7 +145,7 @@ def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[li
     """[action][candidate]: relative to each object, in each of its frames."""
     by_anchor = {}
     for pose in demonstration.objects:
-        for frame in OBJECT_FRAMES if pose.quaternion_xyzw is not None else OBJECT_FRAMES[:1]:
+        for frame in (*OBJECT_FRAMES, *MIXED_FRAMES) if pose.quaternion_xyzw is not None else OBJECT_FRAMES[:1]:
             offsets_m, rotations = relative_poses(demonstration, Anchor(pose.name, frame), tilted)
             by_anchor[Anchor(pose.name, frame)] = offsets_m, rotations.as_quat().reshape(-1, 4)
     return [

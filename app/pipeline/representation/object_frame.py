@@ -3,11 +3,12 @@
 ``A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 0 36 36 0; 2 A w: +0 +0 +2 0; ...``
 
 Objects stand in the order in which the instruction mentions them, each with a letter. A row has its number, an object's
-letter, one of two frames at the object's position (`w`: world axes, `o`: axes turned with the object), the offset in
-units of 5 mm, the relative rotation in 72 bins and the gripper. A rotation with the numbers of the row before is left
-out. A row that follows no object has `world` or `start` (where the end effector was at first) instead of letter and
-frame. Rows of demonstrations that ask for the same thing of other objects are then the same. A reply is decoded against
-the CONTINUOUS observed pose, so that the object's own binning costs nothing.
+letter, a frame at the object's position (`w`: world axes, `o`: axes turned with the object, `ow`: these for the offset
+and the world's for the rotation, `wo`: the reverse), the offset in units of 5 mm, the relative rotation in 72 bins and
+the gripper. A rotation with the numbers of the row before is left out. A row that follows no object has `world` or
+`start` (where the end effector was at first) instead of letter and frame. Rows of demonstrations that ask for the same
+thing of other objects are then the same. A reply is decoded against the CONTINUOUS observed pose, so that the object's
+own binning costs nothing.
 """
 
 import re
@@ -24,18 +25,21 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
+    MIXED_FRAMES,
     OBJECT_FRAMES,
     START,
     WORLD,
     Anchor,
-    anchor_frame,
+    AnchorPose,
+    Frame,
+    anchor_pose,
     tilted_objects,
 )
 from app.pipeline.representation.base import Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
-    OFFSET_UNIT_M,
     Row,
+    actions_at,
     anchor_text,
     fit_rows,
     groups_of,
@@ -44,19 +48,17 @@ from app.pipeline.representation.object_rows import (
     row_text,
     shortened,
 )
-from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, rotation_from_bins, yaw_bin
-from roboprompt_client.arrays import Array
+from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, yaw_bin
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MAX_REPEATED = 3
 MAX_GRAMMARS = 32
 _ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
+    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
-Frame = tuple[Array, Rotation]  # origin (3,) in metres and axes, in the world frame
 _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
@@ -147,7 +149,7 @@ class ObjectFrameCodec:
     def _grammar(self, asked: Order, max_actions: int) -> str:
         if (plans := plans_of(self.demonstrations, self.table, asked)) is not None:
             return plans_grammar(plans, self.first_row, max_actions)
-        return any_rows_grammar(self.demonstrations, asked, self.first_row, max_actions)
+        return any_rows_grammar(self.demonstrations, self.frames, asked, self.first_row, max_actions)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
@@ -157,35 +159,40 @@ class ObjectFrameCodec:
         return f" {'; '.join(shortened(rows))}"
 
     def decoder(self, query: Query) -> Decoder:
-        return partial(self._actions, self._frames(query))
+        return partial(self._actions, self._anchored(query))
 
-    def _actions(self, frames: Mapping[str, Frame], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+    @cached_property
+    def _shown(self) -> frozenset[Anchor]:
+        return frozenset(row.anchor for rows in self.table for row in rows)
+
+    @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """Those that a row may have at an object; of the mixed ones those that demonstrations call for."""
+        shown = {anchor.frame for anchor in self._shown}
+        return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))
+
+    def _actions(self, anchored: Mapping[str, AnchorPose], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         if not rows:
             return []
-        read = [self._read_row(index, row, frames) for index, row in enumerate(rows, start=first)]
-        origins_m = np.array([origin_m for (origin_m, _), _ in read])
-        axes = Rotation.concatenate([axes for (_, axes), _ in read])
+        read = [self._read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
         numbers = np.array([numbers for _, numbers in read])
-        positions_m = origins_m + axes.apply(numbers[:, :3] * OFFSET_UNIT_M)
-        quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:6])).as_quat(canonical=True)
-        return EndEffectorAction.many(positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist())
+        return actions_at([origin for origin, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
 
-    def _frames(self, query: Query) -> dict[str, Frame]:
-        """Everything that a row may be relative to, as rows write it: origin and axes."""
+    def _anchored(self, query: Query) -> dict[str, AnchorPose]:
+        """Everything that a row may be relative to, as rows write it."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
             f"{letter(place)} {frame}": Anchor(pose.name, frame)
             for place, pose in ordered
-            for frame in OBJECT_FRAMES
+            for frame in self.frames
             if frame == "w" or pose.quaternion_xyzw is not None
         }
-        shown = {row.anchor for rows in self.table for row in rows}
         for anchor in (WORLD, START):
-            if anchor in shown and (anchor is WORLD or query.start is not None):
+            if anchor in self._shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor
-        return {text: anchor_frame(anchor, query, self.tilted) for text, anchor in anchors.items()}
+        return {text: anchor_pose(anchor, query, self.tilted) for text, anchor in anchors.items()}
 
-    def _read_row(self, index: int, row: str, frames: Mapping[str, Frame]) -> tuple[Frame, tuple[int, ...]]:
+    def _read_row(self, index: int, row: str, anchored: Mapping[str, AnchorPose]) -> tuple[AnchorPose, tuple[int, ...]]:
         """What a row is relative to, and its seven numbers."""
         match = _ROW.fullmatch(row)
         if not match:
@@ -194,11 +201,11 @@ class ObjectFrameCodec:
         number, anchor, *texts = match.groups()
         if int(number) != index + self.first_row:
             raise ReplyParseError(f"action {index} has row number {number}, expected {index + self.first_row}", row)
-        if anchor not in frames:
-            known = ", ".join(frames)
+        if anchor not in anchored:
+            known = ", ".join(anchored)
             raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)
         numbers = tuple(map(int, texts))
         if max(numbers[3:6]) >= ROTATION_BINS:
             message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
             raise ReplyParseError(message, row)
-        return frames[anchor], numbers
+        return anchored[anchor], numbers

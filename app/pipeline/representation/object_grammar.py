@@ -11,9 +11,9 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import OBJECT_FRAMES
+from app.pipeline.representation.anchors import Frame, asked_anchor
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.object_rows import Row, asked_anchor, groups_of, letter
+from app.pipeline.representation.object_rows import Row, anchor_text, groups_of, letter
 from app.pipeline.workspace import ROTATION_BINS
 
 MARGIN_UNITS = 2  # 1 cm
@@ -89,7 +89,10 @@ def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> lis
     patterns = []
     for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):
         numbers = np.array([row.numbers for row in rows])
-        anchors = {asked_anchor(row.anchor, shown_, asked) for row, shown_ in zip(rows, shown, strict=True)}
+        anchors = {
+            anchor_text(asked_anchor(row.anchor, item.order, asked), item.objects, asked)
+            for row, item in zip(rows, shown, strict=True)
+        }
         columns = [frozenset(column.tolist()) for column in numbers.T]
         patterns.append(
             RowPattern(
@@ -114,8 +117,14 @@ def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
     return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
 
 
-def any_rows_grammar(demonstrations: Sequence[Demonstration], asked: Order, first_row: int, most: int) -> str:
-    """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations."""
+def any_rows_grammar(
+    demonstrations: Sequence[Demonstration], frames: Sequence[Frame], asked: Order, first_row: int, most: int
+) -> str:
+    """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations.
+
+    Args:
+        frames: that a row may have at an object.
+    """
     fewest, most = row_count_bounds(demonstrations, asked, most)
     rows = [
         f'"{number} " a ": " {"b" if number == first_row else "s"}' for number in range(first_row, first_row + most)
@@ -123,18 +132,16 @@ def any_rows_grammar(demonstrations: Sequence[Demonstration], asked: Order, firs
     optional = ""
     for row in reversed(rows[fewest:]):
         optional = f' ("; " {row}{optional})?'
-    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(demonstrations, asked))
+    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(demonstrations, frames, asked))
     required = ' "; " '.join(rows[:fewest])
     return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
 
-def _anchors(scenes: Sequence[Demonstration], asked: Order) -> list[str]:
+def _anchors(scenes: Sequence[Demonstration], frames: Sequence[Frame], asked: Order) -> list[str]:
     """Every letter and frame that the scenes' objects allow."""
     rotated = {pose.name for scene in scenes for pose in scene.objects if pose.quaternion_xyzw is not None}
     ordered = enumerate(in_order(scenes[0].objects, asked))
-    return [
-        f"{letter(k)} {frame}" for k, pose in ordered for frame in OBJECT_FRAMES if frame == "w" or pose.name in rotated
-    ]
+    return [f"{letter(k)} {frame}" for k, pose in ordered for frame in frames if frame == "w" or pose.name in rotated]
 
 
 def _offset(values: frozenset[int], single: bool) -> str:

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action
-from app.pipeline.workspace import ROTATION_BINS, rotation_bins
-from roboprompt_client.trajectory import ObjectPose
+from app.pipeline.representation.anchor_choice import choose_anchors
+from app.pipeline.representation.anchors import Anchor, AnchorPose, relative_action
+from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 LETTERS = string.ascii_uppercase
 Integers = npt.NDArray[np.int_]
@@ -61,6 +63,15 @@ def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tup
 def _integers(demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]) -> tuple[int, ...]:
     offset_m, rotation = relative_action(demonstration, k, anchor, tilted)
     return (*np.rint(offset_m / OFFSET_UNIT_M).astype(int).tolist(), *rotation_bins(rotation))
+
+
+def actions_at(anchored: Sequence[AnchorPose], numbers: Integers, grippers: Sequence[bool]) -> list[EndEffectorAction]:
+    """The actions of rows in a scene: of each what it is relative to, and (N, 6) its numbers."""
+    origins_m, place_axes, hand_axes = zip(*anchored, strict=True)
+    every = AnchorPose(np.array(origins_m), Rotation.concatenate(place_axes), Rotation.concatenate(hand_axes))
+    offsets_m = OFFSET_UNIT_M * numbers[:, :3].astype(float)
+    positions_m, rotations = every.placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
+    return EndEffectorAction.many(positions_m, rotations.as_quat(canonical=True), grippers)
 
 
 def _calmed(numbers: Integers) -> Integers:
@@ -112,13 +123,6 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
         return anchor.frame
     names = [pose.name for pose in in_order(objects, order)]
     return f"{letter(names.index(anchor.object_name))} {anchor.frame}"
-
-
-def asked_anchor(anchor: Anchor, demonstration: Demonstration, asked: Order) -> str:
-    """An anchor of a demonstration as an answer to an order writes it: the object mentioned in the same place."""
-    if anchor.object_name in demonstration.order.objects:
-        return f"{letter(demonstration.order.objects.index(anchor.object_name))} {anchor.frame}"
-    return anchor_text(anchor, demonstration.objects, asked)
 
 
 def letter(place: int) -> str:

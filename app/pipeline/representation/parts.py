@@ -19,16 +19,14 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
+from app.pipeline.representation.anchors import Anchor, anchor_pose, tilted_objects
 from app.pipeline.representation.base import Decoder, clause_by_clause
 from app.pipeline.representation.common_parts import Part, Step, find_steps, kind_of
-from app.pipeline.representation.object_rows import OFFSET_UNIT_M
-from app.pipeline.workspace import rotation_from_bins
+from app.pipeline.representation.object_rows import actions_at
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
@@ -150,9 +148,6 @@ def _read(index: int, row: str, possible: dict[str, Step]) -> Step:
 def _placed(step: Step, query: Query, tilted: frozenset[str]) -> list[EndEffectorAction]:
     """The step's actions in the scene."""
     rows = step.part.rows
-    frames = [anchor_frame(Anchor(step.object_name, row.frame), query, tilted) for row in rows]
+    anchored = [anchor_pose(Anchor(step.object_name, row.frame), query, tilted) for row in rows]
     numbers = np.array([row.numbers for row in rows])
-    axes = Rotation.concatenate([axes for _, axes in frames])
-    positions_m = np.array([origin_m for origin_m, _ in frames]) + axes.apply(numbers[:, :3] * OFFSET_UNIT_M)
-    quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:])).as_quat(canonical=True)
-    return EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
+    return actions_at(anchored, numbers, [row.gripper_open for row in rows])

@@ -18,6 +18,7 @@ from app.pipeline.findings.rules import (
     UNSUPPORTED,
     Rule,
 )
+from app.pipeline.findings.scatter import not_shown_findings
 from app.pipeline.findings.scene import scene_findings, start_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
@@ -42,6 +43,8 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     yield from _parts(question)
     yield from source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
     yield from taught.findings(order)
+    if len(question.prefix.demonstration_ids) < len(taught.demonstrations):
+        yield from not_shown_findings(question.prefix.support, taught.support, order)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
     if taught.follows_start(order):
         yield from start_findings(seen, taught.scenes)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.demonstrations import scatter_findings
+from app.pipeline.findings.scatter import not_shown_findings, scatter_findings
 from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 
@@ -82,12 +82,13 @@ def test_more_than_a_third_that_are_far_off_are_a_danger_and_a_slip_is_none():
     assert found(with_wrong(3)) == []
 
 
-def beside(off_m, number, *, place_turns=True, hand_turns=False, turned_deg=40):
+def beside(off_m, number, *, place_turns=True, hand_turns=False, turned_deg=40, noise_m=0.0, noise_deg=0.0):
     """The cube is turned further each time; the hand goes to a place beside its centre."""
-    group = []
+    random, group = np.random.default_rng(1), []
     for k in range(number):
         way = Rotation.from_euler("z", turned_deg * k * place_turns, degrees=True).apply([off_m, 0, 0])
-        turn = rotated(180, 0, turned_deg * k * hand_turns).as_quat()
+        way += random.normal(0, noise_m, 3)
+        turn = rotated(180, 0, turned_deg * k * hand_turns + noise_deg * (-1) ** k).as_quat()
         rows = [
             replace(action(np.add(way, [0.03 * k, 0, z_m]), gripper_open=is_open), quaternion_xyzw=turn)
             for z_m, is_open in ((0.9, True), (0.8, False))
@@ -96,16 +97,40 @@ def beside(off_m, number, *, place_turns=True, hand_turns=False, turned_deg=40):
     return group
 
 
-@pytest.mark.parametrize(("off_m", "number"), [(0.012, 4), (0.02, 3), (0.03, 10)])
-@pytest.mark.parametrize(
-    ("place_turns", "message"), [(True, "turns with cube, and the hand does not"), (False, "does not turn with cube")]
-)
-def test_a_place_and_a_hand_of_which_one_turns_with_an_object_are_a_danger(off_m, number, place_turns, message):
-    (finding,) = found(beside(off_m, number, place_turns=place_turns, hand_turns=not place_turns))
+TURN_APART = [{"place_turns": True, "hand_turns": False}, {"place_turns": False, "hand_turns": True}]
+
+
+@pytest.mark.parametrize("turns", TURN_APART)
+@pytest.mark.parametrize(("off_m", "number", "noise_m"), [(0.012, 4, 0.0), (0.02, 3, 0.001), (0.03, 10, 0.003)])
+def test_a_place_and_a_hand_of_which_one_turns_with_an_object_have_frames_of_their_own(off_m, number, noise_m, turns):
+    assert found(beside(off_m, number, **turns, noise_m=noise_m)) == []
+
+
+@pytest.mark.parametrize("turns", TURN_APART)
+def test_too_few_and_noisy_ones_of_which_one_turns_are_a_danger(turns):
+    (finding,) = found(beside(0.03, 3, **turns, noise_m=0.009))
     assert (finding.severity, finding.where) == ("danger", "actions[1]")
-    assert message in finding.message
+    assert ("turns with cube" in finding.message) is turns["place_turns"]
+
+
+@pytest.mark.parametrize("turns", TURN_APART)
+def test_a_hand_of_which_a_far_place_decides_the_frame_is_a_danger(turns):
+    """The place is exact and decides; the hand's rotation is too noisy to be certain of."""
+    (finding,) = found(beside(0.1, 3, **turns, noise_deg=12))
+    assert (finding.severity, finding.where) == ("danger", "actions[1]")
+    assert ("turns with cube" in finding.message) is turns["hand_turns"]
 
 
 def test_a_place_and_a_hand_that_turn_alike_are_none():
     assert found(beside(0.003, 10)) == found(beside(0.03, 10, turned_deg=0)) == []
     assert found(beside(0.03, 10, hand_turns=True)) == found(beside(0.03, 10, place_turns=False)) == []
+
+
+@pytest.mark.parametrize("turns", TURN_APART)
+def test_of_such_frames_a_prompt_must_show_enough_demonstrations(turns):
+    taught = Support.of([beside(0.03, 10, **turns)])
+    asked = taught.plans[0][0][0].order
+    (few,) = not_shown_findings(Support.of([beside(0.03, 2, **turns)]), taught, asked)
+    assert (few.code, few.severity) == ("scattered-demonstrations", "danger")
+    assert list(not_shown_findings(None, taught, asked)) == [few]
+    assert list(not_shown_findings(Support.of([beside(0.03, 4, **turns)]), taught, asked)) == []

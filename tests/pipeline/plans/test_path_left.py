@@ -7,8 +7,8 @@ import pytest
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.keyframes import KeyframeRule, Motion
+from app.pipeline.keyframes.resting import LEFT_M, leave_path, path_left_m
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, by_plan
-from app.pipeline.plans.path_left import LEFT_M, leave_path, path_left_m
 from app.pipeline.plans.support import Support
 
 from ..recordings import servoed

@@ -35,9 +35,23 @@ def lifts(offsets_m=((0, 0, 0.1),) * 3, yaws_deg=(0, 0, 0), follow=False):
     return shown
 
 
+def rim(frame, yaw_deg=30, number=3):
+    """The cup is touched beside its middle; either the place or the hand turns with it."""
+    shown = []
+    for position_m, cup_yaw_deg in PLACES[:number]:
+        turn, off_m = rotated(0, 0, cup_yaw_deg), np.array([-0.05, 0.02, 0.1])
+        touch = np.array(position_m) + (turn.apply(off_m) if frame == "ow" else off_m)
+        euler_deg = (180, 0, yaw_deg + (cup_yaw_deg if frame == "wo" else 0))
+        actions = [action(touch, euler_deg, False), action(touch + UP, euler_deg)]
+        shown.append(demonstration(LIFT, [pose("cup", position_m, cup_yaw_deg)], actions))
+    return shown
+
+
 @pytest.mark.parametrize(
     ("shown", "expected"),
     [
+        (rim("ow"), "1 A ow: -10 +4 +20 0 36 42 0; 2 A ow: -10 +4 +60 1"),
+        (rim("wo"), "1 A wo: -10 +4 +20 0 36 42 0; 2 A wo: -10 +4 +60 1"),
         (lifts(), "1 A w: +0 +0 +20 0 36 36 0; 2 A w: +0 +0 +60 1"),
         (lifts(((-0.05, 0.02, 0),) * 3), "1 A w: -10 +4 +0 0 36 36 0; 2 A w: -10 +4 +40 1"),
         (
@@ -49,6 +63,57 @@ def lifts(offsets_m=((0, 0, 0.1),) * 3, yaws_deg=(0, 0, 0), follow=False):
 def test_actions_are_written_in_the_frame_in_which_they_agree(shown, expected):
     codec = fitted(*shown)
     assert [codec.actions_text(demonstration) for demonstration in shown] == [expected] * 3
+
+
+@pytest.mark.parametrize("frame", ["ow", "wo"])
+def test_a_mixed_frame_takes_place_and_rotation_along_axes_of_their_own(frame):
+    codec, cup, turn = fitted(*rim(frame)), pose("cup", (0.4, 0.1, 0.7), 120), rotated(0, 0, 120)
+    (seen,) = parse_reply(f" 1 A {frame}: -10 +4 +20 0 36 42 0", codec, [cup], LIFT)
+    off_m, hand = np.array([-0.05, 0.02, 0.1]), rotated(180, 0, 30)
+    np.testing.assert_allclose(seen.position_m - cup.position_m, turn.apply(off_m) if frame == "ow" else off_m)
+    assert angle_deg(seen.quaternion_xyzw, (turn * hand if frame == "wo" else hand).as_quat()) < 1e-5
+
+
+@given(
+    st.sampled_from(["w", "o", "ow", "wo"]),
+    st.floats(0.02, 0.12),
+    st.floats(-180, 180),
+    st.lists(st.floats(-90, 90), min_size=3, max_size=8).filter(lambda yaws_deg: np.std(yaws_deg) > 25),
+    st.floats(-180, 180),
+)
+def test_a_copied_row_presses_where_the_object_is_turned_to(frame, beside_m, side_deg, yaws_deg, asked_deg):
+    """Of a place beside the cup's middle and a hand, each turned with the cup or not, whatever the cup's yaw."""
+    off_m = rotated(0, 0, side_deg).apply([beside_m, 0, 0.05])
+
+    def pressed(position_m, yaw_deg):
+        place_turn, hand_turn = (rotated(0, 0, yaw_deg * (axes == "o")) for axes in (frame[0], frame[-1]))
+        place_m, hand = np.add(position_m, place_turn.apply(off_m)), hand_turn * rotated(180, 0, 25)
+        return action(place_m, hand.as_euler("xyz", degrees=True), gripper_open=False)
+
+    scenes = [((0.05 * k, 0.3 - 0.07 * k, 0.7), yaw_deg) for k, yaw_deg in enumerate(yaws_deg)]
+    shown = [demonstration(LIFT, [pose("cup", *scene)], [pressed(*scene)]) for scene in scenes]
+    codec, asked = fitted(*shown), ((0.4, 0.2, 0.71), asked_deg)
+    (seen,) = parse_reply(codec.actions_text(shown[0]), codec, [pose("cup", *asked)], LIFT)
+    expected = pressed(*asked)
+    assert np.linalg.norm(seen.position_m - expected.position_m) < OFFSET_UNIT_M
+    assert angle_deg(seen.quaternion_xyzw, expected.quaternion_xyzw) < 3
+    assert codec.actions_text(shown[0]).startswith(f"1 A {frame}: ")
+
+
+def test_a_frame_that_no_demonstration_calls_for_is_refused():
+    cup = pose("cup", PLACES[0][0], 10)
+    with pytest.raises(ReplyParseError, match=r"relative to A ow, expected one of A w, A o$"):
+        parse_reply("1 A ow: +0 +0 +20 0 36 36 0", fitted(*lifts()), [cup], LIFT)
+    with pytest.raises(ReplyParseError, match=r"relative to A wo, expected one of A w, A o, A ow$"):
+        parse_reply("1 A wo: +0 +0 +20 0 36 36 0", fitted(*rim("ow")), [cup], LIFT)
+
+
+def test_the_grammar_of_replies_to_several_clauses_has_the_frames_that_are_shown():
+    shown = [demonstration("lift the cup, then lift it", item.objects, item.actions) for item in rim("ow")]
+    for codec, has_it in ((fitted(*shown), True), (fitted(*shown[:2]), False)):
+        grammar = codec.grammar(Query(LIFT, shown[0].objects), 25)
+        assert matches(grammar, " 1 A ow: -10 +4 +20 0 36 42 0\n") is has_it
+        assert not matches(grammar, " 1 A wo: -10 +4 +20 0 36 42 0\n")
 
 
 def test_a_rotation_is_left_out_where_it_is_that_of_the_row_before():

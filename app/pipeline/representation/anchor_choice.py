@@ -1,0 +1,200 @@
+"""Which anchors demonstrations call for: of each action the one relative to which they differ least."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.representation.anchors import (
+    M_PER_RAD,
+    OBJECT_FRAMES,
+    START,
+    WORLD,
+    Anchor,
+    Anchors,
+    in_frame,
+    relative_poses,
+)
+from app.pipeline.representation.turning import mixed_frames
+from roboprompt_client.arrays import Array
+
+APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
+CONTRADICTED_M = 0.03  # a frame in which a row spreads by this much more than in the other is not that of the row
+EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
+CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
+MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
+DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
+WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
+# Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
+SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
+MAX_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
+OBLIQUE_M_PER_RAD = 0.3 / MAX_OBLIQUE_RAD  # 30 cm of distance for a hand that is not square
+
+
+def choose_anchors(
+    group: Sequence[Demonstration], tilted: frozenset[str], *, beyond_objects: bool = False
+) -> list[Anchors]:
+    """For each action of a group of like demonstrations, every demonstration's anchor.
+
+    The one chosen is that whose relative action spreads least over the group, of an object's frames `ow` and `wo` where
+    `turning.mixed_frames` is certain of it. A single demonstration does not spread: there the nearest object is chosen
+    to whose axes the hand is square, and its own axes rather than the world's.
+
+    Args:
+        beyond_objects: whether the world and the start count as well, where they spread clearly less than any object.
+
+    Returns:
+        [action][demonstration]; demonstrations that name other objects have other anchors, at the same place in the
+        order of mention.
+    """
+    at_objects, beyond = _at_objects(group), _beyond_objects(group) if beyond_objects else []
+    spreads_m = {anchors: _spreads_m(group, anchors, tilted) for anchors in (*at_objects, *beyond)}
+    chosen: list[Anchors] = []
+    for k in range(len(group[0].actions)):
+        best = min(spreads_m[anchors][k] for anchors in at_objects)
+        equal = [anchors for anchors in at_objects if spreads_m[anchors][k] <= best + EQUAL_SPREAD_M]
+        choice = chosen[-1] if chosen and chosen[-1] in equal else equal[0]
+        for anchors in beyond:
+            if spreads_m[anchors][k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
+                best, choice = spreads_m[anchors][k], anchors
+        chosen.append(choice)
+    settled = _without_bystanders(group, chosen, spreads_m)
+    for own in [anchors for anchors in at_objects if anchors[0].frame == "o"]:
+        for anchors, rows in mixed_frames(group, own, tilted).items():
+            spreads_m[anchors] = _spreads_m(group, anchors, tilted)
+            for k in rows:
+                settled[k] = min(settled[k], anchors, key=lambda one: spreads_m[one][k])
+    return _one_frame_in_approaches(group, settled, spreads_m)
+
+
+def _one_frame_in_approaches(
+    group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
+) -> list[Anchors]:
+    """The same anchors, those of hover, grasp and lift in one frame of what is grasped.
+
+    Where demonstrations show an object at one yaw both of its frames hold, and each row has whichever scatters less by
+    chance: at another yaw the hand would turn between hover and grasp.
+
+    Args:
+        spreads_m: by anchors those of each row.
+    """
+    found = list(chosen)
+    for grasp, _ in _held(group[0]):
+        names = _names(found[grasp])
+        near = [_names(anchors) == names and _aside_m(group, k, grasp) <= APPROACH_M for k, anchors in enumerate(found)]
+        rows = _around(grasp, near)
+        frames = [in_frame(found[grasp], frame) for frame in OBJECT_FRAMES]
+        if "" in names or len({found[k] for k in rows}) == 1 or any(frame not in spreads_m for frame in frames):
+            continue
+        frames += dict.fromkeys(found[k] for k in rows if found[k] not in frames)
+        best = min(frames, key=lambda frame: sum(spreads_m[frame][k] for k in rows))
+        if all(spreads_m[best][k] - spreads_m[found[k]][k] <= CONTRADICTED_M for k in rows):
+            found[rows.start : rows.stop] = [best] * len(rows)
+    return found
+
+
+def _without_bystanders(
+    group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
+) -> list[Anchors]:
+    """The same anchors, rows in which something is held on this, on where it comes to, or on no object.
+
+    Another object is near by chance, unless several demonstrations keep clearly closer to it: they go around it.
+    """
+    found = list(chosen)
+    for grasp, release in _held(group[0]):
+        ends = {_names(found[k]) for k in (grasp, release)}
+        usable = [anchors for anchors in spreads_m if not any(_names(anchors)) or _names(anchors) in ends]
+        for k in range(grasp + 1, release):
+            if _names(found[k]) in ends or not any(_names(found[k])) or not usable:
+                continue
+            best = min(usable, key=lambda anchors: spreads_m[anchors][k])
+            if len(group) == 1 or spreads_m[found[k]][k] >= CLEARLY_LESS * spreads_m[best][k]:
+                found[k] = best
+    return found
+
+
+def _names(anchors: Anchors) -> tuple[str, ...]:
+    return tuple(anchor.object_name for anchor in anchors)
+
+
+def _held(demonstration: Demonstration) -> list[tuple[int, int]]:
+    """Of each grasp its row and that of the release after it, or the last."""
+    states = [action.gripper_open for action in demonstration.actions]
+    grasps = [k for k in range(1, len(states)) if states[k - 1] and not states[k]]
+    return [(k, next((r for r in range(k, len(states)) if states[r]), len(states) - 1)) for k in grasps]
+
+
+def _aside_m(group: Sequence[Demonstration], k: int, grasp: int) -> float:
+    """How far the hand is at most beside where it grasps."""
+    ways_m = [(d.actions[k].position_m - d.actions[grasp].position_m)[:2] for d in group]
+    return float(np.linalg.norm(ways_m, axis=1).max())
+
+
+def _around(place: int, belongs: Sequence[bool]) -> range:
+    """The stretch of rows around one that belong to it."""
+    first = last = place
+    while first > 0 and belongs[first - 1]:
+        first -= 1
+    while last + 1 < len(belongs) and belongs[last + 1]:
+        last += 1
+    return range(first, last + 1)
+
+
+def _at_objects(group: Sequence[Demonstration]) -> list[Anchors]:
+    """Each demonstration's anchor at objects by order of mention, and at the others by name.
+
+    The likelier first; a single demonstration rather follows an object's own axes.
+    """
+    ordered = [d.ordered_objects for d in group]
+    mentioned = [len(d.order.objects) for d in group]
+    by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
+    never_mentioned = [
+        pose.name
+        for pose in group[0].objects
+        if all(pose.name not in [p.name for p in o[:m]] for o, m in zip(ordered, mentioned, strict=True))
+    ]
+    columns = by_mention + [[name] * len(group) for name in never_mentioned]
+    frames = OBJECT_FRAMES[::-1] if len(group) == 1 else OBJECT_FRAMES
+    without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
+    return [
+        tuple(Anchor(name, frame) for name in column)
+        for column in columns
+        for frame in frames
+        if frame == "w" or without_rotation.isdisjoint(column)
+    ]
+
+
+def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:
+    """The world, and the start where every demonstration knows it; one demonstration cannot tell them from objects."""
+    if len(group) == 1:
+        return []
+    started = all(demonstration.start is not None for demonstration in group)
+    near = all(np.abs(action.position_m).max() < WORLD_REACH_M for d in group for action in d.actions)
+    usable = ((WORLD, near), (START, started))
+    return [(anchor,) * len(group) for anchor, can in usable if can]
+
+
+def _spreads_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> list[float]:
+    """How far each action differs over the group relative to the anchors; rotations weigh in as metres."""
+    relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
+    if len(group) == 1:
+        alone: list[float] = (np.linalg.norm(offsets_m[0], axis=1) + _oblique_m(relative[0][1])).tolist()
+        return alone
+    off_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max(axis=2)
+    for k in range(off_m.shape[1]):
+        rotations = Rotation.concatenate([turned[k] for _, turned in relative])
+        off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
+    spreads: list[float] = (
+        np.quantile(off_m, DECIDING_SHARE, axis=0) if len(group) >= MANY_DEMONSTRATIONS else off_m.max(axis=0)
+    ).tolist()
+    return spreads
+
+
+def _oblique_m(hands: Rotation) -> Array:
+    """(K,) how far each hand is from square to the axes that it is relative to, as metres."""
+    off_rad = np.min([(turn.inv() * hands).magnitude() for turn in SQUARE], axis=0)
+    oblique: Array = OBLIQUE_M_PER_RAD * np.minimum(off_rad, MAX_OBLIQUE_RAD)
+    return oblique
