@@ -12,6 +12,7 @@ from roboprompt_client import (
     Observation,
     PredictedActions,
     RgbdFrame,
+    RoboPromptClient,
     ServiceProblemError,
     Trajectory,
 )
@@ -26,6 +27,11 @@ FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)))
 def test_an_observation_takes_one_or_many(objects, frames, to_find):
     seen = Observation(objects, frames, to_find)
     assert (seen.objects, seen.frames, seen.to_find, seen.end_effector) == ((CUBE,), (FRONT,), ("mug",), None)
+
+
+def test_poses_without_an_observation_are_named():
+    with RoboPromptClient("http://127.0.0.1:1") as client, pytest.raises(InvalidInputError, match=r"is a list \(valid"):
+        client.predict("press", "press the button", [CUBE])
 
 
 def test_an_observation_may_be_empty():
