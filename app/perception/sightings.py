@@ -153,7 +153,7 @@ def _mean_rotation(good: Sequence[Sighting], weights: Array, yaw_symmetry_deg: f
     if len(quaternions) == 1:
         return quaternions[0]
     best = Rotation.from_quat(quaternions[0])
-    turns = [_turn(best, item, yaw_symmetry_deg) for item in quaternions]
+    turns = [Rotation.identity(), *(_turn(best, item, yaw_symmetry_deg) for item in quaternions[1:])]
     mean: Array = (best * Rotation.concatenate(turns).mean(weights)).as_quat(canonical=True)
     return mean
 
