@@ -55,7 +55,7 @@ test: dev
 ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py tests/test_wheels.py \
 	tests/benchmarks/metaworld tests/e2e/test_numbers.py tests/e2e/test_extremes.py tests/e2e/test_bounded_protocol.py \
 	tests/e2e/test_workers.py tests/evaluation/test_sweep_run.py tests/evaluation/test_vision.py tests/llm/test_one_answer.py \
-	tests/llm/test_parallel.py tests/perception/registered/test_find.py
+	tests/perception/registered/test_find.py
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 # Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.

@@ -11,7 +11,7 @@ from fastapi import FastAPI
 
 from app.api.access import Access
 from app.api.app import create_app
-from app.api.body_limits import BodyLimits
+from app.api.middleware import BodyLimits
 from app.llm.registry import ModelRegistry
 from app.logs import hide_keys_in_access_log
 from app.services.api_keys import has_keys

@@ -107,7 +107,7 @@ def _server(threads: int) -> Iterator[_Ask]:
     process = LlamaProcess(options)
     try:
         with httpx.Client(
-            base_url=process.base_url.removesuffix("/v1"),
+            base_url=process.server.base_url.removesuffix("/v1"),
             headers={"Authorization": f"Bearer {options.api_key}"},
             timeout=TIMEOUT_S,
             limits=httpx.Limits(max_keepalive_connections=0),  # llama.cpp closes connections that wait

@@ -176,9 +176,10 @@ async def middleware_us(store: Store, token: str) -> float:
     owner = FastAPI()
     owner.state.services = type("Services", (), {"keys": KeyRing(store), "metrics": Metrics()})()
     access = Access(key_required=True, requests_per_s=1e9)
-    guarded = OuterMiddleware(AccessControl(answer, owner, access), owner)
+    guarded = OuterMiddleware(AccessControl(answer, access))
     headers = [(b"host", b"127.0.0.1"), (b"authorization", f"Bearer {token}".encode())]
     scope = {"type": "http", "method": "POST", "path": "/predict", "query_string": b"", "headers": headers}
+    scope["app"] = owner
     scope["client"] = ("127.0.0.1", 1)
 
     async def nothing(*_: object) -> Any:  # noqa: ANN401

@@ -17,8 +17,7 @@ import httpx
 from sqlalchemy import delete, insert, select
 
 from app.store import tables
-from app.store.references import blob_digests
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 from tests.episodes import metadata
 from tests.postgres import running_postgres
 from tests.reliability.service import TASK, serving, upload_files

@@ -20,9 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
+from app.perception.registered.geometry import angle_deg
 from app.perception.registered.learn import LabelledView, learn
 from app.perception.registered.model import RegisteredModel
-from app.perception.registered.poses import angle_deg
 from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
 from benchmarks.object_scenes import Layout, Room, changed, sample

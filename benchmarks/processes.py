@@ -1,20 +1,15 @@
 """Servers in processes of their own, and the CPU time that they take."""
 
 import os
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-import httpx
+from app.evaluation.server import running
 
-from app.evaluation.server import free_port
-
-START_TIMEOUT_S = 180.0  # on a busy machine
 ROUNDS = 4
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
@@ -72,31 +67,6 @@ def cost(server: Server, send: Callable[[int], object], num_requests: int) -> Co
 
 
 @contextmanager
-def running(module: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Iterator[Server]:
-    """`python -m module --port PORT ...` until the block ends.
-
-    Raises:
-        RuntimeError: if it does not answer `GET /healthz` within three minutes.
-    """
-    port = free_port()
-    server_url = f"http://127.0.0.1:{port}"
-    with log.open("w") as output:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.evaluation.leash", module, *arguments, "--port", str(port)],
-            stdin=subprocess.PIPE,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, **environment},
-        )
-    try:
-        _wait_until_alive(process, f"{server_url}/healthz", log)
-        yield Server(server_url, process.pid)
-    finally:
-        process.terminate()
-        process.wait(15)
-
-
-@contextmanager
 def service(data: Path, **settings: str) -> Iterator[Server]:
     """The service on the folder `data`.
 
@@ -104,16 +74,5 @@ def service(data: Path, **settings: str) -> Iterator[Server]:
         settings: by their names in `app.settings`.
     """
     environment = {f"ROBOPROMPT_{name.upper()}": value for name, value in settings.items()}
-    with running("app.cli", ["serve", "--data", str(data)], data / "server.log", environment) as server:
-        yield server
-
-
-def _wait_until_alive(process: subprocess.Popen[bytes], address: str, log: Path) -> None:
-    deadline = time.monotonic() + START_TIMEOUT_S
-    while time.monotonic() < deadline and process.poll() is None:
-        try:
-            if httpx.get(address).is_success:
-                return
-        except httpx.TransportError:
-            time.sleep(0.05)
-    raise RuntimeError(f"{address} did not answer; {log} ends with:\n{log.read_text()[-2000:]}")
+    with running(["app.cli", "serve", "--data", str(data)], environment, data / "server.log") as (url, process):
+        yield Server(url, process.pid)

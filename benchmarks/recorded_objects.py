@@ -70,8 +70,7 @@ def _cover(template: Template, pose: Array, seen: Recorded, name: str) -> float:
     """The share of the masked points above the table that lie on the found object."""
     scene = Scene.of(seen.labelled(name))
     points_m = scene.points_m[labelled_points(scene)]
-    places_m = (points_m - pose[:3, 3]) @ pose[:3, :3]
-    off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
+    off_m = template.distance_m((points_m - pose[:3, 3]) @ pose[:3, :3])
     return float((off_m < NEAR_M).mean()) if len(off_m) else 0.0
 
 

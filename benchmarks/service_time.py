@@ -1,4 +1,4 @@
-"""What a prediction costs the service outside the LLM, with few and with 100,000 stored episodes."""
+"""What a prediction costs the service outside the LLM; with many stored episodes: `benchmarks.growth`."""
 
 import asyncio
 import json
@@ -8,19 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from sqlalchemy import insert, select
 
+from app.evaluation.server import running
 from app.llm.base import CompletionRequest, complete
 from app.llm.computed import ScriptedModel
 from app.pipeline.prompt import Prompt
-from app.store import tables
-from app.store.store import Store
 from benchmarks import scenes
-from benchmarks.processes import Cost, cost, running, service
+from benchmarks.processes import Cost, Server, cost, service
 from roboprompt_client.client import RoboPromptClient
 
 NUM_DEMONSTRATIONS = 10
-NUM_STORED = 100_000
 NUM_REQUESTS = 400
 TASK = "put_in_box"
 
@@ -33,8 +30,6 @@ def measure() -> dict[str, Cost]:
         teach(data)
         reply = copied_reply(data)
         costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _predictions(data, reply)
-        fill(data)
-        costs[f"{NUM_STORED:,} episodes stored"] = _predictions(data, reply)
     return {**costs, "of it the scripted LLM": asyncio.run(_scripted(reply))}
 
 
@@ -56,23 +51,9 @@ def teach(data: Path) -> None:
             client.upload(TASK, scenes.INSTRUCTION, scenes.trajectory(scene), scene)
 
 
-def fill(data: Path) -> None:
-    """Copy the first episode's row until there are enough, a tenth of them in the task itself."""
-    store = Store.open(data)
-    with store.write() as connection:
-        task = dict(connection.execute(select(tables.tasks)).one()._mapping)
-        episode = dict(connection.execute(select(tables.episodes).limit(1)).one()._mapping)
-        del episode["sequence"]
-        names = [TASK, *(f"other_{k}" for k in range(9))]
-        connection.execute(insert(tables.tasks), [{**task, "name": name} for name in names[1:]])
-        copies = ({**episode, "id": f"{k:032x}", "task": names[k % 10]} for k in range(NUM_STORED))
-        connection.execute(insert(tables.episodes), list(copies))
-    store.close()
-
-
 def _hello(log: Path) -> Cost:
-    with running("benchmarks.hello", [], log, {}) as server, httpx.Client(base_url=server.url) as http:
-        return cost(server, lambda _: http.get("/healthz"), NUM_REQUESTS)
+    with running(["benchmarks.hello"], {}, log) as (url, process), httpx.Client(base_url=url) as http:
+        return cost(Server(url, process.pid), lambda _: http.get("/healthz"), NUM_REQUESTS)
 
 
 def copied_reply(data: Path) -> str:

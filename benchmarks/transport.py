@@ -13,8 +13,9 @@ import msgpack
 import numpy as np
 from websockets.sync.client import connect
 
+from app.evaluation.server import running
 from benchmarks.peers import pack_array
-from benchmarks.processes import Cost, cost, running, service
+from benchmarks.processes import Cost, Server, cost, service
 from benchmarks.service_time import asked, copied_reply, teach
 from roboprompt_client.camera import Camera, RgbdFrame, camera_json
 from roboprompt_client.encoding import packed_request, request_parts
@@ -45,26 +46,26 @@ def measure() -> dict[str, Cost]:
 def _openvla(log: Path) -> dict[str, Cost]:
     seen = frame()
     payload = {"image": seen.rgb, "depth": seen.depth_m, "instruction": "put the cube into the box"}
-    with running("benchmarks.peers", ["openvla"], log, {}) as server, httpx.Client(base_url=server.url) as http:
+    with running(["benchmarks.peers", "openvla"], {}, log) as (url, process), httpx.Client(base_url=url) as http:
 
         def send(_: int) -> None:
             http.post("/act", content=json_numpy.dumps(payload)).raise_for_status()
 
-        return {"OpenVLA-style: POST, json_numpy": cost(server, send, NUM_REQUESTS)}
+        return {"OpenVLA-style: POST, json_numpy": cost(Server(url, process.pid), send, NUM_REQUESTS)}
 
 
 def _openpi(log: Path) -> dict[str, Cost]:
     seen = frame()
     payload = {"image": seen.rgb, "depth": seen.depth_m, "prompt": "put the cube into the box"}
-    with running("benchmarks.peers", ["openpi"], log, {}) as server:
-        address = server.url.replace("http", "ws")
+    with running(["benchmarks.peers", "openpi"], {}, log) as (url, process):
+        address = url.replace("http", "ws")
         with connect(address, compression=None, max_size=None) as connection:
 
             def send(_: int) -> None:
                 connection.send(msgpack.packb(payload, default=pack_array))
                 connection.recv()
 
-            return {"openpi-style: websocket, msgpack": cost(server, send, NUM_REQUESTS)}
+            return {"openpi-style: websocket, msgpack": cost(Server(url, process.pid), send, NUM_REQUESTS)}
 
 
 def _ours(data: Path) -> dict[str, Cost]:

@@ -72,6 +72,16 @@ def upload(http, task, position_m, **more):
     return http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory(position_m)))))
 
 
+def refused(response, field, words="", status=422):
+    """The only error of a refusal: it names the field, and its message has the words."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    (error,) = response.json()["errors"]
+    assert error["field"] == field
+    assert words in error["message"]
+    return error
+
+
 def camera(name="front", width=64, height=48, f=60.0):
     """A camera 1 m above the origin of the world, looking down."""
     return {

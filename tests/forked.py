@@ -23,12 +23,9 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 IMPORTED = (
-    "app.api.bounded_protocol",
-    "app.bootstrap",
-    "app.cli",
-    "app.logs",
-    "rich.console",
-    "uvicorn",
+    "app.cli.jobs",
+    "app.cli.objects",
+    "app.cli.serve",
     "uvicorn.lifespan.on",
     "uvicorn.loops.auto",
     "uvicorn.protocols.http.httptools_impl",

@@ -10,7 +10,6 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from urllib.parse import quote, urlsplit
 
-from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -94,15 +93,10 @@ class Access:
 
 
 class AccessControl:
-    """ASGI middleware.
+    """ASGI middleware, by the keys of the application's `state.services`."""
 
-    Args:
-        owner: whose `state.services` has the keys.
-    """
-
-    def __init__(self, app: ASGIApp, owner: FastAPI, access: Access) -> None:
+    def __init__(self, app: ASGIApp, access: Access) -> None:
         self._app = app
-        self._owner = owner
         self._access = access
         self._rate = RateLimit(access.requests_per_s, access.burst)
 
@@ -124,7 +118,7 @@ class AccessControl:
         if (host := _host_of(headers.get(b"host", b"").decode("latin-1"))) is None:
             return problem(_MALFORMED, "its header Host names no host"), None
         if path in HEALTH:
-            scope.setdefault("state", {})["known"] = await self._may_know(path, headers)
+            scope.setdefault("state", {})["known"] = await self._may_know(scope, headers)
             return None, None
         if len(scope["query_string"]) > self._access.max_query_chars:
             return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters"), None
@@ -133,7 +127,7 @@ class AccessControl:
             return refusal, None
         caller, unknown = None, "the key is not known, or was revoked"
         try:
-            caller = await self._caller(credential) if self._access.key_required else None
+            caller = await _caller(scope, credential) if self._access.key_required else None
         except StoreError as error:
             return store_problem(error), None
         except ExpiredKeyError as error:
@@ -147,12 +141,12 @@ class AccessControl:
         said = unknown if credential.token else "there is no key"
         return self._unwelcome(method, path, headers, caller, said) if self._access.key_required else None, caller
 
-    async def _may_know(self, path: str, headers: Headers) -> bool:
+    async def _may_know(self, scope: Scope, headers: Headers) -> bool:
         """Whether the caller of a health check may read what it finds."""
-        if path != READY or not self._access.key_required:
+        if not scope["path"].endswith(READY) or not self._access.key_required:
             return True
         try:
-            return await self._caller(credential_of(headers)) is not None
+            return await _caller(scope, credential_of(headers)) is not None
         except (StoreError, ExpiredKeyError):
             return False
 
@@ -173,13 +167,6 @@ class AccessControl:
                 _FORBIDDEN, "pages of other websites may not change anything here (a proxy must pass Host on)"
             )
         return None
-
-    async def _caller(self, credential: Credential) -> Caller | None:
-        services: Services = self._owner.state.services
-        if not credential.token:
-            return None
-        known = services.sessions if credential.by_cookie else services.keys
-        return await known.recognise(credential.token)
 
     def _unwelcome(
         self, method: str, path: str, headers: Headers, caller: Caller | None, unknown: str
@@ -202,6 +189,14 @@ class AccessControl:
         challenge = f'{_CHALLENGE}, error="insufficient_scope", scope="{" ".join(sorted(accepted))}"'
         detail = f"the key {caller.name!r} has the scopes {', '.join(sorted(caller.scopes))}; this needs {needed}"
         return problem(_FORBIDDEN, detail, headers={"WWW-Authenticate": challenge})
+
+
+async def _caller(scope: Scope, credential: Credential) -> Caller | None:
+    if not credential.token:
+        return None
+    services: Services = scope["app"].state.services
+    known = services.sessions if credential.by_cookie else services.keys
+    return await known.recognise(credential.token)
 
 
 def _host_of(authority: str) -> str | None:

@@ -1,18 +1,23 @@
-"""The ASGI application: its routes, and what every request passes before them."""
+"""The ASGI application: its routes, what every request passes before them, and how OpenAPI describes it."""
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import Any
 
 from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
 from fastapi_offline import FastAPIOffline
+from pydantic.json_schema import models_json_schema
 
 from app.api.access import Access, AccessControl
-from app.api.body_limits import BodyLimit, BodyLimits
+from app.api.access_rules import COOKIE, HEALTH, accepted_scopes
 from app.api.image_work import ImageWork
-from app.api.middleware import OuterMiddleware
-from app.api.openapi import install_openapi
-from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, labels, login, operations, plans, poses, predict, predictions, runs, tasks
+from app.api.middleware import BodyLimit, BodyLimits, OuterMiddleware
+from app.api.problems import CONTENT, install_problem_handlers
+from app.api.routes import episodes, login, objects, operations, predict, predictions, tasks
+from app.api.schemas.objects import LabelBody, PosesBody
+from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
+from app.api.schemas.responses import Problem
 from app.services.container import Services
 
 DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of demonstrations
@@ -24,18 +29,29 @@ Metres, radians and seconds; world frame; quaternions x y z w; cameras with Open
 `application/problem+json`.
 """
 
+# Bodies that routes read by hand, and how errors are answered: FastAPI cannot know of them.
+_HAND_READ = (EpisodeJson, EpisodeMetadata, LabelBody, PosesBody, PredictBody, Problem)
+_SCHEMES: dict[str, Any] = {
+    "bearer": {"type": "http", "scheme": "bearer", "description": "a key of `roboprompt keys add`"},
+    "header": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
+    "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "set by the login page"},
+}
+_STATUSES = {"401": "Unauthenticated", "403": "Forbidden", "414": "AddressTooLong", "429": "TooManyRequests"}
+_MEANINGS = {
+    "Unauthenticated": "keys are required, and there is none or it is not valid",
+    "Forbidden": "the key lacks the scope or is for other tasks, or a page of another website asks",
+    "AddressTooLong": "the address's query is too long",
+    "TooManyRequests": "of this key or address; Retry-After says when to come back",
+}
+_REFUSALS = {name: {"description": meaning, "content": CONTENT} for name, meaning in _MEANINGS.items()}
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
 
 
-def create_app(
-    open_services: OpenServices, version: str, body_limits: BodyLimits | None = None, access: Access | None = None
-) -> FastAPI:
+def create_app(open_services: OpenServices, version: str, body_limits: BodyLimits, access: Access) -> FastAPI:
     """The application.
 
     Args:
         open_services: entered at start-up, left at shutdown.
-        body_limits: None: the defaults.
-        access: None: no keys, no rate limit.
     """
 
     @asynccontextmanager
@@ -45,17 +61,76 @@ def create_app(
             yield
 
     app = FastAPIOffline(
-        title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
+        title="RoboPrompt",
+        version=version,
+        description=DESCRIPTION,
+        lifespan=lifespan,
+        redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
     )
     # A robot waits for predictions. Overlays come before episodes, whose kinds of images would take their addresses.
-    for subject in (predict, plans, poses, episodes, labels, tasks, predictions, runs, operations, login):
+    for subject in (predict, objects, episodes, tasks, predictions, operations, login):
         app.include_router(subject.router)
-    app.include_router(labels.learn_router)
     install_problem_handlers(app)
     install_openapi(app)
-    app.state.body_limits = body_limits or BodyLimits()
+    app.state.body_limits = body_limits
     app.state.image_work = ImageWork()
     app.add_middleware(BodyLimit, limits=app.state.body_limits)
-    app.add_middleware(AccessControl, owner=app, access=access or Access())
-    app.add_middleware(OuterMiddleware, owner=app)
+    app.add_middleware(AccessControl, access=access)
+    app.add_middleware(OuterMiddleware)
     return app
+
+
+def install_openapi(app: FastAPI) -> None:
+    """Let `app` describe the bodies that its routes read by hand."""
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            document = get_openapi(
+                title=app.title,
+                version=app.version,
+                description=app.description,
+                routes=app.routes,
+                tags=app.openapi_tags,
+            )
+            _, definitions = models_json_schema(
+                [(model, "validation") for model in _HAND_READ], ref_template="#/components/schemas/{model}"
+            )
+            _document_refusals(document)
+            document.setdefault("components", {}).setdefault("schemas", {}).update(definitions["$defs"])
+            _describe_access(document)
+            app.openapi_schema = document
+        return app.openapi_schema
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _describe_access(document: dict[str, Any]) -> None:
+    """Say of every operation which scopes let it in, and how it refuses."""
+    document["components"] |= {"securitySchemes": _SCHEMES, "responses": _REFUSALS}
+    for path, item in document["paths"].items():
+        for method, operation in item.items():
+            if scopes := sorted(accepted_scopes(method.upper(), path)):
+                # The empty requirement stands for services that require no keys.
+                operation["security"] = [{}, *({scheme: scopes} for scheme in _SCHEMES)]
+                operation["description"] = f"{operation['description']}\n\nScope: {' or '.join(scopes)}."
+            if path in HEALTH:
+                continue
+            named = {status: {"$ref": f"#/components/responses/{name}"} for status, name in _STATUSES.items()}
+            operation["responses"] = {**named, **operation["responses"]}
+
+
+# What every operation may answer, or every one with a body.
+_OF_ALL = {"422": "a value is not valid", "503": "the store does not answer"}
+_OF_BODIES = {"400": "the body cannot be read", "413": "the body is too large"}
+
+
+def _document_refusals(document: dict[str, Any]) -> None:
+    """Add the refusals that routes need not name; FastAPI's own 422 is not what the service answers."""
+    for item in document["paths"].values():
+        for operation in item.values():
+            meanings = _OF_ALL | (_OF_BODIES if "requestBody" in operation else {})
+            for status, meaning in meanings.items():
+                named = operation["responses"].get(status)
+                if named is None or ("application/json" in named["content"] and status == "422"):
+                    operation["responses"][status] = {"description": meaning, "content": CONTENT}

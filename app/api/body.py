@@ -11,8 +11,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
-from app.api.body_limits import JSON, MSGPACK, MULTIPART, content_type_of
 from app.api.decoding import JsonBudget, check_only_json_types, json_object, msgpack_object
+from app.api.middleware import JSON, MSGPACK, MULTIPART, content_type_of
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import is_packed_array, npy_from_packed
 
@@ -102,14 +102,12 @@ def _metadata(data: bytes) -> dict[str, Any]:
 
 def _read_json(data: bytes, most: int) -> Body:
     document = json_object(data)
-    images = {name: document.pop(name) for name in [*document] if _is_image(name, document[name])}
+    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
+    # a label's `mask_ids` are no image
+    images = {name: document.pop(name) for name in names if name != "mask_ids" or not isinstance(document[name], list)}
     if TRAJECTORY not in document:
         _check_document(len(data) - sum(len(value) for value in images.values() if isinstance(value, str)), most)
     return Body(document, {name: _base64(name, value) for name, value in images.items()})
-
-
-def _is_image(name: str, value: object) -> bool:
-    return name.startswith(IMAGE_PREFIXES) and not (name == "mask_ids" and isinstance(value, list))
 
 
 def _read_packed(data: bytes, most: int) -> Body:

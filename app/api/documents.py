@@ -14,12 +14,16 @@ from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.predict.standing import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
-from app.store.configurations import Counts
+from app.store.prediction_lists import Counts
 from app.store.records import EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.runs import RunRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
 from roboprompt_client.camera import camera_json
+
+
+def _fields(record: object, *names: str) -> JsonObject:
+    return {name: getattr(record, name) for name in names}
 
 
 def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:
@@ -32,19 +36,12 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
     codec = fit_codec("absolute", prompt_format, [demonstration], workspace)
     return {
-        "id": record.id,
-        "task": record.task,
-        "instruction": record.instruction,
-        "num_frames": record.num_frames,
-        "control_frequency_hz": record.control_frequency_hz,
+        **_fields(record, "id", "task", "instruction", "num_frames", "control_frequency_hz"),
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else {"extra": record.extra}),
-        "prediction_id": record.prediction_id,
-        "left_out": record.left_out,
-        "note": record.note,
-        "uploaded_instruction": record.uploaded_instruction,
+        **_fields(record, "prediction_id", "left_out", "note", "uploaded_instruction"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
@@ -53,25 +50,14 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
     """An `EpisodeMetadata`: what was uploaded, to be uploaded elsewhere; no link to a prediction of here."""
-    objects = [
-        {
-            "name": item["name"],
-            "position": item["position_m"],
-            "quaternion_xyzw": item["quaternion_xyzw"],
-            "mask_ids": item["mask_ids"],
-        }
-        for item in record.given_objects
-    ]
+    names = {"name": "name", "position": "position_m", "quaternion_xyzw": "quaternion_xyzw", "mask_ids": "mask_ids"}
     return {
-        "task": record.task,
-        "instruction": record.instruction,
-        "objects": objects,
+        **_fields(record, "task", "instruction"),
+        "objects": [{name: item[stored] for name, stored in names.items()} for item in record.given_objects],
         "cameras": [camera_json(item.camera()) for item in record.cameras],
         "control_frequency_hz": record.control_frequency_hz,
         "extra": record.extra or {},
-        "left_out": record.left_out,
-        "note": record.note,
-        "uploaded_instruction": record.uploaded_instruction,
+        **_fields(record, "left_out", "note", "uploaded_instruction"),
     }
 
 
@@ -95,16 +81,13 @@ def task_document(record: TaskRecord, num_episodes: int, num_unseen: int | None 
     names = None if record.object_names is None else list(record.object_names)
     described = {"name": record.name, "version": record.version, "object_names": names, "num_episodes": num_episodes}
     if num_unseen is not None:
-        described["note"] = _note(num_unseen, num_episodes) if stored["object_models"] and num_unseen else ""
+        note = (
+            f"{num_unseen} of {num_episodes} episodes have no images with color and depth: their objects' poses stay as"
+            " they were given, and object_models apply to predictions alone. Answers to images say so with a finding,"
+            " poses-of-another-source, until an episode with given poses and images shows that both mean the same."
+        )
+        described["note"] = note if stored["object_models"] and num_unseen else ""
     return {**described, **stored}
-
-
-def _note(num_unseen: int, num_episodes: int) -> str:
-    return (
-        f"{num_unseen} of {num_episodes} episodes have no images with color and depth: their objects' poses stay as"
-        " they were given, and object_models apply to predictions alone. Answers to images say so with a finding,"
-        " poses-of-another-source, until an episode with given poses and images shows that both mean the same."
-    )
 
 
 def stats_document(task: str, stats: TaskStats, compare: Sequence[str] = ()) -> JsonObject:
@@ -145,21 +128,21 @@ def run_document(record: RunRecord) -> JsonObject:
 
 def job_document(record: JobRecord) -> JsonObject:
     """A `JobOut`."""
-    shown = ("id", "task", "changes", "status", "num_episodes", "num_extracted", "error")
-    times = {name: getattr(record, name) for name in ("created_at", "finished_at")}
-    iso = {name: None if value is None else value.isoformat() for name, value in times.items()}
-    return {name: getattr(record, name) for name in shown} | iso
+    return {
+        **_fields(record, "id", "task", "changes", "status", "num_episodes", "num_extracted", "error"),
+        "created_at": record.created_at.isoformat(),
+        "finished_at": None if record.finished_at is None else record.finished_at.isoformat(),
+    }
 
 
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
         "task": question.request.task,
-        **_understood(question.grounded),
+        **understood_document(question.grounded),
         "objects": [ObjectRecord.of(pose).to_json() for pose in question.seen.objects],
         "model": question.known.profile.name,
-        "representation": question.known.style.representation,
-        "prompt_format": question.known.style.prompt_format,
+        **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),
         "prompt": _prompt(prompt.system, prompt.user),
         "prefix_hash": question.prefix.cache_key,
@@ -171,14 +154,9 @@ def _prompt(system: str, user: str) -> JsonObject | None:
     return {"system": system, "user": user} if present().demonstrations and user else None
 
 
-def _understood(order: Order) -> JsonObject:
-    """How the instruction was understood."""
+def understood_document(order: Order) -> JsonObject:
+    """An `UnderstoodOut`."""
     return {"canonical_instruction": order.text, "grounding": [phrase.to_json() for phrase in order.phrases]}
-
-
-def understood_document(question: Question) -> JsonObject:
-    """An `UnderstoodOut`: what is known before the LLM has said anything."""
-    return _understood(question.grounded)
 
 
 def prediction_document(prediction: Prediction) -> JsonObject:
@@ -206,13 +184,11 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
 
 def dry_run_document(question: Question) -> JsonObject:
     """A `DryRunOut`."""
-    prompt = question.prompt
-    findings = [finding.to_json() for finding in question.findings]
     return {
         "id": None,
-        **_asked(question, prompt),
-        "grammar": prompt.grammar,
-        "findings": findings,
+        **_asked(question, question.prompt),
+        "grammar": question.prompt.grammar,
+        "findings": [finding.to_json() for finding in question.findings],
         "timings_ms": timings().ms,
     }
 
@@ -225,16 +201,14 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
     same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
     return {
-        **{name: getattr(record, name) for name in same},
-        **_understood(Order.from_json(record.grounding, ())),
+        **_fields(record, *same),
+        **understood_document(Order.from_json(record.grounding, ())),
         "demonstration_ids": list(record.demonstration_ids),
         "prompt": _prompt(record.prompt_system, record.prompt_user),
         "actions": None if record.actions is None else list(record.actions),
         "objects": [item.to_json() for item in record.objects],
         "cameras": [item.name for item in record.cameras],
-        "usage": record.usage,
-        "timings_ms": record.timings_ms,
-        "step": record.step,
+        **_fields(record, "usage", "timings_ms", "step"),
         "samples": _samples(record.samples),
         "findings": list(record.findings),
         "request": record.request,
@@ -250,13 +224,7 @@ def model_document(profile: ModelProfile, available: bool, reason: str | None, d
         "name": profile.name,
         "available": available,
         "reason": reason or None,
-        "style": profile.style,
-        "grammar": profile.grammar,
-        "representation": profile.representation,
-        "prompt_format": profile.prompt_format,
-        "system_prompt": profile.system_prompt,
-        "description": profile.description,
-        "timeout_s": profile.timeout_s,
-        "reading_s": profile.reading_s,
+        **_fields(profile, "style", "grammar", "representation", "prompt_format", "system_prompt", "description"),
+        **_fields(profile, "timeout_s", "reading_s"),
         "default": profile.name == default,
     }

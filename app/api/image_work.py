@@ -83,12 +83,6 @@ def image_work(request: Request) -> ImageWork:
     return work
 
 
-def stop_if_unwanted() -> None:
-    """End the work of this thread if its client has left, or it takes too long; nothing outside of `ImageWork.run`."""
-    with suppress(RuntimeError):  # no thread of anyio's
-        anyio.from_thread.check_cancelled()
-
-
 async def _while_wanted(request: Request, call: Callable[[], Awaitable[T]]) -> T:
     left = False
 
@@ -170,9 +164,9 @@ def decode_frames(
     Raises:
         InvalidInputError: naming the image part or the camera's field.
     """
-    return tuple(_decoded(item, images[item.name], max_pixels) for item in cameras)
-
-
-def _decoded(camera: CameraIn, images: ImageBytes, max_pixels: int) -> RgbdFrame:
-    stop_if_unwanted()
-    return decode_frame(camera.camera(), images, max_pixels)
+    frames = []
+    for camera in cameras:
+        with suppress(RuntimeError):  # no thread of `ImageWork.run`, whose work ends here if its client has left
+            anyio.from_thread.check_cancelled()
+        frames.append(decode_frame(camera.camera(), images[camera.name], max_pixels))
+    return tuple(frames)

@@ -1,15 +1,19 @@
-"""Around every request: its id, its line in the log, its metrics, and the headers of its answer for browsers."""
+"""Around every request: its id, log line and metrics, the headers of its answer; and how large its body may be."""
 
 import logging
 import re
 import time
+from collections.abc import Iterable
+from dataclasses import dataclass
 from http import HTTPMethod
 from uuid import uuid4
 
-from fastapi import FastAPI
+from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.api.access_rules import GUIDE
+from app.api.access_rules import GUIDE, LOGIN, LOGOUT
+from app.api.decoding import MAX_VALUES, JsonBudget
+from app.api.problems import http_problem
 from app.services.measures import request_fields
 
 logger = logging.getLogger(__name__)
@@ -30,20 +34,28 @@ _HEADERS = (
     (b"cross-origin-resource-policy", b"same-origin"),
 )
 
+MAX_LOGIN_BYTES = 10_000
+MULTIPART, JSON, MSGPACK, FORM = (
+    "multipart/form-data",
+    "application/json",
+    "application/msgpack",
+    "application/x-www-form-urlencoded",
+)
+# What robots send with images. In JSON an upload has its trajectory inline, too: 13,000 frames, 11 minutes at 20 Hz.
+UPLOAD = "/episodes"
+WITH_IMAGES = (UPLOAD, "/predict", "/poses", "/labels", "/labels/preview", "/ui/predict/prompt")
+MAX_UPLOAD_VALUES = 250_000
+
 
 class OuterMiddleware:
     """ASGI middleware: observes every request, and adds security headers that the route has not set.
 
     A request keeps the `X-Request-ID` that it came with, or gets one; the answer carries it. There is no CORS: scripts
     of other websites read no answer.
-
-    Args:
-        owner: whose `state.services` has the metrics.
     """
 
-    def __init__(self, app: ASGIApp, owner: FastAPI) -> None:
+    def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._owner = owner
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -64,15 +76,16 @@ class OuterMiddleware:
             try:
                 await self._app(scope, receive, watched_send)
             finally:
-                self._observe(scope, status, time.perf_counter() - started)
+                _observe(scope, status, time.perf_counter() - started)
 
-    def _observe(self, scope: Scope, status: int, seconds: float) -> None:
-        # An unknown method or path must not become a label: clients could invent any number of them.
-        method = scope["method"] if scope["method"] in METHODS else "other"
-        route = getattr(scope.get("route"), "path", "none")
-        self._owner.state.services.metrics.observe_request(method, route, status, seconds)
-        figures = {"method": method, "route": route, "status": status, "duration_ms": round(1000 * seconds, 2)}
-        logger.info("%s %s %d", method, route, status, extra=figures)
+
+def _observe(scope: Scope, status: int, seconds: float) -> None:
+    # An unknown method or path must not become a label: clients could invent any number of them.
+    method = scope["method"] if scope["method"] in METHODS else "other"
+    route = getattr(scope.get("route"), "path", "none")
+    scope["app"].state.services.metrics.observe_request(method, route, status, seconds)
+    figures = {"method": method, "route": route, "status": status, "duration_ms": round(1000 * seconds, 2)}
+    logger.info("%s %s %d", method, route, status, extra=figures)
 
 
 def _completed(headers: list[tuple[bytes, bytes]], scope: Scope) -> list[tuple[bytes, bytes]]:
@@ -86,3 +99,85 @@ def _request_id(scope: Scope) -> str:
     """The caller's if it is plain: it goes into the log and back into a header."""
     sent: bytes = dict(scope["headers"]).get(REQUEST_ID, b"")
     return sent.decode() if _PLAIN_ID.fullmatch(sent) else uuid4().hex
+
+
+@dataclass(frozen=True)
+class BodyLimits:
+    """How large bodies may be, in bytes.
+
+    Attributes:
+        largest: of any; reached only with images as multipart or MessagePack.
+        inline: of a JSON document with images in base64, or with a trajectory as lists of numbers.
+        document: of any other, and of such a one's part that is neither image nor trajectory.
+        held: of all requests together that one process has under way.
+    """
+
+    largest: int = 200_000_000
+    inline: int = 32_000_000
+    document: int = 1_000_000
+    held: int = 1_000_000_000
+
+    def of(self, method: str, path: str, content_type: str) -> tuple[int, JsonBudget | None]:
+        """How many bytes a request may have, and how many values, if it is read as JSON."""
+        if path.endswith((LOGIN, LOGOUT)):  # open without a key, and the form is small
+            return MAX_LOGIN_BYTES, None
+        images = method == "POST" and path.endswith(WITH_IMAGES)
+        if images and content_type in (MULTIPART, MSGPACK):
+            return self.largest, None
+        values = MAX_UPLOAD_VALUES if path.endswith(UPLOAD) else MAX_VALUES
+        budget = None if content_type in (MULTIPART, MSGPACK, FORM) else JsonBudget(values)
+        return min(self.largest, self.inline if images else self.document), budget
+
+
+def content_type_of(headers: Iterable[tuple[bytes, bytes]]) -> str:
+    """Without its parameters; empty if there is none. Of several the first counts, as where the body is read."""
+    first = next((value for name, value in headers if name == b"content-type"), b"")
+    return first.decode("latin-1").partition(";")[0].strip().lower()
+
+
+class BodyLimit:
+    """ASGI middleware that refuses a body as soon as it turns out too large: 413, or 503 where memory is short."""
+
+    def __init__(self, app: ASGIApp, limits: BodyLimits) -> None:
+        self._app = app
+        self._limits = limits
+        self._held = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = dict(scope["headers"])
+        most, budget = self._limits.of(scope["method"], scope["path"], content_type_of(scope["headers"]))
+        declared = int(headers.get(b"content-length", b"0"))
+        received = 0
+
+        async def limited_receive() -> Message:
+            nonlocal received
+            message = await receive()
+            if piece := message.get("body", b""):
+                received += len(piece)
+                self._held += len(piece)
+                self._check(max(received, declared), most)
+                if budget is not None:
+                    budget.feed(piece)
+            return message
+
+        if declared > self._limits.largest:  # also where no route would read it
+            await http_problem(_too_large(most))(scope, receive, send)
+            return
+        try:
+            await self._app(scope, limited_receive, send)
+        finally:
+            self._held -= received
+
+    def _check(self, received: int, most: int) -> None:
+        if received > most:
+            raise _too_large(most)
+        if self._held > self._limits.held:
+            detail = f"requests under way hold more than {self._limits.held} bytes already: try again"
+            raise HTTPException(503, detail, {"Retry-After": "1"})
+
+
+def _too_large(most: int) -> HTTPException:
+    return HTTPException(413, f"a request of this kind may have at most {most} bytes")

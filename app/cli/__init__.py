@@ -1,51 +1,71 @@
 """`roboprompt`: the service, its keys, models and backups; evaluation; data in and out; cameras."""
 
 import sys
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from app.cli import (
-    audit,
-    backup,
-    calibrate,
-    cases,
-    check,
-    demo,
-    doctor,
-    evaluate,
-    export_data,
-    import_data,
-    jobs,
-    keys,
-    models,
-    record,
-    serve,
-)
-from app.cli.extras import extra_with
 from roboprompt_client.version import VERSION
 
-application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
-application.command("serve")(serve.serve)
-application.command("doctor")(doctor.doctor)
-application.add_typer(keys.application, name="keys")
-application.add_typer(models.application, name="models")
-application.command("audit")(audit.audit)
-application.command("backup")(backup.back_up)
-application.command("restore")(backup.restore)
-application.command("jobs")(jobs.jobs)
-application.command("demo")(demo.demo)
-application.command("record")(record.record)
-application.command("eval")(evaluate.evaluate)
-application.command("films")(demo.films)
-application.command("film")(demo.film)
-application.command("teach-objects")(calibrate.teach_objects)
-application.command("check")(check.check)
-application.add_typer(cases.application, name="cases")
-application.command("calibrate")(calibrate.calibrate)
-application.command("calibration-board")(calibrate.calibration_board)
-application.command("import")(import_data.import_data)
-application.command("export")(export_data.export_data)
+# Each command: where it is, in this package, and its line in the list, for which no module is imported.
+COMMANDS = {
+    "serve": ("serve:serve", "Run the service until Ctrl-C."),
+    "doctor": ("doctor:doctor", "Look at what RoboPrompt needs on this machine."),
+    "audit": ("administration:audit", "Print the audit log and verify that no entry was changed, removed or inserted."),
+    "backup": ("administration:back_up", "Write everything that is stored to a file; the service may keep running."),
+    "restore": ("administration:restore", "Put a backup into an empty store, of the same or another kind of database."),
+    "jobs": ("jobs:jobs", "Work at all queued re-extractions of tasks, and end when none is left."),
+    "demo": ("demo:demo", "Teach a simulated Panda, then predict and execute on unseen scenes."),
+    "record": ("record:record", "Make a demonstration by hand: move the simulated Panda with the keyboard."),
+    "eval": (
+        "evaluate:evaluate",
+        "Teach tasks, test methods on unseen scenes, and compare with the paper's numbers.",
+    ),
+    "films": ("demo:films", "Make a film strip of every task's expert, and a page of them."),
+    "film": ("demo:film", "Film one prediction: what the LLM reads, what it replies, and the arm that does it."),
+    "teach-objects": ("objects:teach_objects", "Let the service learn what a task's objects look like."),
+    "check": ("check:check", "Predict each of a task's demonstrations from the others, and say what would go wrong."),
+    "calibration-board": ("objects:calibration_board", "Write the picture of a ChArUco board, to be printed."),
+    "import": ("import_data:import_data", "Import a dataset; the same command again continues where it stopped."),
+    "export": ("export_data:export_data", "Export a task: --archive, --lerobot, --rerun."),
+    "keys": ("administration:keys", "API keys: add, list, revoke."),
+    "models": ("models:application", "LLMs that run on this machine: add, list, remove."),
+    "cases": ("check:cases", "Predictions that were kept as cases, to be asked again."),
+}
+
+
+class _Commands(TyperGroup):
+    """Imports a command's module when it is called."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
+        if args[0] in COMMANDS:
+            self.add_command(load(args[0]))
+        return super().resolve_command(ctx, args)
+
+
+def load(name: str) -> Any:  # noqa: ANN401
+    """The command or group of that name."""
+    module, _, attribute = COMMANDS[name][0].partition(":")
+    found = getattr(import_module(f"app.cli.{module}"), attribute)
+    alone = typer.Typer()
+    if isinstance(found, typer.Typer):
+        alone.add_typer(found, name=name)
+    else:
+        alone.command(name)(found)
+    return typer.main.get_group(alone).commands[name]
+
+
+def _listed() -> None:
+    """Stands in the list for a command that is not imported."""
+
+
+application = typer.Typer(
+    cls=_Commands, no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False
+)
+for _name, (_, _line) in COMMANDS.items():
+    application.command(_name, help=_line)(_listed)
 
 
 def _print_version(wanted: bool) -> None:
@@ -68,6 +88,8 @@ def main() -> None:
     try:
         application()
     except ModuleNotFoundError as error:
+        from app.cli.shared import extra_with
+
         if (extra := extra_with(error.name or "")) is None:
             raise
         sys.exit(f"this needs {error.name}: pip install 'roboprompt[{extra}]'")

@@ -1,7 +1,12 @@
-"""`roboprompt check`: whether a task's demonstrations predict each other, before a robot moves."""
+"""`roboprompt check`: whether a task's demonstrations predict each other, before a robot moves.
+
+`roboprompt cases`: predictions that were kept are asked again, and what moved is said.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
+from math import degrees, dist
 from typing import Annotated, Any
 
 import typer
@@ -9,17 +14,24 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from app.cli.shared import URL_HELP, every, service_at
+from roboprompt_client import quaternions
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import ServiceProblemError
 
 COLORS = {"info": "cyan", "warning": "yellow", "danger": "red"}
+FIGURES = ("Row", "Error", "Worst", "Varies", "Path")  # columns of numbers
 SHOWN_CHARS = 8  # of an episode's id
+MOVED_M, MOVED_DEG = 0.0005, 0.05
+# Of a request beside its objects: images are not sent again, and a closed loop has no beginning of its own.
+ASKED_OTHERWISE = ("task", "instruction", "objects", "cameras", "closed_loop", "after", "dry_run", "stream_text")
+cases = typer.Typer(no_args_is_help=True, help="Predictions that were kept as cases, to be asked again.")
 Document = Mapping[str, Any]
 
 
 def check(
     task: Annotated[str, typer.Argument(help="a task with demonstrations")],
-    url: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     model: Annotated[str | None, typer.Option(help="ask this LLM as well, see GET /models; some seconds each")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the service's answer as one line of JSON")] = False,
     strict: Annotated[bool, typer.Option(help="exit with status 1 if there is a warning or a danger")] = False,
@@ -28,12 +40,8 @@ def check(
 
     Without --model this asks no LLM. The exit status is 0 whatever is found, unless --strict says otherwise.
     """
-    try:
-        with RoboPromptClient(url) as client:
-            answer = client.check(task, model)
-    except (ServiceProblemError, ServiceUnreachableError) as error:
-        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+    with service_at(url) as client:
+        answer = client.check(task, model)
     if as_json:
         print(json.dumps(answer))  # noqa: T201
     else:
@@ -69,58 +77,45 @@ def _title(plan: Document) -> str:
 
 
 def _row_table(rows: Sequence[Document]) -> Table:
-    table = _table()
-    for name in ("Row", "Follows", "Gripper", "Error", "Worst", "Varies"):
-        table.add_column(name, justify="left" if name in ("Follows", "Gripper") else "right")
+    table = _table("Row", "Follows", "Gripper", "Error", "Worst", "Varies")
     for number, row in enumerate(rows, start=1):
+        follows = _several(row["objects"]) if row["objects"] else f"the {row['frame']}"
         gripper = ("opens" if row["gripper_open"] else "closes") if row["switches"] else ""
         errors = [_off(row[f"{name}_cm"], row[f"{name}_deg"]) for name in ("error", "worst", "varies")]
-        table.add_row(f"{number}", _follows(row), gripper, *errors)
+        table.add_row(f"{number}", follows, gripper, *errors)
     return table
 
 
-def _follows(row: Document) -> str:
-    if not row["objects"]:
-        return f"the {row['frame']}"
-    return _several(row["objects"])
-
-
 def _episode_table(plan: Document) -> Table:
-    table = _table()
-    for name in ("Demonstration", "Manner", "Worst row", "Error", "Path"):
-        table.add_column(name, justify="right" if name in ("Error", "Path") else "left")
+    table = _table("Demonstration", "Manner", "Worst row", "Error", "Path")
     for episode in plan["episodes"]:
-        worst = _worst(episode)
         name = f"{episode['id'][:SHOWN_CHARS]}{' [yellow]unlike the others[/]' if episode['unlike_others'] else ''}"
-        row, error = ("", "") if worst is None else (f"{worst + 1}", _off_at(episode, worst))
-        table.add_row(name, episode["manner"], row, error, f"{episode['path_cm']:.1f} cm")
+        table.add_row(name, episode["manner"], *_worst(episode), f"{episode['path_cm']:.1f} cm")
     return table
 
 
 def _reply_table(replies: Sequence[Document]) -> Table:
-    table = _table()
-    for name in ("Demonstration", "Worst row", "Error", ""):
-        table.add_column(name, justify="right" if name == "Error" else "left")
+    table = _table("Demonstration", "Worst row", "Error", "")
     for reply in replies:
-        worst = _worst(reply)
-        row, error = ("", "") if worst is None else (f"{worst + 1}", _off_at(reply, worst))
         said = reply["problem"] or ("too far off" if reply["wrong"] else "")
-        table.add_row(reply["episode_id"][:SHOWN_CHARS], row, error, escape(said))
+        table.add_row(reply["episode_id"][:SHOWN_CHARS], *_worst(reply), escape(said))
     return table
 
 
-def _table() -> Table:
-    return Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for name in columns:
+        table.add_column(name, justify="right" if name in FIGURES else "left")
+    return table
 
 
-def _worst(errors: Document) -> int | None:
-    """The row with the largest distance; None where nothing was compared."""
-    found: list[float] = errors["error_cm"]
-    return max(range(len(found)), key=found.__getitem__) if found else None
-
-
-def _off_at(errors: Document, row: int) -> str:
-    return _off(errors["error_cm"][row], errors["error_deg"][row])
+def _worst(errors: Document) -> tuple[str, str]:
+    """The number of the row with the largest distance, and how far it is off; empty where nothing was compared."""
+    pairs = list(zip(errors["error_cm"], errors["error_deg"], strict=True))
+    if not pairs:
+        return "", ""
+    worst = max(range(len(pairs)), key=lambda row: pairs[row][0])
+    return f"{worst + 1}", _off(*pairs[worst])
 
 
 def _off(distance_cm: float | None, angle_deg: float | None) -> str:
@@ -130,3 +125,59 @@ def _off(distance_cm: float | None, angle_deg: float | None) -> str:
 def _several(names: Sequence[str]) -> str:
     """The first, and how many more."""
     return escape(names[0]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
+
+
+@cases.command("run")
+def run_cases(
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+    task: Annotated[str | None, typer.Option(help="only the cases of this task")] = None,
+    model: Annotated[str | None, typer.Option(help="ask this LLM instead of each case's own")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object a case")] = False,
+) -> None:
+    """Ask all kept cases again, and say which answers are others than they were.
+
+    Objects stand where they were seen: where images were sent, they are given as poses. The exit status is 1 if an
+    answer moved.
+    """
+    console, moved = Console(), 0
+    with service_at(url) as client:
+        for case in every(client, "/predictions", cases=True, limit=50, task=task):
+            said = compare(case, ask_again(client, case, model))
+            moved += said != "same"
+            where = f"{case['id'][:8]} {case['task']}: {case['instruction']}"
+            line = json.dumps({"id": case["id"], "moved": said}) if as_json else f"{said}\t{where}"
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+    raise typer.Exit(1 if moved else 0)
+
+
+def ask_again(client: RoboPromptClient, case: Document, model: str | None) -> Document:
+    """The answer now; `error` where it is a refusal.
+
+    Raises:
+        ServiceUnreachableError: if the service does not answer.
+    """
+    settings = {name: value for name, value in case["request"].items() if name not in ASKED_OTHERWISE}
+    seen = [{name: item[name] for name in ("name", "position", "quaternion_xyzw")} for item in case["objects"]]
+    scene = {"task": case["task"], "instruction": case["instruction"], "objects": seen}
+    try:
+        return client.post("/predict", {**settings, **scene, "model": model or case["model"]})
+    except ServiceProblemError as error:
+        return {"actions": None, "error": str(error)}
+
+
+def compare(before: Document, now: Document) -> str:
+    """What moved, in words: `same`, or the greatest change of the actions."""
+    if not before["actions"] or not now["actions"]:
+        if bool(before["actions"]) == bool(now["actions"]):
+            return "same"
+        return f"no actions now: {now['error']}" if before["actions"] else "actions now, none before"
+    pairs = list(zip_longest(before["actions"], now["actions"]))
+    if any(None in pair for pair in pairs):
+        return f"{len(now['actions'])} actions instead of {len(before['actions'])}"
+    if grippers := [k for k, (one, other) in enumerate(pairs, 1) if one["gripper_open"] != other["gripper_open"]]:
+        return f"the gripper of action {grippers[0]}"
+    away_m = max(dist(one["position"], other["position"]) for one, other in pairs)
+    turned = max(quaternions.angle_between_rad(one["quaternion_xyzw"], two["quaternion_xyzw"]) for one, two in pairs)
+    if away_m < MOVED_M and degrees(turned) < MOVED_DEG:
+        return "same"
+    return f"moved by {100 * away_m:.1f} cm, {degrees(turned):.1f} degrees"

@@ -101,7 +101,7 @@ def _check_names(tasks: list[str] | None, representation: str | None, model: str
 
 def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[str, object]:
     """Print the results and write the report; the same figures for programs."""
-    from app.evaluation.report import write_report
+    from app.evaluation.report.page import write_report
     from app.evaluation.scores import errors_of, reached
     from app.evaluation.tables import results_table, sweep_summary
 
@@ -133,19 +133,16 @@ def films(
 ) -> None:
     """Make a film strip of every task's expert, and a page of them."""
     # The simulator is an extra that `roboprompt serve` does without.
-    from app.evaluation.task_pages import film_task, write_page
+    from app.evaluation.films import film_task, write_page
     from app.sim.tasks import TASKS
 
     check_names("--task", task or (), TASKS)
-    console, made, failed = Console(), [], []
+    console, filmed = Console(), {}
     for name in task or TASKS:
-        film = film_task(name, seed, out)
-        made.append(film)
-        if not film.recorded.succeeded:
-            failed.append(name)
-        console.print(f"{name}: {film.recorded.failure or 'solved'}", markup=False)
-    console.print(f"page: {write_page(made, seed, out)}", markup=False)
-    if failed:
+        filmed[name] = film_task(name, seed, out)
+        console.print(f"{name}: {filmed[name].failure or 'solved'}", markup=False)
+    console.print(f"page: {write_page(filmed, seed, out)}", markup=False)
+    if not all(recorded.succeeded for recorded in filmed.values()):
         raise typer.Exit(1)
 
 
@@ -157,7 +154,7 @@ def film(
 ) -> None:
     """Film one prediction: what the LLM reads, what it replies, and the arm that carries it out."""
     # The simulator is an extra that `roboprompt serve` does without.
-    from app.evaluation.moving_picture import make_moving_picture
+    from app.evaluation.films import make_moving_picture
     from app.sim.tasks import TASKS
 
     check_names("--task", [task], TASKS)

@@ -1,18 +1,58 @@
-"""`roboprompt doctor`: what is missing or wrong on this machine, and how to mend it."""
+"""`roboprompt doctor`: what is missing or wrong on this machine, and how to mend it.
 
+Here it looks at the service: its settings, LLM, data folder, database, disk and extras.
+"""
+
+import os
+import shutil
+import stat
+import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from pydantic import ValidationError
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from sqlalchemy import make_url
+from sqlalchemy.exc import ArgumentError
 
-from app.cli.shared import DOT_ENV, EnvFile, check_port
+from app.cli.doctor_machine import PATIENCE_S, Row, look_at_machine
+from app.cli.shared import DOT_ENV, EnvFile, check_port, is_installed, packages_of_extras
+from app.llm.llama.weights import find_weights
+from app.llm.llm_settings import ENV_PREFIX
+from app.llm.registry import ModelRegistry
+from app.settings import Settings, load_env_file
+from app.store.database import Database
+from app.store.migration import is_newest
+from app.store.private import OTHERS, require_ours
+from app.store.tables import metadata
+from roboprompt_client.errors import RoboPromptError
 from roboprompt_client.version import VERSION
 
 COLORS = {"ok": "green", "missing": "yellow", "wrong": "yellow"}
+MIN_FREE_GB = 1.0  # the weights take 0.6 of it when they are first unpacked
+CLIENTS_OWN = {"api_key"}  # read by roboprompt-client
+LIBRARY = "import xllamacpp"
+WHAT_FOR = {
+    "sim": "roboprompt demo, eval, record, film",
+    "datasets": "imports of LeRobot, robomimic, MCAP",
+    "video": "videos of LeRobot datasets",
+    "rerun": "roboprompt export --rerun",
+    "ray": "--ray",
+    "postgres": "ROBOPROMPT_DATABASE_URL=postgresql://...",
+    "s3": "ROBOPROMPT_BLOBS_URL",
+    "otel": "ROBOPROMPT_OTEL_ENDPOINT",
+    "franka": "roboprompt demo --robot franka",
+}
 
 
 def doctor(
@@ -24,10 +64,6 @@ def doctor(
 
     The exit status is 1 where something fails that `roboprompt serve` needs.
     """
-    from app.cli.doctor_machine import look_at_machine
-    from app.cli.doctor_service import look_at_service
-    from app.settings import load_env_file
-
     if env_file is not None:
         load_env_file(env_file)
     console = Console()
@@ -50,3 +86,117 @@ def doctor(
     if failed:
         console.print(f"{failed} needed {'thing is' if failed == 1 else 'things are'} missing or wrong.")
         raise typer.Exit(1)
+
+
+def look_at_service(data: Path | None) -> Iterator[Row]:
+    """A row for each thing; where the settings are wrong, the others are looked at with the defaults."""
+    try:
+        settings = Settings() if data is None else Settings(data=data)
+    except ValidationError as error:
+        settings = Settings.model_construct() if data is None else Settings.model_construct(data=data)
+        for wrong in error.errors():
+            variable = ENV_PREFIX + "_".join(map(str, wrong["loc"][:1])).upper()
+            yield Row(variable, "wrong", f"{wrong['input']!r}: {wrong['msg']}", "see docs/settings.md")
+    yield from misspelt(os.environ)
+    if settings.default_model.startswith("embedded/"):
+        yield library([sys.executable, "-P", "-c", LIBRARY])
+    yield model(settings)
+    yield data_folder(settings.data)
+    yield database(settings)
+    for folder in dict.fromkeys((settings.data, settings.cache_folder)):
+        yield disk(folder)
+    yield from extras(settings)
+
+
+def misspelt(environment: Mapping[str, str]) -> Iterator[Row]:
+    """Variables that look like settings and are none; the service passes over them."""
+    known = [name.upper() for name in {*Settings.model_fields, *CLIENTS_OWN}]
+    for variable in environment:
+        name = variable.upper().removeprefix(ENV_PREFIX)
+        if variable.upper().startswith(ENV_PREFIX) and name not in known:
+            near = [ENV_PREFIX + close for close in get_close_matches(name, known, 1)]
+            remedy = f"did you mean {near[0]}?" if near else "see docs/settings.md"
+            yield Row(variable, "wrong", "is no setting, and has no effect", remedy, required=False)
+
+
+def library(command: list[str]) -> Row:
+    """Whether llama.cpp loads, in a process of its own: it may need a system library, or stop on an old processor."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    if done.returncode == 0:
+        return Row("llama.cpp", "ok", "loads")
+    seen = (done.stderr.strip().splitlines() or [f"ends with status {done.returncode}"])[-1]
+    remedy = "apt-get install libgomp1" if "libgomp" in seen else "pip install --force-reinstall xllamacpp"
+    return Row("llama.cpp", "wrong", seen, remedy)
+
+
+def model(settings: Settings) -> Row:
+    """Whether the default LLM can be asked; the weights of an embedded one are read and compared with their SHA-256."""
+    name = settings.default_model
+    try:
+        ModelRegistry(settings).profile(name)
+        if name.startswith("embedded/"):
+            return Row(f"LLM {name}", "ok", f"weights in {find_weights(name.removeprefix('embedded/'), settings)()}")
+    except (RoboPromptError, OSError) as error:
+        return Row(f"LLM {name}", "missing", str(error), "as it says, or name another LLM: ROBOPROMPT_DEFAULT_MODEL")
+    return Row(f"LLM {name}", "ok", "is set up; whether it answers is asked by GET /models")
+
+
+def data_folder(folder: Path) -> Row:
+    """Whether the service may write there; a file is written and removed."""
+    name = f"data folder {folder}"
+    there = _nearest(folder)
+    try:
+        if there == folder and (mode := stat.S_IMODE(folder.stat().st_mode)) & OTHERS:
+            require_ours(folder, mode)
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except (RoboPromptError, OSError) as error:
+        return Row(name, "wrong", str(error), "name a folder of this user: --data FOLDER or ROBOPROMPT_DATA")
+    return Row(name, "ok", "can be written" if there == folder else "will be made")
+
+
+def database(settings: Settings) -> Row:
+    """Whether it answers and its tables are those of its revision; nothing is made or migrated."""
+    url = settings.database_url or f"sqlite:///{settings.data / 'roboprompt.db'}"
+    try:
+        if (parsed := make_url(url)).get_backend_name() == "sqlite" and not Path(parsed.database or "").exists():
+            return Row("database", "ok", "will be made")
+        with closing(Database(url)) as opened:
+            if not is_newest(opened):
+                return Row("database", "ok", "is older, and is brought up to date when the service starts")
+            with opened.read() as connection:
+                context = MigrationContext.configure(connection)
+                revision, differences = context.get_current_revision(), compare_metadata(context, metadata)
+    except (RoboPromptError, ArgumentError) as error:
+        return Row("database", "wrong", str(error), "as it says; `roboprompt restore` reads a backup into an empty one")
+    if differences:
+        seen = f"its tables are not those of its revision: {len(differences)} differences, first {differences[0]}"
+        return Row("database", "wrong", seen, "it was written before 1.0, or changed by hand: use another folder")
+    return Row("database", "ok", f"answers, at revision {revision}")
+
+
+def disk(folder: Path) -> Row:
+    """The free place where a folder is, or will be."""
+    free_gb = shutil.disk_usage(_nearest(folder)).free / 1e9
+    remedy = f"free {MIN_FREE_GB:g} GB, or name a folder on another disk"
+    return Row(f"disk of {folder}", "ok" if free_gb >= MIN_FREE_GB else "wrong", f"{free_gb:.1f} GB free", remedy)
+
+
+def extras(settings: Settings) -> Iterator[Row]:
+    """What is installed beside the service, and what the settings need of it."""
+    needed = {
+        "postgres": (settings.database_url or "").startswith("postgresql"),
+        "s3": bool(settings.blobs_url),
+        "otel": bool(settings.otel_endpoint),
+    }
+    for extra, packages in packages_of_extras().items():
+        if extra in WHAT_FOR:
+            lacking = [package for package in packages if not is_installed(package)]
+            seen = f"{', '.join(lacking)}: {WHAT_FOR[extra]}" if lacking else WHAT_FOR[extra]
+            remedy = f"pip install 'roboprompt[{extra}]'"
+            yield Row(f"extra {extra}", "missing" if lacking else "ok", seen, remedy, needed.get(extra, False))
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder, or the nearest above it that is there."""
+    return next(place for place in (folder, *folder.absolute().parents) if place.exists())

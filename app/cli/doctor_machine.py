@@ -12,7 +12,7 @@ from typing import Literal
 
 import httpx
 
-from app.cli.extras import is_installed
+from app.cli.shared import is_installed
 
 RELEASED = datetime(2026, 11, 23, tzinfo=UTC)
 MIN_MEMORY_GB = 1.0  # measured: 0.8 with one worker and the embedded LLM

@@ -5,13 +5,14 @@ A task of a service -> its settings and its episodes, as they were uploaded.
 
 import json
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from app.cli.shared import URL_HELP, check_service, counted
+from app.cli.shared import URL_HELP, check_service, counted, every, if_there
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
@@ -41,14 +42,7 @@ def episode_ids(client: RoboPromptClient, task: str, **only: bool) -> list[str]:
     Raises:
         ServiceProblemError, ServiceUnreachableError.
     """
-    ids: list[str] = []
-    cursor: dict[str, int] = {}
-    while True:
-        page = client.get("/episodes", task=task, limit=PAGE, **only, **cursor)
-        ids += [item["id"] for item in page["episodes"]]
-        if page["next_cursor"] is None:
-            return ids[::-1]
-        cursor = {"cursor": page["next_cursor"]}
+    return [item["id"] for item in every(client, "/episodes", task=task, limit=PAGE, **only)][::-1]
 
 
 def download(client: RoboPromptClient, ids: list[str]) -> Iterator[Parcel]:
@@ -63,19 +57,10 @@ def download(client: RoboPromptClient, ids: list[str]) -> Iterator[Parcel]:
         files = {"trajectory": client.get_bytes(f"{address}/trajectory")}
         for camera in metadata["cameras"]:
             for kind in _IMAGES:
-                if (data := _image(client, f"{address}/images/{camera['name']}/{kind}")) is not None:
+                image = partial(client.get_bytes, f"{address}/images/{camera['name']}/{kind}", original=True)
+                if (data := if_there(image)) is not None:
                     files[f"{kind}_{camera['name']}"] = data
         yield Parcel(metadata, files)
-
-
-def _image(client: RoboPromptClient, address: str) -> bytes | None:
-    """The image as it was uploaded, or None if the camera has none of that kind."""
-    try:
-        return client.get_bytes(address, original=True)
-    except ServiceProblemError as error:
-        if error.status == 404:
-            return None
-        raise
 
 
 def export_data(

@@ -5,18 +5,18 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
 
-from app.cli.shared import URL_HELP, counted
+from app.cli.shared import URL_HELP, counted, if_there
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
-from app.datasets.mapping import read_changes
-from app.datasets.options import ImportOptions, KnownObjects, read_objects
+from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
@@ -72,11 +72,8 @@ def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
     """
     notes = []
     for name, settings in dataset.task_settings.items():
-        try:
-            there = client.get(f"/tasks/{name}")
-        except ServiceProblemError as error:
-            if error.status != 404:
-                raise
+        there = if_there(partial(client.get, f"/tasks/{name}"))
+        if there is None:
             client.configure_task(name, **settings)
             continue
         differing = [key for key, value in settings.items() if canonical_json(there.get(key)) != canonical_json(value)]
@@ -112,7 +109,7 @@ def _send(client: RoboPromptClient, entry: Entry, parcel: Parcel) -> Result:
     if not parcel.metadata["objects"]:
         return _without_objects(entry, task)
     try:
-        if _is_there(client, key):
+        if if_there(partial(client.get, f"/uploads/{key}")) is not None:
             return Result(entry.name, "already_there", notes=parcel.notes, task=task)
         metadata = ("metadata.json", canonical_json(parcel.metadata), "application/json")
         files = {name: (name, data, _MEDIA_TYPE) for name, data in parcel.files.items()}
@@ -121,16 +118,6 @@ def _send(client: RoboPromptClient, entry: Entry, parcel: Parcel) -> Result:
         return Result(entry.name, "refused", str(error), parcel.notes, task=task)
     counts = (answer["num_frames"], len(answer["keyframes"]))
     return Result(entry.name, "imported", "", parcel.notes, *counts, task)
-
-
-def _is_there(client: RoboPromptClient, key: str) -> bool:
-    try:
-        client.get(f"/uploads/{key}")
-    except ServiceProblemError as error:
-        if error.status == 404:
-            return False
-        raise
-    return True
 
 
 def _check(entry: Entry, parcel: Parcel) -> Result:
@@ -201,29 +188,24 @@ def import_data(
 
 
 def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, Any]:
-    """What became of each episode, also after an interruption."""
+    """What became of each episode; `extend` keeps those before an interruption."""
     results: list[Result] = []
     stopped: str | None = None
+    total = len(dataset.entries)
     try:
-        _run(dataset, url, results, console)
+        if url is None:
+            results.extend(counted(check_dataset(dataset), total, "reading", console))
+        else:
+            with RoboPromptClient(url) as client:
+                client.ping()
+                for note in prepare_tasks(dataset, client):
+                    console.print(note, markup=False, soft_wrap=True)
+                results.extend(counted(import_dataset(dataset, client), total, "importing", console))
     except (DatasetError, ServiceUnreachableError, ServiceProblemError) as error:
         stopped = str(error)
     except KeyboardInterrupt:
         stopped = "interrupted"
     return {"dry_run": url is None, **_summary(dataset, results), "stopped": stopped}
-
-
-def _run(dataset: Dataset, url: str | None, results: list[Result], console: Console) -> None:
-    """Fill `results` one by one, so that they are known also after an interruption."""
-    if url is None:
-        results.extend(counted(check_dataset(dataset), len(dataset.entries), "reading", console))
-        return
-    with RoboPromptClient(url) as client:
-        client.ping()
-        for note in prepare_tasks(dataset, client):
-            console.print(note, markup=False, soft_wrap=True)
-        for result in counted(import_dataset(dataset, client), len(dataset.entries), "importing", console):
-            results.append(result)
 
 
 def _summary(dataset: Dataset, results: Sequence[Result]) -> dict[str, Any]:

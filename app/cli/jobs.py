@@ -2,26 +2,27 @@
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import closing
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from app.cli.shared import EnvFile, settings_of
+from app.bootstrap import open_store
+from app.cli.shared import EnvFile, refusals_said, settings_of
 from app.executors import Executor, LocalExecutor, RayExecutor
+from app.services.task_settings import TaskSettings
+from app.services.teach.extract import extract_all_again
+from app.services.teach.reextract import RunJobs
+from app.settings import Settings
+from app.store.records import EpisodeRecord, Extraction
+from app.store.store import Store
 from roboprompt_client.errors import RoboPromptError
 
-if TYPE_CHECKING:
-    from app.services.task_settings import TaskSettings
-    from app.settings import Settings
-    from app.store.records import EpisodeRecord, Extraction
-    from app.store.store import Store
-
 CHUNK = 20  # episodes that a worker extracts in one go, some seconds
-IMPORTS = ("app.cli.jobs", "app.bootstrap", "app.services.teach.extract")  # what a worker needs
+IMPORTS = ("app.cli.jobs",)  # what a worker needs
 
 
 def jobs(
@@ -39,48 +40,20 @@ def jobs(
     """
     settings = settings_of(data, env_file)
     settings = settings.model_copy(update={"data": settings.data.resolve()})
-    try:
-        executor = LocalExecutor(imports=IMPORTS) if ray is None else RayExecutor(ray)
-        try:
-            done = _work(settings, executor)
-        finally:
-            executor.close()
-    except (RoboPromptError, ConnectionError) as error:
-        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+    with refusals_said(), closing(LocalExecutor(imports=IMPORTS) if ray is None else RayExecutor(ray)) as executor:
+        done = _work(settings, executor)
     print(json.dumps({**done, "where": executor.description}))  # noqa: T201
 
 
-def _work(settings: "Settings", executor: Executor) -> dict[str, float]:
+def _work(settings: Settings, executor: Executor) -> dict[str, float]:
     """Jobs and episodes worked at, and the seconds it took."""
-    from app.bootstrap import open_store
-    from app.services.teach.reextract import RunJobs
-
-    store = open_store(settings)
     num_jobs, num_episodes, begun_s = 0, 0, time.perf_counter()
-    extract = _spread(settings, executor)
-
-    def counted(records: "Sequence[EpisodeRecord]", wanted: "TaskSettings") -> "list[Extraction]":
-        nonlocal num_episodes
-        num_episodes += len(records)
-        return extract(records, wanted)
-
-    try:
-        worker = RunJobs(store, extract=counted, batch=CHUNK * executor.workers)
-        while worker.run_next():
-            num_jobs += 1
-    finally:
-        store.close()
-    return {"jobs": num_jobs, "episodes": num_episodes, "seconds": round(time.perf_counter() - begun_s, 2)}
-
-
-def _spread(
-    settings: "Settings", executor: Executor
-) -> "Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]":
-    """Extracts a batch in chunks, each by a worker that opens the store itself."""
     address = (str(settings.data), settings.database_url, settings.blobs_url)
 
-    def extract(records: "Sequence[EpisodeRecord]", wanted: "TaskSettings") -> "list[Extraction]":
+    def extract(records: Sequence[EpisodeRecord], wanted: TaskSettings) -> list[Extraction]:
+        """In chunks, each by a worker that opens the store itself."""
+        nonlocal num_episodes
+        num_episodes += len(records)
         chunks = [records[k : k + CHUNK] for k in range(0, len(records), CHUNK)]
         futures = [executor.submit(_extract_chunk, address, chunk, wanted) for chunk in chunks]
         extractions: list[Extraction] = []
@@ -91,15 +64,17 @@ def _spread(
             extractions += outcome
         return extractions
 
-    return extract
+    with closing(open_store(settings)) as store:
+        worker = RunJobs(store, extract=extract, batch=CHUNK * executor.workers)
+        while worker.run_next():
+            num_jobs += 1
+    return {"jobs": num_jobs, "episodes": num_episodes, "seconds": round(time.perf_counter() - begun_s, 2)}
 
 
 def _extract_chunk(
-    address: tuple[str, str | None, str | None], records: "Sequence[EpisodeRecord]", wanted: "TaskSettings"
-) -> "list[Extraction] | RoboPromptError":
+    address: tuple[str, str | None, str | None], records: Sequence[EpisodeRecord], wanted: TaskSettings
+) -> list[Extraction] | RoboPromptError:
     """In a worker. Errors are returned: Ray would raise them with its own text."""
-    from app.services.teach.extract import extract_all_again
-
     try:
         return extract_all_again(_opened(*address), records, wanted)
     except RoboPromptError as error:
@@ -107,9 +82,6 @@ def _extract_chunk(
 
 
 @cache
-def _opened(data: str, database_url: str | None, blobs_url: str | None) -> "Store":
+def _opened(data: str, database_url: str | None, blobs_url: str | None) -> Store:
     """The worker's own; it ends with its process."""
-    from app.bootstrap import open_store
-    from app.settings import Settings
-
     return open_store(Settings(data=Path(data), database_url=database_url, blobs_url=blobs_url))

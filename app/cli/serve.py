@@ -2,14 +2,16 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+import uvicorn
 
+from app.api.bounded_protocol import BoundedProtocol
+from app.bootstrap import build_app, open_store
 from app.cli.shared import EnvFile, check_port, refusals_said, settings_of
-
-if TYPE_CHECKING:
-    from app.settings import Settings
+from app.logs import log_as_json
+from app.settings import Settings
 
 GRACE_S = 10  # for requests under way when the service has to stop
 
@@ -27,12 +29,6 @@ def serve(
     Where other machines can connect (--host), API keys are required: `roboprompt keys add`.
     Everything else is set by ROBOPROMPT_ variables, see docs/settings.md; no file is read for them but --env-file.
     """
-    import uvicorn
-
-    from app.api.bounded_protocol import BoundedProtocol
-    from app.bootstrap import build_app, open_store
-    from app.logs import log_as_json
-
     given = {"data": data, "host": host, "auth": "off" if no_auth else None}
     settings = settings_of(None, env_file).model_copy(
         update={name: value for name, value in given.items() if value is not None}
@@ -60,7 +56,7 @@ def serve(
     )
 
 
-def _for_workers(settings: "Settings") -> str:
+def _for_workers(settings: Settings) -> str:
     """The import name of the application that each worker builds from the environment."""
     for name in ("data", "host", "auth"):
         os.environ[f"ROBOPROMPT_{name.upper()}"] = str(getattr(settings, name))

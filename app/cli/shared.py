@@ -1,21 +1,26 @@
-"""What commands share: what they check before any work starts, the store that the settings name, and a progress bar.
+"""What commands share: checks before any work starts, store and service, a progress bar, the distribution's extras.
 
 Each refusal names the option and what would be valid.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+import re
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from app.settings import Settings, load_env_file
-from app.store.store import Store
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import RoboPromptError, ServiceProblemError
+
+if TYPE_CHECKING:
+    from app.store.store import Store
 
 MAX_PORT = 65535
 URL_HELP = "of the running service"
@@ -25,6 +30,7 @@ EnvFile = Annotated[
     typer.Option(exists=True, dir_okay=False, help="lines NAME=VALUE of settings; the environment overrides them"),
 ]
 T = TypeVar("T")
+REQUIREMENT = re.compile(r"([\w.-]+)[^;]*;.*extra == ['\"]([\w-]+)['\"]")
 PACE_S = 60.0  # the time left follows from the pace of the last minute
 
 
@@ -55,18 +61,41 @@ def check_models(names: Sequence[str], url: str | None = None) -> None:
 
 def check_service(url: str) -> None:
     """End the command with one line unless the service answers at `url`."""
+    with service_at(url) as client:
+        client.ping()
+
+
+@contextmanager
+def service_at(url: str) -> Iterator[RoboPromptClient]:
+    """A client of the service; what goes wrong inside is said in a sentence, and the exit status is 1."""
+    with refusals_said(), RoboPromptClient(url) as client:
+        yield client
+
+
+def if_there(asked: Callable[[], T]) -> T | None:
+    """What the service answers; None where it says that there is no such thing."""
     try:
-        with RoboPromptClient(url) as client:
-            client.ping()
-    except (ServiceUnreachableError, ServiceProblemError) as error:
-        Console(stderr=True).print(str(error), markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+        return asked()
+    except ServiceProblemError as error:
+        if error.status == 404:
+            return None
+        raise
+
+
+def every(client: RoboPromptClient, path: str, **query: object) -> Iterator[dict[str, Any]]:
+    """Every item of a list that the service hands out in pages; what is None in the query is left out."""
+    asked = {name: value for name, value in query.items() if value is not None}
+    while True:
+        page = client.get(path, **asked)
+        yield from page[path.removeprefix("/")]
+        if page["next_cursor"] is None:
+            return
+        asked["cursor"] = page["next_cursor"]
 
 
 def _why_not(name: str) -> str | None:
     from app.llm.base import LanguageModelError
     from app.llm.registry import ModelRegistry
-    from app.settings import Settings
 
     try:
         ModelRegistry(Settings()).profile(name)
@@ -112,7 +141,7 @@ def refusals_said() -> Iterator[None]:
 
 
 @contextmanager
-def opened_store(data: Path | None, env_file: Path | None) -> Iterator[Store]:
+def opened_store(data: Path | None, env_file: Path | None) -> "Iterator[Store]":
     """The store; what it refuses is said in a sentence, and the exit status is 1."""
     from app.bootstrap import open_store
 
@@ -128,3 +157,30 @@ def counted(items: Iterable[T], total: int, doing: str, console: Console) -> Ite
         for item in items:
             yield item
             progress.advance(bar)
+
+
+def packages_of_extras() -> Mapping[str, list[str]]:
+    """The packages that each extra installs; empty where RoboPrompt runs from a folder, without being installed."""
+    found: dict[str, list[str]] = defaultdict(list)
+    try:
+        lines = requires("roboprompt") or []
+    except PackageNotFoundError:
+        return found
+    for package, extra in (match.groups() for line in lines if (match := REQUIREMENT.match(line))):
+        found[extra].append(package)
+    return found
+
+
+def is_installed(package: str) -> bool:
+    """Whether a distribution of this name is installed."""
+    try:
+        distribution(package)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def extra_with(module: str) -> str | None:
+    """The extra that brings a module; None if none does."""
+    package = module.partition(".")[0].replace("_", "-")
+    return next((extra for extra, packages in packages_of_extras().items() if package in packages), None)

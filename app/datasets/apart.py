@@ -1,85 +1,46 @@
 """Datasets read by processes of their own, within limits of memory and time.
 
 Files of unknown origin are read by large libraries in C; what breaks one of them breaks a process that holds no key and
-nothing else to lose. It answers with bytes and texts, never with objects: each message is a length, then MessagePack.
+nothing else to lose. It answers with bytes and texts in MessagePack, never with objects. Below stands first the side
+that asks, then `main`, which the processes run.
 """
 
 import json
 import os
 import pickle
 import signal
-import struct
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import IO, Any
+from typing import Any
 
 import msgpack
 
 from app.datasets.bounds import MEGABYTE, REMEDY, DamagedError, DatasetError, MissingPackageError, ReadLimits
+from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
-from app.datasets.parcel import Dataset, Entry, Parcel
+from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from roboprompt_client.errors import InvalidInputError
 
-_LENGTH = struct.Struct(">Q")
 # What Python and its libraries need to start; keys and addresses of services are left out.
 KEPT_VARIABLES = ("PATH", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "SYSTEMROOT", "LD_LIBRARY_PATH")
 # Address space that libraries reserve for every core at once would count as memory.
 FRUGAL = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 FRAMING_BYTES = 10 * MEGABYTE
-
-
-def write_frame(stream: IO[bytes], message: object) -> None:
-    """Send bytes as they are, anything else in MessagePack; raises OSError."""
-    data = message if isinstance(message, bytes) else msgpack.packb(message)
-    stream.write(_LENGTH.pack(len(data)))
-    stream.write(data)
-    stream.flush()
-
-
-def read_bytes(stream: IO[bytes], max_bytes: int) -> bytes:
-    """What `write_frame` has sent.
-
-    Raises:
-        EOFError: if the other side has ended.
-        ValueError: if it is larger than `max_bytes`.
-    """
-    head = stream.read(_LENGTH.size)
-    if len(head) < _LENGTH.size:
-        raise EOFError
-    (length,) = _LENGTH.unpack(head)
-    if length > max_bytes:
-        raise ValueError(f"a message of {length} bytes, expected at most {max_bytes}")
-    data = stream.read(length)
-    if len(data) < length:
-        raise EOFError
-    return data
-
-
-def read_frame(stream: IO[bytes], max_bytes: int) -> dict[str, Any]:
-    """A message in MessagePack.
-
-    Raises:
-        EOFError, ValueError: as `read_bytes`, or if it is no such message.
-    """
-    message = msgpack.unpackb(read_bytes(stream, max_bytes))
-    if not isinstance(message, dict):
-        raise ValueError("a message that is no mapping")
-    return message
+MAX_QUESTION_BYTES = 100 * MEGABYTE  # the options hold what the user says of the objects of every episode
+_STATM = Path("/proc/self/statm")
 
 
 @contextmanager
 def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> Iterator[Dataset]:
-    """As `open_dataset`; its entries are read in as many processes as threads read them at once.
-
-    Raises:
-        DatasetError: as `open_dataset`, or if a process dies or takes too long over the list of episodes.
-    """
+    """As `open_dataset`, in as many processes as threads read at once; raises DatasetError also if one of them dies."""
     readers = _Readers(path, options, name)
     try:
         with readers.one() as reader:
@@ -130,23 +91,22 @@ class _Reader:
 
     def __init__(self, request: bytes, limits: ReadLimits) -> None:
         self._limits = limits
-        self._process = subprocess.Popen(
-            # -P: a dataset's folder must not shadow the modules that are imported
-            [sys.executable, "-P", "-m", "app.datasets.reader_process"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=_environment(),
-            start_new_session=True,  # Ctrl-C is for the parent to handle
-        )
+        self._connection, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(
+                # -P: a dataset's folder must not shadow the modules that are imported
+                [sys.executable, "-P", "-m", "app.datasets.apart", str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=2,  # what a library prints
+                env=_environment(),
+                pass_fds=[theirs.fileno()],
+                start_new_session=True,  # Ctrl-C is for the parent to handle
+            )
         self.alive = True
         self._send(request)
 
     def ask(self, question: dict[str, Any], title: str) -> dict[str, Any]:
-        """The answer.
-
-        Raises:
-            what the process reports; DamagedError: if it dies or takes too long over it.
-        """
+        """The answer; raises what the process reports, and DamagedError if it dies or takes too long."""
         late = threading.Event()
 
         def give_up() -> None:
@@ -156,7 +116,7 @@ class _Reader:
         timer = threading.Timer(self._limits.seconds, give_up)
         timer.start()
         try:
-            answer = self._receive() if self._send(question) else None
+            answer = self._receive() if self._send(msgpack.packb(question)) else None
         finally:
             timer.cancel()
         if answer is None:
@@ -171,29 +131,29 @@ class _Reader:
         """End the process, whatever it does."""
         self.alive = False
         self._process.kill()
-        self._process.communicate()
+        self._process.wait()
+        self._connection.close()
 
     def _cause(self) -> str:
         status = self._process.returncode
         how = signal.Signals(-status).name if status < 0 else f"status {status}"
         return f"its reader ended with {how}: the file is damaged, or made to do harm"
 
-    def _send(self, message: object) -> bool:
+    def _send(self, message: bytes) -> bool:
         """Whether the process took it."""
-        assert self._process.stdin
         try:
-            write_frame(self._process.stdin, message)
+            self._connection.send_bytes(message)
         except OSError:
             return False
         return True
 
     def _receive(self) -> dict[str, Any] | None:
         """None if the process has ended, or says what no reader says."""
-        assert self._process.stdout
         try:
-            return read_frame(self._process.stdout, 2 * self._limits.unpacked_bytes + FRAMING_BYTES)
-        except (EOFError, ValueError):
+            answer = msgpack.unpackb(self._connection.recv_bytes(2 * self._limits.unpacked_bytes + FRAMING_BYTES))
+        except (EOFError, OSError, ValueError):
             return None
+        return answer if isinstance(answer, dict) else None
 
 
 def _environment() -> dict[str, str]:
@@ -219,3 +179,64 @@ def _error(kind: str, arguments: list[str]) -> Exception:
     error = type_.__new__(type_)
     error.args = (arguments[0],)  # its text is complete
     return error
+
+
+def main() -> None:
+    """Answer until the other side closes."""
+    connection = Connection(int(sys.argv[1]))
+    path, options, name = pickle.loads(connection.recv_bytes(MAX_QUESTION_BYTES))  # noqa: S301  # from our parent
+    _limit_memory(options.limits)
+    dataset: Dataset | None = None
+    while True:
+        try:
+            question = msgpack.unpackb(connection.recv_bytes(MAX_QUESTION_BYTES))
+        except EOFError:
+            return
+        try:
+            dataset = open_dataset(path, options, name) if dataset is None else dataset
+            answer = _listed(dataset) if "open" in question else _packed(dataset.entries[question["read"]].read())
+        except Exception as error:  # whatever a library raises over such a file
+            answer = _reported(error, path)
+        connection.send_bytes(msgpack.packb(answer))
+
+
+def _listed(dataset: Dataset) -> dict[str, Any]:
+    return {
+        "format": dataset.format,
+        "entries": [entry.name for entry in dataset.entries],
+        "task_settings": canonical_json(dataset.task_settings),
+        "damaged": list(dataset.damaged),
+    }
+
+
+def _packed(parcel: Parcel) -> dict[str, Any]:
+    return {"metadata": canonical_json(parcel.metadata), "files": dict(parcel.files), "notes": list(parcel.notes)}
+
+
+def _reported(error: Exception, path: Path) -> dict[str, Any]:
+    """The error's kind and arguments: objects are not sent."""
+    match error:
+        case InvalidInputError():
+            return {"error": "InvalidInputError", "arguments": [error.field, error.message, error.valid or ""]}
+        case MissingPackageError() | DamagedError() | DatasetError():
+            return {"error": type(error).__name__, "arguments": [str(error)]}
+        case MemoryError():
+            return {"error": "MemoryError", "arguments": [str(path)]}
+    return {"error": "DamagedError", "arguments": [f"{path}: cannot be read: {type(error).__name__}: {error!s:.300}"]}
+
+
+def _limit_memory(limits: ReadLimits) -> None:
+    """Bound the address space, where the system can; elsewhere budgets of bytes and the time limit remain."""
+    try:
+        import resource
+
+        used = int(_STATM.read_text().split()[0]) * resource.getpagesize() if _STATM.exists() else 0
+        allowed = used + limits.memory_bytes
+        resource.setrlimit(resource.RLIMIT_AS, (allowed, allowed))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    except (ImportError, OSError, ValueError):
+        return
+
+
+if __name__ == "__main__":
+    main()

@@ -30,11 +30,7 @@ def looks_like(path: Path) -> bool:
 
 
 def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels: Iterable[Parcel]) -> int:
-    """Write the task; returns the number of episodes.
-
-    Raises:
-        DatasetError: if the file exists or cannot be written.
-    """
+    """Write the task; returns the number of episodes. Raises DatasetError if the file exists or cannot be written."""
     digests: dict[str, str] = {}
     number = 0
     with in_one_step(target) as unfinished, zipfile.ZipFile(unfinished, "w") as archive:
@@ -55,11 +51,7 @@ def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels:
 
 
 def open_archive(path: Path, options: ImportOptions) -> Dataset:
-    """The archive's episodes and its task's settings.
-
-    Raises:
-        DatasetError: if it is no such archive, or the settings are damaged.
-    """
+    """The episodes and the task's settings; raises DatasetError if it is no such archive, or they are damaged."""
     budget = Budget(path, options.limits)
     try:
         archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads
@@ -107,9 +99,7 @@ def _parcel(
     if options.task is None and metadata["task"] != task:
         mismatch = f"the episode is of task {metadata['task']!r}, the archive of task {task!r}"
         raise InvalidInputError("task", mismatch, "one task in both, or --task NAME for every episode")
-    given = {"task": options.task, "instruction": options.instruction}
-    metadata.update({name: value for name, value in given.items() if value is not None})
-    return Parcel(metadata, parts)
+    return Parcel({**metadata, **options.given}, parts)
 
 
 def _read(archive: zipfile.ZipFile, name: str, digests: Mapping[str, str], budget: Budget) -> bytes:

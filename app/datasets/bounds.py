@@ -25,24 +25,14 @@ class DatasetError(RoboPromptError):
 
 
 class MissingPackageError(DatasetError):
-    """A format needs a package that is not installed.
-
-    Args:
-        purpose: what it is needed for, e.g. ``"LeRobot datasets"``.
-        requirement: what to install.
-    """
+    """A format (`purpose`, e.g. "LeRobot datasets") needs a package that is not installed."""
 
     def __init__(self, purpose: str, requirement: str) -> None:
         super().__init__(f"{purpose} need a package that is not installed: pip install {requirement}")
 
 
 class DamagedError(DatasetError):
-    """One file of a dataset is damaged or lacks something; the others are fine.
-
-    Args:
-        file: which, as the user finds it.
-        reason: what is wrong with it.
-    """
+    """One file of a dataset is damaged or lacks something; the others are fine."""
 
     def __init__(self, file: object, reason: object) -> None:
         super().__init__(f"{file}: {reason}")
@@ -50,15 +40,10 @@ class DamagedError(DatasetError):
 
 @dataclass(frozen=True)
 class ReadLimits:
-    """Bounds of what is read for one episode, and for the list of episodes.
+    """Bounds of what is read for one episode, and for the list of episodes."""
 
-    Attributes:
-        unpacked_bytes: what its files hold when they are unpacked.
-        seconds: until it is read.
-    """
-
-    unpacked_bytes: int = MAX_UNPACKED_BYTES
-    seconds: float = 300.0
+    unpacked_bytes: int = MAX_UNPACKED_BYTES  # what its files hold when they are unpacked
+    seconds: float = 300.0  # until it is read
 
     @property
     def memory_bytes(self) -> int:
@@ -67,11 +52,7 @@ class ReadLimits:
 
 
 class Budget:
-    """Counts unpacked bytes and refuses those that are too many.
-
-    Args:
-        where: the file, for messages.
-    """
+    """Counts the unpacked bytes of a file, `where`, and refuses those that are too many."""
 
     def __init__(self, where: object, limits: ReadLimits) -> None:
         self._where = where
@@ -84,10 +65,7 @@ class Budget:
         return self._limit_bytes - self._taken_bytes
 
     def take(self, num_bytes: int, where: object = None) -> None:
-        """Count what is about to be unpacked, or was.
-
-        Args:
-            where: instead of the budget's own place.
+        """Count what is about to be unpacked, or was, at `where`, if not at the budget's own place.
 
         Raises:
             DamagedError: if it is more than what is left, or not a size.
@@ -101,10 +79,7 @@ class Budget:
 
 
 def inside(root: Path, path: Path | str) -> Path:
-    """Where `path`, below `root` if it is relative, really is; it need not exist.
-
-    Args:
-        root: the dataset's folder, resolved.
+    """Where `path`, below the resolved `root` if it is relative, really is; it need not exist.
 
     Raises:
         DamagedError: if that is not below `root`, by `..`, an absolute path or a link.
@@ -122,11 +97,7 @@ def inside(root: Path, path: Path | str) -> Path:
 
 
 def read_inside(root: Path, path: Path | str, budget: Budget) -> bytes:
-    """The bytes of a regular file below `root`.
-
-    Raises:
-        DamagedError: naming the file that cannot be read, is too large, a device or a pipe, or elsewhere.
-    """
+    """The bytes of a regular file below `root`; raises DamagedError if it is another, elsewhere, or too large."""
     found = inside(root, path)
     try:
         # Without it, opening a pipe would wait for a writer.

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.mapping import FeatureMap, RotationFormat
-from app.datasets.options import ImportOptions
+from app.datasets.options import FeatureMap, ImportOptions, RotationFormat
 from app.datasets.parcel import ObjectEntry, Parcel
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, camera_from_json
@@ -22,9 +21,7 @@ _SELECTOR = re.compile(r"(?P<column>.*?)(?:\[(?P<start>-?\d+)(?P<cut>:(?P<stop>-
 
 
 def trajectory_of(columns: Columns, mapping: FeatureMap, frequency_hz: float) -> Trajectory:
-    """The trajectory of one episode.
-
-    Joint velocities that were not recorded are central differences of the joint positions.
+    """The trajectory of one episode; joint velocities that were not recorded are derived from the positions.
 
     Raises:
         InvalidInputError: naming the part that is missing and the columns that there are.
@@ -78,11 +75,7 @@ def quaternions_xyzw(rotations: Array, form: RotationFormat) -> Array:
 
 
 def selected(columns: Columns, selector: str) -> Array:
-    """The column, or the part of it that the selector cuts out, as (T,) or (T, k).
-
-    Raises:
-        InvalidInputError: naming the columns that there are.
-    """
+    """The column, or what the selector cuts out of it: (T,) or (T, k); raises InvalidInputError naming the columns."""
     match = _SELECTOR.fullmatch(selector)
     if match is None or match["column"] not in columns:
         raise InvalidInputError(selector, "is no column of the recording", ", ".join(columns))

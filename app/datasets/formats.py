@@ -4,12 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.datasets import archive, mcap_log, robomimic
+from app.datasets import archive, mcap_log, rlbench, robomimic
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset
-from app.datasets.rlbench import reader as rlbench
 
 
 @dataclass(frozen=True)
@@ -34,14 +33,7 @@ FORMATS: dict[str, Format] = {
 
 
 def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
-    """The dataset at `path`.
-
-    Args:
-        name: of its format; None to find out.
-
-    Raises:
-        DatasetError: if there is no file or folder, or none of a known format.
-    """
+    """The dataset at `path`, of the named format or of what it looks like; raises DatasetError if it is none."""
     if not path.exists():
         raise DatasetError(f"{path} does not exist")
     if name is not None:

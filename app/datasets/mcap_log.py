@@ -22,8 +22,7 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, inside
 from app.datasets.columns import parcel_of
-from app.datasets.mapping import FeatureMap
-from app.datasets.options import ImportOptions, as_name
+from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
@@ -64,11 +63,7 @@ def looks_like(path: Path) -> bool:
 
 
 def open_mcap(path: Path, options: ImportOptions) -> Dataset:
-    """The file, or the folder's files by name.
-
-    Raises:
-        DamagedError: if one of the folder's is a link out of it.
-    """
+    """The file, or the folder's files by name; raises DamagedError if one of the folder's is a link out of it."""
     files = [path] if path.is_file() else sorted(inside(path.resolve(), file.name) for file in path.glob(f"*{SUFFIX}"))
     return Dataset("MCAP", tuple(Entry(file.stem, partial(_read, file, path, options)) for file in files))
 

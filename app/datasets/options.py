@@ -1,7 +1,7 @@
-"""What the user says about a dataset beside where it is, and the file that tells of objects what a dataset does not.
+"""What the user says of a dataset: options, the objects that it does not tell of, and which of its columns are what.
 
-That file gives names, ids in the masks, and poses. It is either one list for every episode, or an object with any of
-`default`, `variations` and `episodes`, the more specific first:
+The file of objects gives names, ids in the masks, and poses. It is either one list for every episode, or an object with
+any of `default`, `variations` and `episodes`, the more specific first:
 
     {"default": [{"name": "drawer", "mask_ids": [98]}],
      "variations": {"1": [{"name": "drawer", "mask_ids": [105]}]},
@@ -9,16 +9,28 @@ That file gives names, ids in the masks, and poses. It is either one list for ev
 
 RLBench records the poses of a task's objects one after the other in `task_low_dim_state`: `"low_dim_state": 7` says
 that the object's pose (x y z, quaternion xyzw) begins at number 7 there.
+
+The mapping of columns is JSON, too, e.g. for DROID in LeRobot's format; a column may be cut, `observation.state[0:3]`:
+
+    {"joint_positions": "observation.state.joint_position",
+     "end_effector_positions": "observation.state.cartesian_position[0:3]",
+     "end_effector_rotations": "observation.state.cartesian_position[3:6]", "rotation_format": "euler_xyz",
+     "gripper": "observation.state.gripper_position", "gripper_open_below": 0.25,
+     "objects": [{"name": "cube", "position": "observation.cube_pos", "rotation": "observation.cube_quat"}],
+     "cameras": [{"name": "front", "rgb": "observation.images.front", "depth": "observation.depth.front",
+                  "intrinsics": {"fx": 600, "fy": 600, "cx": 320, "cy": 240}, "camera_to_world": [[1, 0, 0, 0], ...]}]}
 """
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from app.datasets.bounds import DatasetError, ReadLimits
 from app.datasets.parcel import ObjectEntry
+from roboprompt_client.camera import camera_from_json
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import NAME_PATTERN
 
 Objects = tuple[ObjectEntry, ...]
@@ -46,26 +58,20 @@ class KnownObjects:
 
 
 def read_objects(path: Path) -> KnownObjects:
-    """Read such a file.
-
-    Raises:
-        DatasetError: naming the file and what is wrong with it.
-    """
+    """Read such a file; raises DatasetError naming the file and what is wrong with it."""
     try:
         document = json.loads(path.read_text())
         if isinstance(document, list):
             return KnownObjects(_objects(document))
         if unknown := set(document) - {"default", "variations", "episodes"}:
             raise ValueError(f"{sorted(unknown)[0]!r} is none of default, variations, episodes")
-        groups = [{name: _objects(items) for name, items in document.get(kind, {}).items()} for kind in _GROUPS]
-        return KnownObjects(_objects(document.get("default", [])), *groups)
+        groups = (document.get(kind, {}) for kind in ("variations", "episodes"))
+        named = [{name: _objects(items) for name, items in group.items()} for group in groups]
+        return KnownObjects(_objects(document.get("default", [])), *named)
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise DatasetError(
             f"{path}: {error}; it must be a list of objects or have default, variations, episodes"
-        ) from (error)
-
-
-_GROUPS = ("variations", "episodes")
+        ) from error
 
 
 def _objects(items: list[Mapping[str, Any]]) -> Objects:
@@ -106,6 +112,12 @@ class ImportOptions:
     features: Mapping[str, Any] = field(default_factory=dict)
     limits: ReadLimits = field(default_factory=ReadLimits)
 
+    @property
+    def given(self) -> dict[str, str]:
+        """Of an episode's metadata, what the user says instead."""
+        said = {"task": self.task, "instruction": self.instruction}
+        return {name: value for name, value in said.items() if value is not None}
+
     def wants(self, camera: str) -> bool:
         """Whether the camera's images are to be imported."""
         return self.cameras is None or camera in self.cameras
@@ -116,3 +128,97 @@ def as_name(text: str) -> str:
     allowed = "".join(letter if letter.isascii() and (letter.isalnum() or letter in " _-.") else "_" for letter in text)
     name = allowed.strip(" _-.")[:64].strip(" _-.")
     return name if NAME_PATTERN.fullmatch(name) else text
+
+
+RotationFormat = Literal["quaternion_xyzw", "quaternion_wxyz", "euler_xyz", "rotation_vector"]
+ROTATION_FORMATS: tuple[RotationFormat, ...] = get_args(RotationFormat)
+
+
+@dataclass(frozen=True)
+class TrackedObject:
+    """An object whose pose the recording has in every frame."""
+
+    name: str
+    position: str
+    rotation: str | None = None
+
+
+@dataclass(frozen=True)
+class MappedCamera:
+    """A calibrated camera and the columns of its images."""
+
+    calibration: Mapping[str, Any]  # as an upload's metadata has it: name, intrinsics, camera_to_world, depth_scale
+    rgb: str | None = None
+    depth: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The camera's."""
+        return str(self.calibration["name"])
+
+
+@dataclass(frozen=True)
+class FeatureMap:
+    """Where a trajectory's parts stand; None where the recording has none.
+
+    Attributes:
+        rotation_format: of every rotation; Euler angles in radians, extrinsic.
+        gripper: the measured width rather than the command, which comes before the fingers have done it.
+        gripper_open_above, gripper_open_below: the gripper is open where its column is above, or below; one of them.
+    """
+
+    joint_velocities: str | None = None
+    joint_positions: str | None = None
+    end_effector_positions: str | None = None
+    end_effector_rotations: str | None = None
+    rotation_format: RotationFormat = "quaternion_xyzw"
+    gripper: str | None = None
+    gripper_open_above: float | None = None
+    gripper_open_below: float | None = None
+    timestamps: str | None = None
+    objects: tuple[TrackedObject, ...] = ()
+    cameras: tuple[MappedCamera, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if self.rotation_format not in ROTATION_FORMATS:
+            remedy = ", ".join(ROTATION_FORMATS)
+            raise InvalidInputError("mapping.rotation_format", f"is {self.rotation_format!r}", remedy)
+
+    def changed(self, changes: Mapping[str, Any]) -> "FeatureMap":
+        """With those parts replaced that a JSON document names; raises DatasetError for a part that does not exist."""
+        known = [item.name for item in fields(self)]
+        if unknown := set(changes) - set(known):
+            raise DatasetError(f"mapping: {sorted(unknown)[0]!r} is none of {', '.join(known)}")
+        values = dict(changes)
+        if any(name.startswith("gripper_open") for name in values):
+            values = {"gripper_open_above": None, "gripper_open_below": None, **values}
+        try:
+            if "objects" in values:
+                values["objects"] = tuple(TrackedObject(**item) for item in values["objects"])
+            if "cameras" in values:
+                values["cameras"] = tuple(map(_camera, values["cameras"]))
+            return replace(self, **values)
+        except (TypeError, KeyError) as error:
+            raise DatasetError(f"mapping: {error}: see docs/datasets.md for the form") from error
+
+
+def read_changes(path: Path | None, pairs: tuple[str, ...]) -> dict[str, Any]:
+    """The document of the user's JSON file, and over it pairs `part=column`; raises DatasetError naming either."""
+    changes: dict[str, Any] = {}
+    if path is not None:
+        try:
+            changes.update(json.loads(path.read_text()))
+        except (OSError, ValueError, TypeError) as error:
+            raise DatasetError(f"{path}: {error}") from error
+    for pair in pairs:
+        part, equals, column = pair.partition("=")
+        if not equals:
+            raise DatasetError(f"--feature {pair!r}: write part=column, e.g. gripper=action[6]")
+        changes[part] = float(column) if part.startswith("gripper_open") else column
+    return changes
+
+
+def _camera(value: Mapping[str, Any]) -> MappedCamera:
+    calibration = {name: item for name, item in value.items() if name not in ("rgb", "depth")}
+    camera_from_json(calibration)
+    return MappedCamera(calibration, value.get("rgb"), value.get("depth"))

@@ -33,11 +33,7 @@ def depth_png(depth_m: Array) -> tuple[bytes, float]:
 
 
 def mask_png(ids: npt.NDArray[np.integer]) -> bytes:
-    """(H, W) ids below 65536 -> a 16-bit PNG.
-
-    Raises:
-        DamagedError: for larger ids.
-    """
+    """(H, W) ids below 65536 -> a 16-bit PNG; raises DamagedError for larger ids."""
     if ids.min(initial=0) < 0 or ids.max(initial=0) > _MAX_UNITS:
         raise DamagedError("mask", f"has ids from {ids.min()} to {ids.max()}, expected 0 to {_MAX_UNITS}")
     return _png(ids.astype(np.uint16))
@@ -82,15 +78,11 @@ class ObjectEntry:
 
 @dataclass(frozen=True, eq=False)
 class Parcel:
-    """An episode as it is sent: the metadata document, and the trajectory and the images as files.
-
-    Attributes:
-        notes: what the dataset lacks that an upload could have.
-    """
+    """An episode as it is sent: the metadata document, and the trajectory and the images as files."""
 
     metadata: Mapping[str, Any]
     files: Mapping[str, bytes]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what the dataset lacks that an upload could have
 
     @classmethod
     def of(
@@ -127,10 +119,7 @@ class Parcel:
 
     @property
     def key(self) -> str:
-        """An idempotency key that follows from the content.
-
-        An episode that was exported has the key that it was imported with, also where people edited it.
-        """
+        """An idempotency key that follows from the content; an episode that is exported or edited keeps it."""
         digest = hashlib.sha256(canonical_json(_essence(_as_uploaded(self.metadata))))
         for name in sorted(self.files):
             digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
@@ -139,15 +128,10 @@ class Parcel:
 
 @dataclass(frozen=True)
 class Entry:
-    """One episode of a dataset that is read when it is its turn.
+    """One episode of a dataset that is read when it is its turn."""
 
-    Attributes:
-        name: within the dataset, for messages.
-        read: raises DamagedError or InvalidInputError.
-    """
-
-    name: str
-    read: Callable[[], Parcel]
+    name: str  # within the dataset, for messages
+    read: Callable[[], Parcel]  # raises DamagedError or InvalidInputError
 
 
 @dataclass(frozen=True)
@@ -166,12 +150,7 @@ class Dataset:
 
 
 def checked_metadata(where: object, metadata: Any) -> dict[str, Any]:  # noqa: ANN401
-    """An upload's metadata that was read from a file.
-
-    Raises:
-        DamagedError: if it has not the form of an upload's.
-        InvalidInputError: if the task's name is none.
-    """
+    """An upload's metadata, from a file; raises DamagedError for another form, InvalidInputError for a task's name."""
     if not isinstance(metadata, dict) or not isinstance(metadata.get("task"), str):
         raise DamagedError(where, "names no task")
     checked_name("task", metadata["task"])

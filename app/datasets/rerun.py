@@ -17,12 +17,7 @@ OBJECT_RADIUS_M = 0.01
 
 
 def write_rerun(target: Path, parcels: Iterable[Parcel]) -> int:
-    """Write the file; returns the number of episodes.
-
-    Raises:
-        MissingPackageError: without rerun-sdk.
-        DatasetError: if the file exists or cannot be written.
-    """
+    """Write the file; returns the number of episodes. Raises MissingPackageError, or DatasetError if it cannot."""
     try:
         import rerun
     except ImportError as error:

@@ -18,8 +18,7 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
 from app.datasets.columns import parcel_of
-from app.datasets.mapping import FeatureMap
-from app.datasets.options import ImportOptions, as_name
+from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
 
 MAX_LINKS = 8  # of soft links one after the other: they may lead in a circle
@@ -42,12 +41,7 @@ def open_file(path: object) -> Any:  # noqa: ANN401
 
 
 def child(group: Any, name: str, links_left: int = MAX_LINKS) -> Any:  # noqa: ANN401
-    """The member of a group.
-
-    Raises:
-        DamagedError: if it is a link to another file.
-        KeyError: if there is none.
-    """
+    """The member of a group; raises DamagedError if it is a link to another file, KeyError if there is none."""
     h5py = _h5py()
     where = f"{group.file.filename}: {group.name.rstrip('/')}/{name}"
     if not isinstance(group, h5py.Group):
@@ -65,20 +59,12 @@ def child(group: Any, name: str, links_left: int = MAX_LINKS) -> Any:  # noqa: A
 
 
 def members(group: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Every member of a group by its name.
-
-    Raises:
-        DamagedError: if one is a link to another file.
-    """
+    """Every member of a group by its name; raises DamagedError if one is a link to another file."""
     return {name: child(group, name) for name in group}
 
 
 def numbers(dataset: Any, budget: Budget, *, first: bool = False) -> np.ndarray[Any, Any]:  # noqa: ANN401
-    """The dataset's numbers, or only those of its first frame, if the budget allows them.
-
-    Raises:
-        DamagedError: if they are too many.
-    """
+    """The dataset's numbers, or only those of its first frame, if the budget allows them; raises DamagedError."""
     shape = dataset.shape[1:] if first else dataset.shape
     stored = shape if dataset.chunks is None else dataset.chunks  # a chunk is unpacked as a whole
     num_bytes = max(math.prod(shape), math.prod(stored)) * dataset.dtype.itemsize
@@ -108,11 +94,7 @@ def looks_like(path: Path) -> bool:
 
 
 def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
-    """The file's demonstrations in the order of their numbers.
-
-    Raises:
-        DatasetError: if it cannot be read or has no group `data`; MissingPackageError without h5py.
-    """
+    """The demonstrations in the order of their numbers; raises DatasetError if it cannot be read or has no `data`."""
     try:
         with open_file(path) as file:
             data = child(file, "data")

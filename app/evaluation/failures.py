@@ -1,18 +1,4 @@
-"""What keeps an evaluation from going on.
-
-EvaluationError
-├── ServerStartError     the service did not come up; ends with what it wrote last
-├── ServiceLostError     the service does not answer any more
-├── ExpertFailedError    a task's expert fails too often to teach the task
-├── NotLearnedError      objects of a task cannot be found in images
-├── OtherModelError      the results that are there were made with another default model
-├── BudgetSpentError     the next trial may exceed the budget
-├── NotConfirmedError    the estimated cost was not agreed to
-├── LedgerInUseError     another run writes into the same results
-├── LedgerDamagedError   a line of the results that no run has written
-├── UnknownWorldError    a world that is not there, or whose environment is missing
-└── ProgramRefusedError  a baseline's program that gives no actions
-"""
+"""What keeps an evaluation from going on."""
 
 from roboprompt_client.errors import RoboPromptError
 

@@ -62,19 +62,21 @@ def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) 
 
     One after the other: the pictures of one task take some 100 MB.
     """
-    shown = [_shown(task, evaluation) for task in evaluation.tasks]
+    methods = evaluation.methods
+    shown = [
+        [*detailed_failures(task.trials, methods), *detailed_successes(task.trials, methods)]
+        for task in evaluation.tasks
+    ]
     bar = progress.add_task("pictures", total=sum(map(len, shown)))
     for task, trials in zip(evaluation.tasks, shown, strict=True):
         first = _view_first(executor, task.taught)
-        pictures = {trial: _submit(executor, trial) for trial in trials}
+        pictures = {
+            trial: executor.submit(film, trial.scene, trial.actions if trial.execution else None, trial.shift_m)
+            for trial in trials
+        }
         for future in pictures.values():
             future.add_done_callback(lambda _: progress.advance(bar))
         yield _with_pictures(task, first, pictures)
-
-
-def _shown(task: TaskEvaluation, evaluation: Evaluation) -> list[Trial]:
-    methods = evaluation.methods
-    return [*detailed_failures(task.trials, methods), *detailed_successes(task.trials, methods)]
 
 
 def _view_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[SceneView] | None:
@@ -82,10 +84,6 @@ def _view_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[S
         return None
     scene = taught[0].recorded.scene
     return executor.submit(view_scene, scene.task, scene.seed)
-
-
-def _submit(executor: Executor, trial: Trial) -> Future[_Pictures]:
-    return executor.submit(film, trial.scene, None if trial.execution is None else trial.actions, trial.shift_m)
 
 
 def _with_pictures(

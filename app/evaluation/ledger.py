@@ -61,12 +61,12 @@ def outcome_of(document: Document) -> Trial | Crash:
     if num_executed is not None:
         succeeded = document["status"] == "success"
         misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
-        execution = RolloutResult(task, seed, num_executed, succeeded, document["failure"], (), misses)
+        execution = RolloutResult(num_executed, succeeded, document["failure"], misses=misses)
     return Trial(
         task,
         seed,
         method,
-        _scene(document),
+        SceneView(task, seed, document["instruction"], poses_of(document), (), {}),
         answer=document["answer"],
         error="" if execution else document["failure"],
         execution=execution,
@@ -76,10 +76,6 @@ def outcome_of(document: Document) -> Trial | Crash:
         shift_m=document["shift_m"],
         refused=document["refused"],
     )
-
-
-def _scene(document: Document) -> SceneView:
-    return SceneView(document["task"], document["seed"], document["instruction"], poses_of(document), (), {})
 
 
 def poses_of(document: Document) -> tuple[ObjectPose, ...]:

@@ -54,7 +54,7 @@ def _section(plan: PaperPlan, table: PaperTable, by_task: Mapping[str, TaskEvalu
     kind = "Figure" if table.name[0].isdigit() else "Table"
     yield f"## {kind} {table.name}: {table.title}"
     scores = [(m, [_score(plan, table, by_task[task], m) for task in table.tasks]) for m in table.methods]
-    columns = table.tasks if table.shows_tasks else ()
+    columns = table.tasks if table.published else ()
     rows = list(_rows(table, scores))
     for start in range(0, len(columns) or 1, COLUMNS):
         part, last = columns[start : start + COLUMNS], start + COLUMNS >= len(columns)
@@ -93,7 +93,7 @@ def _published(table: PaperTable, name: str) -> list[str]:
 def _here(table: PaperTable, method: Method, row: Sequence[Score]) -> tuple[str, list[str]]:
     model = method.options["model"]
     label = f"{model}, here" if table.name == "III" else f"{method.label}, here ({model})"
-    cells = [_cell(score, table.episodes) for score in row] if table.shows_tasks else []
+    cells = [_cell(score, table.episodes) for score in row] if table.published else []
     return label, [*cells, _mean(row)]
 
 

@@ -36,9 +36,8 @@ class PaperTable:
         tasks: in the order of its columns.
         episodes: scenes a task.
         methods: that are run here; one whose label is in `published` stands beside it.
-        published: the paper's success in percent by method and task.
+        published: the paper's success in percent by method and task; empty where it prints no column for each task.
         means: the paper's average success in percent by method, where it prints only that.
-        shows_tasks: whether the paper prints a column for each task, or the average alone.
         note: what the reader has to know of it.
     """
 
@@ -49,7 +48,6 @@ class PaperTable:
     methods: tuple[Method, ...]
     published: Mapping[str, Mapping[str, float]]
     means: Mapping[str, float]
-    shows_tasks: bool
     note: str
 
     def trials(self, first_seed: int) -> Iterator[PlannedTrial]:
@@ -174,11 +172,11 @@ def _of_tasks(
     note: str,
 ) -> PaperTable:
     here = {method: row for method, row in published.items() if set(tasks) <= set(row)}
-    return PaperTable(name, title, tasks, episodes, tuple(methods), here, {}, True, note)
+    return PaperTable(name, title, tasks, episodes, tuple(methods), here, {}, note)
 
 
 def _of_means(name: str, title: str, methods: Sequence[Method], means: Mapping[str, float], note: str) -> PaperTable:
-    return PaperTable(name, title, RLBENCH_TASKS, RLBENCH_SCENES, tuple(methods), {}, means, False, note)
+    return PaperTable(name, title, RLBENCH_TASKS, RLBENCH_SCENES, tuple(methods), {}, means, note)
 
 
 # Table III, "Various LLMs with RoboPrompt": average success rate over the tasks of Table I

@@ -6,13 +6,14 @@ Either before every action, or by the robot's own loop in a scene that is change
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
+from app.evaluation.results import Trial
 from app.sim.demonstrate import judge, robot_in_scene
-from app.sim.outcomes import RolloutResult
+from app.sim.outcomes import RolloutResult, SceneView
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import ALL_TASKS, MOVING_TASKS
@@ -27,28 +28,9 @@ from roboprompt_client.trajectory import EndEffectorAction
 # the problems that are the LLM's failure, not the service's
 USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})
 
-
 # What passes in a scene that moves while the simulation itself stands still: until the service has answered, and from a
 # picture to the poses in it. Fixed, so that results can be repeated; measured in docs/results/moving.md.
 ANSWER_S, LOOK_S = 1.0, 0.4
-
-
-@dataclass(frozen=True, eq=False)
-class LoopResult:
-    """What became of a scene.
-
-    Attributes:
-        answer: the last step's, whose prompt shows all of them; timings and tokens are those of all steps. None if the
-            first step already failed.
-        error: why an LLM's reply gave no action; empty otherwise.
-        duration_s: in all.
-    """
-
-    actions: tuple[EndEffectorAction, ...]
-    answer: Mapping[str, Any] | None
-    error: str
-    execution: RolloutResult
-    duration_s: float
 
 
 def _together(steps: Sequence[PredictedActions]) -> Mapping[str, Any] | None:
@@ -132,8 +114,10 @@ class _Client(RoboPromptClient):
         return self.predicted[-1]
 
 
-def run_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopResult:
+def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -> Trial:
     """Run a trial; for a worker process, which must reach the service.
+
+    Its answer is the last step's, whose prompt shows all of them; timings and tokens are those of all steps.
 
     Args:
         name: of the task at the service.
@@ -141,7 +125,7 @@ def run_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopR
     Raises:
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
-    started = time.perf_counter()
+    started, task = time.perf_counter(), scene.task
     panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
     stepwise = method.source == "closed loop"
     moves = task in MOVING_TASKS and not stepwise
@@ -165,6 +149,18 @@ def run_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopR
         failure_text = error or blocked or judge(panda)
         for predicted in client.predicted:
             client.record_outcome(predicted.id, not failure_text, failure_text or None)
-    execution = RolloutResult(task, seed, robot.num_done, not failure_text, failure_text, ())
     answer = _together(client.predicted)
-    return LoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)
+    predict_s = 0.0 if answer is None else answer["timings_ms"]["total"] / 1000
+    return Trial(
+        task,
+        seed,
+        method.label,
+        scene,
+        answer=answer,
+        error=error,
+        execution=None if error else RolloutResult(robot.num_done, not failure_text, failure_text),
+        predict_s=predict_s,
+        execute_s=time.perf_counter() - started - predict_s,
+        actions=tuple(robot.actions),
+        shift_m=method.shift_m,
+    )

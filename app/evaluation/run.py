@@ -17,7 +17,6 @@ from typing import Any, Literal, TypeVar
 
 from rich.progress import Progress
 
-from app.evaluation.baselines.models import Models
 from app.evaluation.costs import Purse, estimates
 from app.evaluation.failures import BudgetSpentError, NotLearnedError, ServiceLostError
 from app.evaluation.foreign import ForeignExecutor
@@ -29,6 +28,7 @@ from app.evaluation.results import Crash, Evaluation, Trial
 from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import PlannedTrial, TrialRunner
+from app.evaluation.voxposer.ask import Models
 from app.evaluation.world import World
 from app.executors import Executor, LocalExecutor
 from app.sim.outcomes import RecordedDemonstration
@@ -161,7 +161,8 @@ class Run:
             ServiceLostError, BudgetSpentError: what is under way still ends; NotConfirmedError.
         """
         remaining = self.plan.remaining(self.ledger)
-        runner = self._runner(lessons)
+        asking = threading.Semaphore(self.plan.predictions_at_once)
+        runner = TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
         if self.purse is not None and remaining:
             of_trial = lambda planned: self._lesson(lessons, planned)  # noqa: E731
             self.purse.expect(estimates(self.client, remaining, of_trial, runner.look, self.purse.prices))
@@ -183,10 +184,6 @@ class Run:
                 raise ServiceLostError(str(future.exception()))
 
         in_threads(run, remaining, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
-
-    def _runner(self, lessons: Mapping[str, Lessons]) -> TrialRunner:
-        asking = threading.Semaphore(self.plan.predictions_at_once)
-        return TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
 
     def _lesson(self, lessons: Mapping[str, Lessons], planned: PlannedTrial) -> Lesson | Exception:
         return lessons[planned.task][suffix_of(planned.method, self.plan.methods)]

@@ -5,7 +5,7 @@ import os
 import platform
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from app.evaluation.plan import Plan
-from app.evaluation.results import Evaluation
+from app.evaluation.results import Evaluation, Trial
 from app.evaluation.run import Phase, Timing
 from app.executors import usable_cores
 from roboprompt_client.version import VERSION
@@ -120,23 +120,24 @@ class RunRecord:
     def write(self, session: Session, evaluation: Evaluation | None = None) -> None:
         """Replace the file; with the evaluation's times and models if there is one."""
         sessions = [*self._earlier, {**session.document(), **self._here}]
-        document = {
-            **self._plan,
-            "sessions": sessions,
-            **({} if evaluation is None else _results(evaluation, sessions)),
-        }
+        document = {**self._plan, "sessions": sessions}
+        if evaluation is not None:
+            trials = [trial for task in evaluation.tasks for trial in task.trials]
+            document["trials"] = len(trials)
+            document["errors"] = sum(len(task.crashes) for task in evaluation.tasks)
+            document["models"] = sorted({trial.answer["model"] for trial in trials if trial.answer is not None})
+            document["times"] = times(trials, sessions)
         temporary = self._path.with_suffix(".tmp")
         temporary.write_text(json.dumps(document, indent=1) + "\n")
         os.replace(temporary, self._path)
 
 
-def times(evaluation: Evaluation, sessions: list[Mapping[str, Any]]) -> dict[str, float]:
+def times(trials: Sequence[Trial], sessions: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Where the time of all sessions went, in seconds, and the shares of the time on the clock.
 
     LLM and simulations work at the same time: shares do not add up to 1. The share of simulations is that of all
     workers' time.
     """
-    trials = [trial for task in evaluation.tasks for trial in task.trials]
     timings = [trial.answer["timings_ms"] for trial in trials if trial.answer is not None]
     clock_s = sum(session["duration_s"] for session in sessions)
     workers_s = sum(session["duration_s"] * session["workers"] for session in sessions)
@@ -152,14 +153,3 @@ def times(evaluation: Evaluation, sessions: list[Mapping[str, Any]]) -> dict[str
         "execution_share": execution_s / workers_s if workers_s else 0.0,
     }
     return {name: round(value, 3) for name, value in spent.items()}
-
-
-def _results(evaluation: Evaluation, sessions: list[Mapping[str, Any]]) -> dict[str, Any]:
-    trials = [trial for task in evaluation.tasks for trial in task.trials]
-    used = {trial.answer["model"] for trial in trials if trial.answer is not None}
-    return {
-        "trials": len(trials),
-        "errors": sum(len(task.crashes) for task in evaluation.tasks),
-        "models": sorted(used),
-        "times": times(evaluation, sessions),
-    }

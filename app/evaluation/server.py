@@ -37,14 +37,27 @@ def running_server(
         ServerStartError: if it does not answer within a minute.
     """
     data.mkdir(0o700, parents=True, exist_ok=True)
+    settings = {**WITHOUT_KEYS, **(environment or {})}
+    with running(["app.cli", "serve", "--data", str(data), *arguments], settings, data / "server.log") as (url, _):
+        yield url
+
+
+@contextmanager
+def running(
+    module: Sequence[str], environment: Mapping[str, str], log_file: Path
+) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """Run `python -m MODULE ... --port PORT`, which answers `GET /healthz`; yields its URL and process.
+
+    Raises:
+        ServerStartError: if it does not answer within a minute.
+    """
     port = free_port()
     url = f"http://127.0.0.1:{port}"
-    serve = ["app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
-    with (data / "server.log").open("w+") as log:
-        process = _leashed(serve, {**WITHOUT_KEYS, **(environment or {})}, log)
+    with log_file.open("w+") as log:
+        process = _leashed([*module, "--port", str(port)], environment, log)
         try:
-            _wait_until_alive(process, url, Path(log.name))
-            yield url
+            _wait_until_alive(process, url, log_file)
+            yield url, process
         finally:
             _stop(process)
 

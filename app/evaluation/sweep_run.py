@@ -8,7 +8,6 @@ from typing import Any
 
 from rich.progress import Progress
 
-from app.evaluation.baselines.models import Models
 from app.evaluation.costs import Purse
 from app.evaluation.failures import BudgetSpentError, ServiceLostError
 from app.evaluation.illustrate import illustrated
@@ -16,13 +15,14 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.plots import write_plots
-from app.evaluation.report import write_report
+from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing, executor_of
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
+from app.evaluation.voxposer.ask import Models
 from app.executors import Executor, RayExecutor
 from app.llm.llm_settings import LlmSettings
 

@@ -62,17 +62,8 @@ def learned_models(
     episodes = []
     for item in labelled:
         seen = Observation(item.scene.objects, item.scene.frames)
-        trajectory = replace(item.trajectory, object_positions_m=None, object_quaternions_xyzw=None)
-        uploaded = client.upload(
-            school,
-            item.scene.instruction,
-            trajectory,
-            seen,
-            control_frequency_hz=item.control_frequency_hz,
-            mask_ids=item.scene.mask_ids,
-            extra={"seed": item.scene.seed, "simulator": "mujoco"},
-        )
-        episodes.append((str(uploaded["id"]), item.scene))
+        document = _upload(client, school, item, seen, mask_ids=item.scene.mask_ids)
+        episodes.append((str(document["id"]), item.scene))
     learned = client.learn_object_models(school, episodes=len(labelled))
     models = dict(learned["object_models"])
     for missing in learned["refused"]:
@@ -95,7 +86,7 @@ def _model_from_labels(
     yaws_deg = [next(_yaw_deg(pose) for pose in scene.objects if pose.name == name) for _, scene in episodes]
     ahead_deg = 90 * round(yaws_deg[0] / 90)
     for (id_, scene), yaw_deg in zip(episodes, yaws_deg, strict=True):
-        arrow = {} if symmetry_deg == 0 else {"yaw_deg": 10.0 * round((yaw_deg - ahead_deg) / 10)}
+        arrow: dict[str, Any] = {} if symmetry_deg == 0 else {"yaw_deg": 10.0 * round((yaw_deg - ahead_deg) / 10)}
         # What hangs on it by a joint is not labeled: an object is rigid.
         client.label_object(school, name, id_, mask_ids=scene.mask_ids[name][:1], **arrow)
     known: str | float = "none" if symmetry_deg is None else symmetry_deg or "yaw"
@@ -129,12 +120,9 @@ class Lesson:
 
     def without_images(self) -> "Lesson":
         """The same without the frames, which are large."""
-        return replace(self, taught=tuple(map(_without_images, self.taught)))
-
-
-def _without_images(taught: TaughtEpisode) -> TaughtEpisode:
-    scene = replace(taught.recorded.scene, frames=())
-    return replace(taught, recorded=replace(taught.recorded, scene=scene))
+        bare = [replace(item.recorded, scene=replace(item.recorded.scene, frames=())) for item in self.taught]
+        taught = tuple(replace(item, recorded=one) for item, one in zip(self.taught, bare, strict=True))
+        return replace(self, taught=taught)
 
 
 def variants(methods: Sequence[Method]) -> dict[str, Method]:
@@ -242,8 +230,12 @@ def _taught(
     """
     refused = []
     for item in shown:
+        scene, tracked = item.scene, method.source == "closed loop"
+        seen = Observation(disturbed(scene.objects, method.taught_noise, scene.seed), scene.frames)
+        if method.poses == "vision":
+            seen = images_only(scene.frames, scene.objects)
         try:
-            yield TaughtEpisode(item, _upload(client, name, item, method))
+            yield TaughtEpisode(item, _upload(client, name, item, seen, tracked=tracked))
         except ServiceProblemError as error:
             if method.poses != "vision" or error.problem.get("type") not in UNSEEN:
                 raise
@@ -252,18 +244,24 @@ def _taught(
         raise NotLearnedError(f"{len(refused)} of {len(shown)} demonstrations show too little: {refused[0]}")
 
 
-def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, method: Method) -> dict[str, object]:
-    scene, trajectory = recorded.scene, recorded.trajectory
-    if method.source != "closed loop":
+def _upload(
+    client: RoboPromptClient,
+    name: str,
+    recorded: RecordedDemonstration,
+    seen: Observation,
+    *,
+    tracked: bool = False,
+    mask_ids: Mapping[str, Sequence[int]] | None = None,
+) -> dict[str, Any]:
+    trajectory = recorded.trajectory
+    if not tracked:
         trajectory = replace(trajectory, object_positions_m=None, object_quaternions_xyzw=None)
-    seen = Observation(disturbed(scene.objects, method.taught_noise, scene.seed), scene.frames)
-    if method.poses == "vision":
-        seen = images_only(scene.frames, scene.objects)
     return client.upload(
         name,
-        scene.instruction,
+        recorded.scene.instruction,
         trajectory,
         seen,
         control_frequency_hz=recorded.control_frequency_hz,
-        extra={"seed": scene.seed, "simulator": "mujoco"},
+        mask_ids=mask_ids,
+        extra={"seed": recorded.scene.seed, "simulator": "mujoco"},
     )

@@ -2,24 +2,23 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from app.evaluation.baselines.models import Models
-from app.evaluation.baselines.nearest import replayed
-from app.evaluation.baselines.voxposer.ask import ask_for_program, program_actions
-from app.evaluation.baselines.voxposer.oracle import oracle_actions
 from app.evaluation.failures import ProgramRefusedError
+from app.evaluation.ledger import poses_of
 from app.evaluation.methods import Method, Source
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.panda import Actions, binned_keyframes
 from app.evaluation.paper import disturbed
-from app.evaluation.results import Trial
+from app.evaluation.results import TaughtEpisode, Trial
 from app.evaluation.robot_loops import USELESS_REPLY, run_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
+from app.evaluation.voxposer.ask import Models, ask_for_program, oracle_actions, program_actions
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
 from app.pipeline.geometry import canonical_pose
@@ -32,6 +31,7 @@ from roboprompt_client.trajectory import ObjectPose
 
 # The problems that say of an instruction, not of the service, that it is not understood
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
+LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
 
 
 class PlannedTrial(NamedTuple):
@@ -128,19 +128,7 @@ def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> di
 def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     """With the robot's own loop, in one worker: it asks before every action, or once and perhaps looks again."""
     with runner.asking:
-        result = call(runner.executor, run_loop, runner.client.url, lesson.name, *planned)
-    predict_s = 0.0 if result.answer is None else result.answer["timings_ms"]["total"] / 1000
-    return Trial(
-        *planned.key,
-        scene,
-        answer=result.answer,
-        error=result.error,
-        execution=None if result.error else result.execution,
-        predict_s=predict_s,
-        execute_s=result.duration_s - predict_s,
-        actions=result.actions,
-        shift_m=planned.method.shift_m,
-    )
+        return call(runner.executor, run_loop, runner.client.url, lesson.name, planned.seed, planned.method, scene)
 
 
 def _replay_nearest(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
@@ -148,6 +136,36 @@ def _replay_nearest(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, 
     symmetry = runner.world.tasks[planned.task]
     actions = replayed(taught, scene.instruction, _observed(planned, scene), symmetry)
     return runner.execute(Trial(*planned.key, scene), actions)
+
+
+def replayed(
+    taught: Sequence[TaughtEpisode],
+    instruction: str,
+    objects: Sequence[ObjectPose],
+    yaw_symmetry_deg: Mapping[str, float],
+) -> Actions:
+    """The keyframes that the service found in the demonstration whose object poses are nearest to `objects`.
+
+    Only demonstrations of the same instruction are considered, where there are any. The distance is the sum over the
+    objects of their shifts in meters and of their turns times 10 cm, up to their symmetry.
+    """
+    alike = [item for item in taught if item.recorded.scene.instruction == instruction] or list(taught)
+    observed = {pose.name: canonical_pose(pose, yaw_symmetry_deg.get(pose.name)) for pose in objects}
+
+    def distance_m(item: TaughtEpisode) -> float:
+        poses = poses_of(item.document)
+        return sum(_distance_m(canonical_pose(p, yaw_symmetry_deg.get(p.name)), observed[p.name]) for p in poses)
+
+    nearest = min(alike, key=distance_m)
+    return tuple(nearest.recorded.trajectory.action_at(item["index"]) for item in nearest.document["keyframes"])
+
+
+def _distance_m(a: ObjectPose, b: ObjectPose) -> float:
+    shift_m = float(np.linalg.norm(a.position_m - b.position_m))
+    if a.quaternion_xyzw is None or b.quaternion_xyzw is None:
+        return shift_m
+    turn_rad = (Rotation.from_quat(a.quaternion_xyzw).inv() * Rotation.from_quat(b.quaternion_xyzw)).magnitude()
+    return shift_m + LEVER_M * float(turn_rad)
 
 
 def _replay_own(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
@@ -169,8 +187,8 @@ def _replay_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, s
 def _perform_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     """The scene solved as demonstrations are: how often could it be taught at all?"""
     solved, seconds = call(runner.executor, timed, runner.world.solve, planned.task, planned.seed)
-    actions, outcome = solved.expert_actions, (solved.succeeded, solved.failure)
-    execution = RolloutResult(planned.task, planned.seed, len(actions), *outcome, film_strip=())
+    actions = solved.expert_actions
+    execution = RolloutResult(len(actions), solved.succeeded, solved.failure)
     return Trial(*planned.key, scene, execution=execution, execute_s=seconds, actions=actions)
 
 

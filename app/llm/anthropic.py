@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
-from app.llm.sse import SseEndpoint, SseModel
+from app.llm.sse import Server, SseModel
 from app.llm.streaming import Chunk, error_message
 
 # ("Versions" of the documentation) The newer one has no field `temperature` for any model.
@@ -25,17 +25,11 @@ RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors with
 
 @dataclass(frozen=True)
 class Quirks:
-    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best.
+    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best."""
 
-    Attributes:
-        fields: of every request; they turn thinking off, or down where it cannot be turned off.
-        thinks: thinking stays on.
-        temperature: the model can be asked to decode greedily.
-    """
-
-    fields: Mapping[str, Any]
-    thinks: bool = False
-    temperature: bool = False
+    fields: Mapping[str, Any]  # of every request; they turn thinking off, or down where it cannot be turned off
+    thinks: bool = False  # thinking stays on
+    temperature: bool = False  # the model can be asked to decode greedily
 
 
 _OFF = Quirks({"thinking": {"type": "disabled"}})
@@ -136,11 +130,7 @@ class EventParser:
         self._usage = Usage()
 
     def __call__(self, data: str) -> Chunk | None:
-        """What the `data` of one event says; None at the end.
-
-        Raises:
-            ModelResponseError: if it is an error, or not in Anthropic's format.
-        """
+        """What the `data` of one event says; None at the end. Raises ModelResponseError, also for another format."""
         try:
             event = _Event.model_validate_json(data)
         except ValidationError:
@@ -171,30 +161,8 @@ class EventParser:
 
 
 class AnthropicModel(SseModel):
-    """One Claude model.
+    """One Claude model, by Anthropic's name of it."""
 
-    Args:
-        base_url: up to and including the version, e.g. ``https://api.anthropic.com/v1``.
-        model: Anthropic's name of the model.
-        key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
-    """
-
-    def __init__(
-        self,
-        profile: ModelProfile,
-        base_url: str,
-        model: str,
-        api_key: str,
-        *,
-        key_variable: str = "",
-        url_variable: str = "",
-    ) -> None:
-        endpoint = SseEndpoint(
-            profile.name,
-            f"{base_url.rstrip('/')}/messages",
-            request_headers(model, api_key),
-            api_key,
-            key_variable=key_variable,
-            url_variable=url_variable,
-        )
-        super().__init__(profile, endpoint, partial(request_body, model=model), EventParser)
+    def __init__(self, profile: ModelProfile, server: Server, model: str) -> None:
+        headers = request_headers(model, server.key)
+        super().__init__(profile, server, "messages", headers, partial(request_body, model=model), EventParser)

@@ -5,17 +5,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 
+from pydantic import SecretStr
+
 from app.llm import baselines
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.computed import SCRIPTED, ScriptedModel
-from app.llm.guard import Limits
-from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.known_models import KNOWN, profile_of
 from app.llm.llama.vocabulary import TrimmedModel
 from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
 from app.llm.llm_settings import LlmSettings, variable
 from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
+from app.llm.resilient import Limits
+from app.llm.sse import Server
 
 ENTRY_POINT_GROUP = "roboprompt.llm"
 
@@ -66,12 +69,10 @@ def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
     weights = find_weights(model, settings)
     if importlib.util.find_spec("xllamacpp") is None:
         raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
-    sizes = (settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
-    options = EmbeddedOptions(*sizes, settings.embedded_shared_folder)
-    whole = EmbeddedModel(profile_of(model), weights, options)
+    whole = EmbeddedModel(profile_of(model), weights, settings)
     if (trimmed := find_trimmed_weights(model, settings)) is None:
         return whole
-    return TrimmedModel(EmbeddedModel(profile_of(model), trimmed, options), whole)
+    return TrimmedModel(EmbeddedModel(profile_of(model), trimmed, settings), whole)
 
 
 def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:
@@ -79,70 +80,59 @@ def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:
 
 
 def _openai(model: str, settings: LlmSettings) -> LanguageModel:
-    _require_model_name("openai", model)
-    if not (key := settings.openai_api_key.get_secret_value()):
-        raise ModelUnavailableError(f"openai/{model} needs a key: set {variable('openai_api_key')}")
-    return OpenAiCompatibleModel(
-        _openai_profile(model),
-        settings.openai_base_url,
-        model,
-        key,
-        key_variable=variable("openai_api_key"),
-        url_variable=variable("openai_base_url"),
-    )
-
-
-def _openai_profile(model: str, description: str = "") -> ModelProfile:
-    return ModelProfile(f"openai/{model}", "chat", grammar=False, representation="absolute", description=description)
-
-
-# the paper's tables: mean success over 16 RLBench tasks
-_PAPER_MODELS = {
-    "gpt-4-turbo": "The paper's main model (51.8 %)",
-    "gpt-4o": "The best of the paper's comparison (56.3 %)",
-    "gpt-4o-mini": "44.8 % in the paper",
-}
+    return OpenAiCompatibleModel(_provider_profile(f"openai/{model}"), _provider("openai", model, settings), model)
 
 
 def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
-    _require_model_name("anthropic", model)
-    if not (key := settings.anthropic_api_key.get_secret_value()):
-        raise ModelUnavailableError(f"anthropic/{model} needs a key: set {variable('anthropic_api_key')}")
-    return AnthropicModel(
-        _anthropic_profile(model),
-        settings.anthropic_base_url,
-        model,
-        key,
-        key_variable=variable("anthropic_api_key"),
-        url_variable=variable("anthropic_base_url"),
-    )
+    return AnthropicModel(_provider_profile(f"anthropic/{model}"), _provider("anthropic", model, settings), model)
 
 
-def _anthropic_profile(model: str, description: str = "") -> ModelProfile:
-    return ModelProfile(f"anthropic/{model}", "chat", grammar=False, representation="absolute", description=description)
+def _provider(name: str, model: str, settings: LlmSettings) -> Server:
+    """Where a provider's model is asked, which needs a key."""
+    _require_model_name(name, model)
+    server = _server(name, settings)
+    if not server.key:
+        raise ModelUnavailableError(f"{name}/{model} needs a key: set {server.key_variable}")
+    return server
 
 
-_CLAUDE_MODELS = {
-    "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
-    "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
-    "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
+def _server(name: str, settings: LlmSettings) -> Server:
+    """The server of the settings `NAME_base_url` and `NAME_api_key`."""
+    url, key = f"{name}_base_url", f"{name}_api_key"
+    secret: SecretStr = getattr(settings, key)
+    return Server(getattr(settings, url), secret.get_secret_value(), variable(key), variable(url))
+
+
+def _provider_profile(name: str, description: str = "") -> ModelProfile:
+    return ModelProfile(name, "chat", grammar=False, representation="absolute", description=description)
+
+
+_PROVIDERS_MODELS = {
+    # the paper's tables: mean success over 16 RLBench tasks
+    "openai": {
+        "gpt-4-turbo": "The paper's main model (51.8 %)",
+        "gpt-4o": "The best of the paper's comparison (56.3 %)",
+        "gpt-4o-mini": "44.8 % in the paper",
+    },
+    "anthropic": {
+        "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
+        "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
+        "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
+    },
 }
+
+
+def _provider_offered(name: str) -> list[ModelProfile]:
+    return [_provider_profile(f"{name}/{model}", text) for model, text in _PROVIDERS_MODELS[name].items()]
 
 
 def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
     _require_model_name("openai_compatible", model)
-    if not settings.compatible_base_url:
-        remedy = f"set {variable('compatible_base_url')}, e.g. http://127.0.0.1:11434/v1"
+    server = _server("compatible", settings)
+    if not server.base_url:
+        remedy = f"set {server.url_variable}, e.g. http://127.0.0.1:11434/v1"
         raise ModelUnavailableError(f"openai_compatible/{model} needs the address of a server: {remedy}")
-    return OpenAiCompatibleModel(
-        _compatible_profile(model, settings),
-        settings.compatible_base_url,
-        model,
-        settings.compatible_api_key.get_secret_value(),
-        key_variable=variable("compatible_api_key"),
-        url_variable=variable("compatible_base_url"),
-        quirks=_compatible_quirks(settings),
-    )
+    return OpenAiCompatibleModel(_compatible_profile(model, settings), server, model, _compatible_quirks(settings))
 
 
 def _compatible_quirks(settings: LlmSettings) -> Quirks:
@@ -164,18 +154,7 @@ def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
     )
 
 
-def _regression(model: str, settings: LlmSettings) -> LanguageModel:
-    _refuse_model_name("regression", model)
-    return baselines.regression()
-
-
-def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
-    _refuse_model_name("nearest", model)
-    return baselines.nearest()
-
-
-def _scripted(model: str, settings: LlmSettings) -> LanguageModel:
-    _refuse_model_name("scripted", model)
+def _scripted(settings: LlmSettings) -> LanguageModel:
     if not settings.scripted_replies:
         raise ModelUnavailableError(f"scripted has nothing to say: set {variable('scripted_replies')}")
     return ScriptedModel(settings.scripted_replies)
@@ -186,25 +165,34 @@ def _require_model_name(backend: str, model: str) -> None:
         raise UnknownModelError(f"{backend} needs the name of a model: {backend}/MODEL")
 
 
-def _refuse_model_name(backend: str, model: str) -> None:
-    if model:
-        raise UnknownModelError(f"{backend} has no models to choose from: ask for {backend!r}, not '{backend}/{model}'")
+def _nameless(backend: str, make: Callable[[LlmSettings], LanguageModel]) -> ModelFactory:
+    """Of a backend that has one model."""
+
+    def create(model: str, settings: LlmSettings) -> LanguageModel:
+        if model:
+            remedy = f"ask for {backend!r}, not '{backend}/{model}'"
+            raise UnknownModelError(f"{backend} has no models to choose from: {remedy}")
+        return make(settings)
+
+    return create
 
 
 BUILT_IN: Mapping[str, Backend] = {
     "embedded": Backend(_embedded, _embedded_offered, _embedded_limits),
-    "anthropic": Backend(
-        _anthropic, lambda settings: [_anthropic_profile(*item) for item in _CLAUDE_MODELS.items()], _network_limits
-    ),
-    "openai": Backend(
-        _openai, lambda settings: [_openai_profile(*item) for item in _PAPER_MODELS.items()], _network_limits
-    ),
+    "anthropic": Backend(_anthropic, lambda settings: _provider_offered("anthropic"), _network_limits),
+    "openai": Backend(_openai, lambda settings: _provider_offered("openai"), _network_limits),
     "openai_compatible": Backend(
         _openai_compatible,
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
-    "nearest": Backend(_nearest, lambda settings: [baselines.NEAREST]),
-    "regression": Backend(_regression, lambda settings: [baselines.REGRESSION]),
-    "scripted": Backend(_scripted, lambda settings: [SCRIPTED] if settings.scripted_replies else []),
+    "nearest": Backend(
+        _nameless("nearest", lambda settings: baselines.nearest()), lambda settings: [baselines.NEAREST]
+    ),
+    "regression": Backend(
+        _nameless("regression", lambda settings: baselines.regression()), lambda settings: [baselines.REGRESSION]
+    ),
+    "scripted": Backend(
+        _nameless("scripted", _scripted), lambda settings: [SCRIPTED] if settings.scripted_replies else []
+    ),
 }

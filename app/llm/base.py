@@ -51,29 +51,17 @@ class ModelResponseError(LanguageModelError):
 
 @dataclass(frozen=True)
 class ModelProfile:
-    """What the service needs to know of a model to write a prompt for it.
+    """What the service needs to know of a model to write a prompt for it."""
 
-    Attributes:
-        name: `backend/model`, e.g. ``embedded/gemma-3-270m``.
-        style: `completion` continues raw text; `chat` takes a system and a user message.
-        grammar: whether the backend can force the reply into a GBNF grammar.
-        representation: the representation that suits the model best; used when a request names none.
-        prompt_format: the prompt format that suits it best, used in the same way.
-        system_prompt: the system prompt that suits it best (a variant's name, or `none`).
-        description: one line for people.
-        timeout_s: the deadline that suits it best, used where a request names none.
-        reading_s: what that is longer for each 1,000 characters of a prompt.
-    """
-
-    name: str
-    style: Literal["completion", "chat"]
-    grammar: bool
-    representation: str
-    prompt_format: str = "paper"
-    system_prompt: str = "a"
-    description: str = ""
-    timeout_s: float = 60.0
-    reading_s: float = 0.0
+    name: str  # `backend/model`, e.g. ``embedded/gemma-3-270m``
+    style: Literal["completion", "chat"]  # `completion` continues raw text; `chat` takes a system and a user message
+    grammar: bool  # whether the backend can force the reply into a GBNF grammar
+    representation: str  # the representation that suits the model best; used when a request names none
+    prompt_format: str = "paper"  # the prompt format that suits it best, used in the same way
+    system_prompt: str = "a"  # the system prompt that suits it best (a variant's name, or `none`)
+    description: str = ""  # one line for people
+    timeout_s: float = 60.0  # the deadline that suits it best, used where a request names none
+    reading_s: float = 0.0  # what that is longer for each 1,000 characters of a prompt
 
 
 @dataclass(frozen=True)
@@ -166,20 +154,12 @@ class StartedModel(LanguageModel, Protocol):
     """An LLM that must start before it answers, such as one that reads its weights."""
 
     async def warm_up(self) -> None:
-        """Start it unless it runs; the first request would, too.
-
-        Raises:
-            ModelUnavailableError: something is missing; says what to install or set.
-        """
+        """Start it unless it runs; the first request would, too. Raises ModelUnavailableError if it cannot."""
         ...
 
 
 async def complete(model: LanguageModel, request: CompletionRequest) -> Completion:
-    """The whole reply. One that breaks off is asked for again where a stream could not be.
-
-    Raises:
-        as `LanguageModel.stream`.
-    """
+    """The whole reply. One that breaks off is asked for again where a stream could not be. Raises as `stream`."""
     async with aclosing(model.stream(replace(request, piecewise=False))) as pieces:
         async for piece in pieces:
             if isinstance(piece, Completion):

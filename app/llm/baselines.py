@@ -132,7 +132,7 @@ def copied_reply(prefix: str, query: str) -> str:
     """The actions of the demonstration whose integers are nearest to those of `query`; of equals the last.
 
     Raises:
-        ModelResponseError: if `prefix` is not a row of demonstrations, or none is like the query.
+        ModelResponseError: as `taken_apart`, or if none is like the query.
     """
     shown, observation = taken_apart(prefix, query)
     place = np.array(observation.integers, dtype=np.float64)
@@ -148,10 +148,10 @@ def copied_reply(prefix: str, query: str) -> str:
 
 
 def regressed_reply(prefix: str, query: str) -> str:
-    """The actions for `query`, in the form that the demonstrations in `prefix` have.
+    """The actions for `query`, in the form of the demonstrations.
 
     Raises:
-        ModelResponseError: if `prefix` is not a row of demonstrations, or has too few that are like the query.
+        ModelResponseError: as `taken_apart`, or if too few are like the query.
     """
     shown, observation = taken_apart(prefix, query)
     pairs = _of_one_form(shown, observation)
@@ -178,16 +178,7 @@ def _of_one_form(pairs: Sequence[Pair], observation: Pattern) -> list[Pair]:
 
 
 def _ridge(inputs: Numbers, outputs: Numbers, query: Numbers) -> Numbers:
-    """The outputs at `query`.
-
-    Args:
-        inputs: (N, D).
-        outputs: (N, K).
-        query: (D,).
-
-    Returns:
-        (K,).
-    """
+    """The outputs (K,) at `query` (D,), from inputs (N, D) and outputs (N, K)."""
     input_mean, output_mean = inputs.mean(axis=0), outputs.mean(axis=0)
     centred = inputs - input_mean
     gram = centred.T @ centred + RIDGE * np.eye(len(query))

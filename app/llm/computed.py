@@ -19,12 +19,7 @@ _WORD = re.compile(r"\S+\s*|\s+")
 
 
 class ComputedModel:
-    """Computes each reply from its request; a word of it is a piece, and counts as a token.
-
-    Args:
-        reply_to: may raise a LanguageModelError.
-        delay_s: before each word.
-    """
+    """Computes each reply from its request; a word of it is a piece, counts as a token, and takes `delay_s`."""
 
     def __init__(
         self, profile: ModelProfile, reply_to: Callable[[CompletionRequest], str], *, delay_s: float = 0.0

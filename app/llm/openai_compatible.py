@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Reading, Usage
 from app.llm.llm_settings import CompatibleServer, Style
-from app.llm.sse import SseEndpoint, SseModel
+from app.llm.sse import Server, SseModel
 from app.llm.streaming import Chunk, error_message
 
 END = "[DONE]"
@@ -124,17 +124,8 @@ def quirks_of(base_url: str) -> Quirks:
     return HOSTS.get(urlsplit(base_url).hostname or "", Quirks())
 
 
-def request_path(style: Style) -> str:
-    """The endpoint, relative to the base URL."""
-    return "chat/completions" if style == "chat" else "completions"
-
-
 def request_body(request: CompletionRequest, model: str, style: Style, quirks: Quirks) -> dict[str, Any]:
-    """The JSON body that asks for `request` as a stream with usage.
-
-    Args:
-        model: the server's name of the model.
-    """
+    """The JSON body that asks for `request` as a stream with usage; `model` is the server's name of it."""
     prompt, thinks = request.prompt, REASONING_MODELS.match(model)
     if quirks.openai and _version(model) >= EXPLICIT_CACHE_SINCE:
         quirks = replace(quirks, prefix_mark=EXPLICIT_CACHE.prefix_mark, extra=EXPLICIT_CACHE.extra)
@@ -188,11 +179,7 @@ def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict
 
 
 def parse_event(data: str) -> Chunk | None:
-    """What the `data` of one event says; None at the end.
-
-    Raises:
-        ModelResponseError: if it is an error, or not in OpenAI's format.
-    """
+    """What the `data` of one event says; None at the end. Raises ModelResponseError for an error or another format."""
     if data == END:
         return None
     try:
@@ -217,38 +204,11 @@ def _usage(usage: _Usage) -> Usage:
 
 
 class OpenAiCompatibleModel(SseModel):
-    """One model of one server.
+    """One model of one server, by the server's name of it; without `quirks` the server's host tells them."""
 
-    Args:
-        base_url: up to and including the version, e.g. ``http://127.0.0.1:11434/v1``.
-        model: the server's name of the model.
-        api_key: empty for a server that asks for none.
-        key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
-        quirks: how the server differs; by its host if None.
-        trust_env: whether proxies named in the environment are used.
-    """
-
-    def __init__(
-        self,
-        profile: ModelProfile,
-        base_url: str,
-        model: str,
-        api_key: str = "",
-        *,
-        key_variable: str = "",
-        url_variable: str = "",
-        quirks: Quirks | None = None,
-        trust_env: bool = True,
-    ) -> None:
-        endpoint = SseEndpoint(
-            profile.name,
-            f"{base_url.rstrip('/')}/{request_path(profile.style)}",
-            {"Authorization": f"Bearer {api_key}"} if api_key else {},
-            api_key,
-            key_variable=key_variable,
-            url_variable=url_variable,
-            trust_env=trust_env,
-        )
-        quirks = quirks_of(base_url) if quirks is None else quirks
+    def __init__(self, profile: ModelProfile, server: Server, model: str, quirks: Quirks | None = None) -> None:
+        quirks = quirks_of(server.base_url) if quirks is None else quirks
+        path = "chat/completions" if profile.style == "chat" else "completions"
+        headers = {"Authorization": f"Bearer {server.key}"} if server.key else {}
         write = partial(request_body, model=model, style=profile.style, quirks=quirks)
-        super().__init__(profile, endpoint, write, lambda: parse_event)
+        super().__init__(profile, server, path, headers, write, lambda: parse_event)

@@ -31,17 +31,11 @@ from app.llm.llm_settings import variable
 
 @dataclass(frozen=True)
 class Recording:
-    """A question and its reply.
+    """A question and its reply."""
 
-    Attributes:
-        question: what determines the reply.
-        pieces: the reply's text as it came.
-        completion: how the reply ended; None if whoever asked broke it off.
-    """
-
-    question: dict[str, Any]
-    pieces: list[str]
-    completion: Completion | None
+    question: dict[str, Any]  # what determines the reply
+    pieces: list[str]  # the reply's text as it came
+    completion: Completion | None  # how the reply ended; None if whoever asked broke it off
 
 
 _RECORDING = TypeAdapter(Recording)
@@ -133,11 +127,7 @@ def _replace(path: Path, content: bytes) -> None:
 
 
 class ReplayedModel:
-    """Answers from recordings; a reply comes in the pieces that it came in.
-
-    Raises:
-        ModelUnavailableError: nothing is recorded of this model.
-    """
+    """Answers from recordings, in the pieces that came; raises ModelUnavailableError if there is none of the model."""
 
     def __init__(self, name: str, folder: Path) -> None:
         self._folder = folder
@@ -167,11 +157,7 @@ T = TypeVar("T")
 
 
 def _read(path: Path, kind: TypeAdapter[T], missing: str) -> T:
-    """What a file of a recording holds.
-
-    Raises:
-        ModelUnavailableError: it is not there, or damaged.
-    """
+    """What a file of a recording holds; raises ModelUnavailableError if it is not there, or damaged."""
     try:
         return kind.validate_json(path.read_bytes())
     except FileNotFoundError:

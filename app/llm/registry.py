@@ -16,10 +16,9 @@ from app.llm.base import (
     StartedModel,
     UnknownModelError,
 )
-from app.llm.guard import NO_LIMITS, Guard
 from app.llm.llm_settings import LlmSettings
 from app.llm.recorded import RecordingModel, ReplayedModel
-from app.llm.resilient import ResilientModel
+from app.llm.resilient import NO_LIMITS, Guard, ResilientModel
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
 # offer and the default one, which always have a place.
@@ -28,16 +27,11 @@ MAX_MODELS = 32
 
 @dataclass(frozen=True)
 class OfferedModel:
-    """A model that requests may name.
-
-    Attributes:
-        available: whether nothing is known to be missing; nothing was started to find out.
-        reason: why not, and what to install or set; empty if available.
-    """
+    """A model that requests may name."""
 
     profile: ModelProfile
-    available: bool
-    reason: str = ""
+    available: bool  # whether nothing is known to be missing; nothing was started to find out
+    reason: str = ""  # why not, and what to install or set; empty if available
 
 
 @dataclass(frozen=True)
@@ -91,11 +85,7 @@ class ModelRegistry:
 
     @asynccontextmanager
     async def using(self, name: str) -> AsyncIterator[LanguageModel]:
-        """The model, which stays open inside the block.
-
-        Raises:
-            as `get`.
-        """
+        """The model, which stays open inside the block; raises as `get`."""
         model = self._get(name, using=True).wrapped
         try:
             await self._close_evicted()
@@ -137,13 +127,7 @@ class ModelRegistry:
         return list(offered.values())
 
     async def warm_up(self, name: str = "") -> bool:
-        """Start an embedded model before the first request needs it; other models have nothing to start.
-
-        Returns whether it is one.
-
-        Raises:
-            UnknownModelError, ModelUnavailableError.
-        """
+        """Start an embedded model before the first request needs it; returns whether it is one. Raises as `profile`."""
         model = self._get(name or self._settings.default_model).bare
         if isinstance(model, StartedModel):
             await model.warm_up()

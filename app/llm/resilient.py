@@ -1,8 +1,8 @@
 """What every request passes through on its way to a backend, drawn from the outside in.
 
     stream -> within_deadline     the only deadline; nothing outside it but a recording (`recorded`)
-      _tries                      a place (`guard.Places`), then one try after the other, with waits between
-        _try                      the circuit (`guard.Circuit`) learns how it goes; a reply that is wanted whole is
+      _tries                      a place (`Places`), then one try after the other, with waits between
+        _try                      the circuit (`Circuit`) learns how it goes; a reply that is wanted whole is
                                   one piece, its Completion
           the backend's stream
 
@@ -10,9 +10,13 @@ A model is asked again where that may help, and no more often than its provider 
 """
 
 import asyncio
+import math
 import random
-from collections.abc import Awaitable, Callable
-from contextlib import aclosing
+import sys
+import time
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator
+from contextlib import aclosing, asynccontextmanager, contextmanager
+from dataclasses import dataclass
 from itertools import count
 
 import anyio
@@ -27,13 +31,112 @@ from app.llm.base import (
     ModelProfile,
     ModelResponseError,
     ModelTimeoutError,
+    ModelUnavailableError,
     Pieces,
     Reading,
 )
-from app.llm.guard import Guard
 
 MAX_BACKOFF_S = 8.0
 PATIENCE_S = 10.0  # a request that gave its provider less says nothing about the provider when it runs out of time
+BUSY_RETRY_AFTER_S = 1.0  # a reply takes a few seconds, and several are under way
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How a provider is treated."""
+
+    concurrent: int  # requests at once
+    queued: int  # requests that wait for a place; more are refused
+    retries: int = 0  # how often it is asked again after an error that may pass
+    backoff_s: float = 0.0  # wait before the first retry; doubles with each
+    failures: int | None = None  # so many in a row open the circuit; None: it never opens
+    pause_s: float = 0.0  # how long the circuit stays open
+    each_model: bool = False  # these are the limits of each model rather than of all the provider's models together
+
+
+NO_LIMITS = Limits(concurrent=sys.maxsize, queued=0)
+
+
+class Guard:
+    """The places and the circuit that the models of a provider share; its name is for messages."""
+
+    def __init__(self, provider: str, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
+        self.limits = limits
+        self.places = Places(provider, limits)
+        self.circuit = Circuit(provider, limits, clock)
+
+
+class Places:
+    """Lets `concurrent` requests in at once and lets `queued` more wait, first come, first served."""
+
+    def __init__(self, provider: str, limits: Limits) -> None:
+        self._provider = provider
+        self._limits = limits
+        self._free = asyncio.Semaphore(limits.concurrent)
+        self._num_inside = 0
+
+    @asynccontextmanager
+    async def one(self) -> AsyncGenerator[None, None]:
+        """A place, as soon as one is free; raises ModelBusyError."""
+        if self._num_inside >= self._limits.concurrent + self._limits.queued:
+            taken = f"{self._limits.concurrent} requests are under way and {self._limits.queued} wait"
+            raise ModelBusyError(f"{self._provider} is busy: {taken}", retry_after_s=BUSY_RETRY_AFTER_S)
+        self._num_inside += 1
+        try:
+            async with self._free:
+                yield
+        finally:
+            self._num_inside -= 1
+
+
+class Circuit:
+    """Opens after so many failures in a row; after a pause lets one request through, whose outcome decides."""
+
+    def __init__(self, provider: str, limits: Limits, clock: Callable[[], float]) -> None:
+        self._provider = provider
+        self._limits = limits
+        self._clock = clock
+        self._num_failures = 0
+        self._last_failure = ""
+        self._closes_at_s = -math.inf
+        self._trial_under_way = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether no request may pass at present."""
+        return self._has_opened and (self._trial_under_way or self._clock() < self._closes_at_s)
+
+    @contextmanager
+    def passage(self) -> Iterator[None]:
+        """Leave to ask; say inside whether the provider `answered` or `failed`. Raises ModelUnavailableError."""
+        if self.is_open:
+            wait_s = max(self._closes_at_s - self._clock(), 1.0)
+            raise ModelUnavailableError(
+                f"{self._provider} failed {self._num_failures} times in a row and is not asked for another "
+                f"{wait_s:.0f} s; the last time: {self._last_failure}",
+                retry_after_s=wait_s,
+            )
+        on_trial = self._has_opened
+        self._trial_under_way |= on_trial
+        try:
+            yield
+        finally:
+            if on_trial:
+                self._trial_under_way = False
+
+    def answered(self) -> None:
+        """The provider lives."""
+        self._num_failures = 0
+
+    def failed(self, reason: str) -> None:
+        """The provider did not answer, or could not."""
+        self._num_failures += 1
+        self._last_failure = reason
+        self._closes_at_s = self._clock() + self._limits.pause_s
+
+    @property
+    def _has_opened(self) -> bool:
+        return self._limits.failures is not None and self._num_failures >= self._limits.failures
 
 
 class ResilientModel:
@@ -127,11 +230,7 @@ class ResilientModel:
 
 
 async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Pieces:
-    """`pieces` as they come, all of them within `timeout_s` of the first being asked for.
-
-    Raises:
-        ModelTimeoutError: at the deadline; `pieces` is closed by then.
-    """
+    """`pieces` as they come; `timeout_s` after the first was asked for it closes them and raises ModelTimeoutError."""
     # The deadline surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789). It is
     # anyio's and not asyncio's: httpx shields the closing of a connection from the former only.
     deadline = anyio.current_time() + timeout_s

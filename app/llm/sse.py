@@ -1,6 +1,6 @@
 """POST a question, read the reply as server-sent events: what every provider's HTTP API has in common.
 
-`SseModel` is a model of any of them; a provider's module says how its requests and events are written.
+A provider's module says how its requests and events are written.
 Every error of httpx and every bad status is mapped to the tree of `base.py` here and nowhere else.
 """
 
@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any
@@ -43,10 +44,30 @@ SPENT = re.compile(r"\b(insufficient_quota|credit_balance_exhausted|enforced_spe
 Parse = Callable[[str], Chunk | None]
 
 
+@dataclass(frozen=True)
+class Server:
+    """Where a provider's models are asked.
+
+    Attributes:
+        base_url: up to and including the version, e.g. ``http://127.0.0.1:11434/v1``.
+        key: which must not appear in any message; empty for a server that asks for none.
+        key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
+        trust_env: whether proxies named in the environment are used; to this machine itself none is.
+    """
+
+    base_url: str
+    key: str = field(default="", repr=False)
+    key_variable: str = ""
+    url_variable: str = ""
+    trust_env: bool = True
+
+
 class SseModel:
     """One model of one server.
 
     Args:
+        path: of the endpoint, below the server's base URL.
+        headers: of every request; they carry the key.
         write: a request's JSON body.
         parser: makes what reads the events of one reply.
     """
@@ -54,71 +75,47 @@ class SseModel:
     def __init__(
         self,
         profile: ModelProfile,
-        endpoint: "SseEndpoint",
+        server: Server,
+        path: str,
+        headers: Mapping[str, str],
         write: Callable[[CompletionRequest], dict[str, Any]],
         parser: Callable[[], Parse],
     ) -> None:
         self._profile = profile
-        self._endpoint = endpoint
+        self._server = server
+        self._url = f"{server.base_url.rstrip('/')}/{path}"
+        self._headers = headers
         self._write = write
         self._parser = parser
+        self._num_kept = KEPT_CONNECTIONS.get(self._url.partition(":")[0], 0)
+        self._client: httpx.AsyncClient | None = None
+        self._closed = False
+        self._where = f"{profile.name} ({_without_password(self._url)})"
 
     @property
     def profile(self) -> ModelProfile:
         return self._profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        chunks = self._endpoint.chunks(self._write(request), self._parser())
-        return assembled(chunks, request.prompt.stop, self._profile.name)
+        return assembled(self._chunks(request), request.prompt.stop, self._profile.name)
 
     async def aclose(self) -> None:
-        await self._endpoint.aclose()
+        """Close the connections; later requests are an error."""
+        self._closed = True
+        if self._client:
+            await self._client.aclose()
 
-
-class SseEndpoint:
-    """One address of one server.
-
-    Args:
-        name: of the model, for messages.
-        headers: of every request; they carry the key.
-        key: which must not appear in any message; empty for a server that asks for none.
-        key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
-        trust_env: whether proxies named in the environment are used; to this machine itself none is.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        url: str,
-        headers: Mapping[str, str],
-        key: str = "",
-        *,
-        key_variable: str = "",
-        url_variable: str = "",
-        trust_env: bool = True,
-    ) -> None:
-        self._name = name
-        self._url = url
-        self._num_kept = KEPT_CONNECTIONS.get(url.partition(":")[0], 0)
-        self._headers = headers
-        self._key = key
-        self._key_variable = key_variable
-        self._url_variable = url_variable
-        self._trust_env = trust_env
-        self._client: httpx.AsyncClient | None = None
-        self._closed = False
-        self._where = f"{name} ({_without_password(url)})"
-
-    async def chunks(self, body: Mapping[str, Any], parse: Parse) -> AsyncGenerator[Chunk, None]:
-        """The events of the reply to `body`.
+    async def _chunks(self, request: CompletionRequest) -> AsyncGenerator[Chunk, None]:
+        """The events of the reply.
 
         Raises:
             ModelUnavailableError: no server, no such model, or a key that is refused.
             ModelBusyError: the server wants fewer requests.
             ModelResponseError: the server answered with an error, or its reply cannot be read.
         """
+        parse = self._parser()
         with self._errors_mapped():
-            async with self._asked(body) as source:
+            async with self._asked(self._write(request)) as source:
                 if source.response.status_code != httpx.codes.OK:
                     await source.response.aread()
                     raise self._refusal(source.response)
@@ -141,15 +138,9 @@ class SseEndpoint:
                 raise httpx.ConnectError("the connection broke as soon as it was made") from error
             yield source
 
-    async def aclose(self) -> None:
-        """Close the connections; later requests are an error."""
-        self._closed = True
-        if self._client:
-            await self._client.aclose()
-
     def _http(self) -> httpx.AsyncClient:
         if self._closed:
-            raise ModelUnavailableError(f"{self._name} is closed")
+            raise ModelUnavailableError(f"{self._profile.name} is closed")
         if self._client is None:
             self._client = httpx.AsyncClient(
                 headers={"Accept-Encoding": "identity", **self._headers},
@@ -157,7 +148,7 @@ class SseEndpoint:
                 limits=httpx.Limits(max_keepalive_connections=self._num_kept, keepalive_expiry=KEEP_ALIVE_S),
                 event_hooks={"response": [_cap_size]},
                 verify=self._url.startswith("https:"),  # reading the certificates takes 20 to 90 ms of the event loop
-                trust_env=self._trust_env,
+                trust_env=self._server.trust_env,
                 mounts=without_proxy(self._url),
             )
         return self._client
@@ -168,7 +159,7 @@ class SseEndpoint:
         try:
             yield
         except (httpx.ConnectError, httpx.ProxyError, httpx.UnsupportedProtocol, httpx.InvalidURL) as error:
-            remedy = f"; check {self._url_variable}" if self._url_variable else ""
+            remedy = f"; check {self._server.url_variable}" if self._server.url_variable else ""
             said = self._without_key(f"cannot reach {self._where}: {error}{remedy}")
             raise ModelUnavailableError(said, retryable=isinstance(error, httpx.ConnectError)) from error
         except (httpx.HTTPError, SSEError) as error:
@@ -183,7 +174,7 @@ class SseEndpoint:
         """What a status other than 200 means."""
         status, said = response.status_code, f"HTTP {response.status_code}: {error_message(response.text)}"
         if status in (httpx.codes.UNAUTHORIZED, httpx.codes.FORBIDDEN):
-            remedy = f"; set {self._key_variable} to a valid key" if self._key_variable else ""
+            remedy = f"; set {self._server.key_variable} to a valid key" if self._server.key_variable else ""
             return ModelUnavailableError(f"{self._where} refused the key: {said}{remedy}")
         if status == httpx.codes.NOT_FOUND:
             return ModelUnavailableError(f"there is no {self._where}: {said}")
@@ -196,7 +187,7 @@ class SseEndpoint:
         return ModelResponseError(f"{self._where} answered {said}", retryable=passing, retry_after_s=wait_s)
 
     def _without_key(self, text: str) -> str:
-        key = self._key.strip()  # httpx shows a key with a stray line break as a literal
+        key = self._server.key.strip()  # httpx shows a key with a stray line break as a literal
         return text.replace(key, "[key]") if key else text
 
 

@@ -14,18 +14,12 @@ MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for 
 
 @dataclass(frozen=True)
 class Chunk:
-    """What one event of a provider's stream tells; any of it may be missing.
-
-    Attributes:
-        finish_reason: why the reply ended: `stop` or `length`; anything else is an error.
-        usage: so far; the last counts.
-        reading: how far the prompt is read.
-    """
+    """What one event of a provider's stream tells; any of it may be missing."""
 
     text: str = ""
-    finish_reason: str | None = None
-    usage: Usage | None = None
-    reading: Reading | None = None
+    finish_reason: str | None = None  # why the reply ended: `stop` or `length`; anything else is an error
+    usage: Usage | None = None  # so far; the last counts
+    reading: Reading | None = None  # how far the prompt is read
 
 
 async def assembled(chunks: AsyncGenerator[Chunk, None], stop: Sequence[str], model: str) -> Pieces:
@@ -55,11 +49,7 @@ async def assembled(chunks: AsyncGenerator[Chunk, None], stop: Sequence[str], mo
 
 
 def _finish_reason(reason: str, stopped: bool) -> Literal["stop", "length"]:
-    """Why the reply ended.
-
-    Args:
-        stopped: a stop string came.
-    """
+    """Why the reply ended; `stopped` tells that a stop string came."""
     if stopped or reason == "stop":
         return "stop"
     if reason == "length":

@@ -90,14 +90,14 @@ class GivenPoses:
     """Takes each object's pose from its query; looks at no image."""
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        return tuple(self._pose(query) for query in objects)
-
-    def _pose(self, query: ObjectQuery) -> ObjectPose:
-        if query.position_m is None:
-            remedy = "a position [x, y, z] in metres, or images and the task's object_models to find it in them"
-            raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
-        rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
-        return ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given")
+        poses = []
+        for query in objects:
+            if query.position_m is None:
+                remedy = "a position [x, y, z] in metres, or images and the task's object_models to find it in them"
+                raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
+            rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
+            poses.append(ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given"))
+        return tuple(poses)
 
 
 def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery, ...], tuple[Alike, ...]]:

@@ -1,10 +1,13 @@
 """Untrusted encoded images -> arrays, and a camera's images -> RgbdFrame.
 
-An image is a PNG, a JPEG or a `.npy` array. What its decoding takes is read from its headers before: a PNG of 389 kB
-can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
+An image is a PNG, a JPEG or a `.npy` array. What its decoding takes is read before, from `.npy` headers, PNG chunks and
+JPEG markers: a PNG of 389 kB can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
 """
 
+import re
+import struct
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -13,7 +16,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception import image_headers
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import array_from_npy
@@ -29,6 +31,25 @@ _VALID = {
     "depth": "a 16-bit PNG in units of the camera's depth_scale, or a .npy array (H, W) of metres",
     "mask": "an 8- or 16-bit PNG of object ids, or a .npy array (H, W) of integers",
 }
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PNG_END = b"IEND\xaeB`\x82"
+MAX_CHUNKS = 100_000  # writers put 8 kB and more of an image into each
+# What pixels are made of, and the orientation. Others are left out: libpng unpacks texts and color profiles, of which
+# 2 MB can become 2 GB.
+_OF_PIXELS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"eXIf"})
+_FRAME_BYTES = 12  # length and type before the data, checksum after it
+# libjpeg's own progressive script has 10 for color and 18 for four components; others have fewer than 16.
+# Each takes a third of the time of a whole baseline image, also where it is empty.
+MAX_SCANS = 18
+MAX_SEGMENTS = 1000  # a color profile may fill 255
+JPEG_SIGNATURE = b"\xff\xd8\xff"
+JPEG_END = b"\xff\xd9"
+_START_OF_SCAN = b"\xff\xda"
+# As libjpeg finds the next one: fill bytes before it, and none of those that stand alone (TEM, RST0 to RST7).
+_MARKER = re.compile(rb"\xff+([^\x00\x01\xd0-\xd7\xff])", re.DOTALL)
+_MAX_GAP = 1024  # bytes between segments, of which there should be none
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1: these give the size
+_WITHOUT_LENGTH = frozenset({0xD8, 0xD9})
 
 
 def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.uint8]:
@@ -78,9 +99,9 @@ def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.ND
 
 def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: float) -> tuple[bytes, str]:
     """Stored image bytes as a file that a browser can show, with its media type; arrays become a PNG."""
-    if data.startswith(image_headers.JPEG_SIGNATURE):
+    if data.startswith(JPEG_SIGNATURE):
         return data, "image/jpeg"
-    if data.startswith(image_headers.PNG_SIGNATURE):
+    if data.startswith(PNG_SIGNATURE):
         return data, "image/png"
     if kind == "rgb":
         image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data, STORED_PIXELS)[..., ::-1]
@@ -90,70 +111,6 @@ def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: fl
         units = np.rint(decode_depth("depth", data, depth_scale, STORED_PIXELS) / depth_scale)
         image = np.minimum(units, np.iinfo(np.uint16).max).astype(np.uint16)
     return cv2.imencode(".png", image)[1].tobytes(), "image/png"
-
-
-def _decode(
-    field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "mask"], max_pixels: int
-) -> npt.NDArray[np.generic]:
-    if not data:
-        raise InvalidInputError(field, "is empty", _VALID[kind])
-    is_png = data.startswith(image_headers.PNG_SIGNATURE)
-    if not is_png and not data.startswith(image_headers.JPEG_SIGNATURE):
-        raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
-    if (image_headers.PNG_END if is_png else image_headers.JPEG_END) not in data[-64:]:
-        raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
-    data = _decodable_png(field, data, max_pixels) if is_png else _decodable_jpeg(field, data, max_pixels)
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error as error:
-        raise InvalidInputError(field, f"cannot be decoded: {error.err}", _VALID[kind]) from None
-    if image is None:
-        raise InvalidInputError(field, f"is damaged: {len(data)} bytes that do not decode", _VALID[kind])
-    return image
-
-
-def num_pixels(data: bytes) -> int:
-    """How many pixels the image claims to have; 0 if that is not known: then it cannot be decoded, either."""
-    if data.startswith(_NPY):
-        with suppress(InvalidInputError):
-            shape = array_from_npy("", data, "").shape
-            return shape[0] * shape[1] if len(shape) >= 2 else 0
-        return 0
-    width, height = (
-        image_headers.png_size(data) if data.startswith(image_headers.PNG_SIGNATURE) else image_headers.jpeg_size(data)
-    )
-    return width * height
-
-
-def _decodable_png(field: str, data: bytes, max_pixels: int) -> bytes:
-    """What of the file is to be decoded."""
-    width, height = image_headers.png_size(data)
-    _check_pixels(field, width * height, max_pixels)
-    if (pixels := image_headers.pixels_only(data)) is None:
-        most = image_headers.MAX_CHUNKS
-        fault = f"is damaged: it has more than {most} chunks, or one that claims more bytes than the file has"
-        raise InvalidInputError(field, fault, f"at most {image_headers.MAX_CHUNKS} chunks, all of them within the file")
-    return pixels
-
-
-def _decodable_jpeg(field: str, data: bytes, max_pixels: int) -> bytes:
-    width, height = image_headers.jpeg_size(data)
-    _check_pixels(field, width * height, max_pixels)
-    if (scans := image_headers.num_scans(data)) > image_headers.MAX_SCANS:
-        raise InvalidInputError(field, f"has {scans} scans", f"a JPEG of at most {image_headers.MAX_SCANS} scans")
-    return data
-
-
-def _load_npy(field: str, data: bytes, kind: str, max_pixels: int) -> npt.NDArray[np.generic]:
-    array = array_from_npy(field, data, _VALID[kind])
-    if array.ndim >= 2:
-        _check_pixels(field, array.shape[0] * array.shape[1], max_pixels)
-    return array
-
-
-def _check_pixels(field: str, pixels: int, max_pixels: int) -> None:
-    if not 0 < pixels <= max_pixels:
-        raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {max_pixels} pixels")
 
 
 @dataclass(frozen=True)
@@ -178,3 +135,122 @@ def decode_frame(camera: Camera, images: ImageBytes, max_pixels: int = MAX_PIXEL
         None if images.depth is None else decode_depth(f"depth_{name}", images.depth, camera.depth_scale, max_pixels),
         None if images.mask is None else decode_mask(f"mask_{name}", images.mask, max_pixels),
     )
+
+
+def _decode(
+    field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "mask"], max_pixels: int
+) -> npt.NDArray[np.generic]:
+    if not data:
+        raise InvalidInputError(field, "is empty", _VALID[kind])
+    is_png = data.startswith(PNG_SIGNATURE)
+    if not is_png and not data.startswith(JPEG_SIGNATURE):
+        raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
+    if (PNG_END if is_png else JPEG_END) not in data[-64:]:
+        raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
+    _check_pixels(field, num_pixels(data), max_pixels)
+    if is_png:
+        data = _decodable_png(field, data)
+    elif (scans := num_scans(data)) > MAX_SCANS:
+        raise InvalidInputError(field, f"has {scans} scans", f"a JPEG of at most {MAX_SCANS} scans")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error as error:
+        raise InvalidInputError(field, f"cannot be decoded: {error.err}", _VALID[kind]) from None
+    if image is None:
+        raise InvalidInputError(field, f"is damaged: {len(data)} bytes that do not decode", _VALID[kind])
+    return image
+
+
+def num_pixels(data: bytes) -> int:
+    """How many pixels the image claims to have; 0 if that is not known: then it cannot be decoded, either."""
+    if data.startswith(_NPY):
+        with suppress(InvalidInputError):
+            shape = array_from_npy("", data, "").shape
+            return shape[0] * shape[1] if len(shape) >= 2 else 0
+        return 0
+    width, height = png_size(data) if data.startswith(PNG_SIGNATURE) else jpeg_size(data)
+    return width * height
+
+
+def _decodable_png(field: str, data: bytes) -> bytes:
+    """What of the file is to be decoded."""
+    if (pixels := pixels_only(data)) is None:
+        fault = f"is damaged: it has more than {MAX_CHUNKS} chunks, or one that claims more bytes than the file has"
+        raise InvalidInputError(field, fault, f"at most {MAX_CHUNKS} chunks, all of them within the file")
+    return pixels
+
+
+def _load_npy(field: str, data: bytes, kind: str, max_pixels: int) -> npt.NDArray[np.generic]:
+    array = array_from_npy(field, data, _VALID[kind])
+    if array.ndim >= 2:
+        _check_pixels(field, array.shape[0] * array.shape[1], max_pixels)
+    return array
+
+
+def _check_pixels(field: str, pixels: int, max_pixels: int) -> None:
+    if not 0 < pixels <= max_pixels:
+        raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {max_pixels} pixels")
+
+
+def png_size(data: bytes) -> tuple[int, int]:
+    """Width and height; no pixels if the data ends before them."""
+    return struct.unpack_from(">II", data, 16) if len(data) >= 24 else (0, 0)
+
+
+def pixels_only(data: bytes) -> bytes | None:
+    """The file without the chunks that its pixels do not need; None if it has too many to be a picture.
+
+    Also None if a chunk claims more bytes than there are: the decoder would make room for all of them, up to 4 GB.
+    """
+    kept: list[tuple[int, int]] = []
+    for number, (kind, start, end) in enumerate(_chunks(data)):
+        if number == MAX_CHUNKS or end > len(data):
+            return None
+        if kind in _OF_PIXELS:
+            if kept and kept[-1][1] == start:
+                start = kept.pop()[0]
+            kept.append((start, end))
+    if kept == [(len(PNG_SIGNATURE), len(data))]:
+        return data
+    return PNG_SIGNATURE + b"".join(data[start:end] for start, end in kept)
+
+
+def _chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """The type of each chunk up to the last, and where it begins and ends, which may be after the data."""
+    start = len(PNG_SIGNATURE)
+    while start + 8 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, start)
+        end = start + length + _FRAME_BYTES
+        yield kind, start, end
+        if kind == b"IEND":
+            return
+        start = end
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """Width and height; no pixels if the data ends before them."""
+    if (position := _frame(data)) is None:
+        return 0, 0
+    height, width = struct.unpack_from(">HH", data, position + 3)
+    return width, height
+
+
+def num_scans(data: bytes) -> int:
+    """At most how many scans a decoder finds: the marker's bytes after the size. Compressed data cannot hold them."""
+    position = _frame(data)
+    return 0 if position is None else data.count(_START_OF_SCAN, position)
+
+
+def _frame(data: bytes) -> int | None:
+    """Where the segment begins that gives the size."""
+    position = 2
+    for _ in range(MAX_SEGMENTS):
+        match = _MARKER.search(data, position, position + _MAX_GAP)
+        if match is None or match.end() + 7 > len(data):
+            break
+        marker, position = match[1][0], match.end()
+        if marker in _FRAMES:
+            return position
+        if marker not in _WITHOUT_LENGTH:
+            position += int.from_bytes(data[position : position + 2])
+    return None

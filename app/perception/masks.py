@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.fit import SX, YAW, fit_any_size
-from app.perception.cuboid.judge import judge
+from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import SHAPES
 from app.perception.cuboid.pieces import piece_points_m, trimmed
 from app.perception.cuboid.view import view_of
@@ -31,37 +31,6 @@ CENTROID_REASON = "centroid of the visible surface, 1 to 4 cm from the middle, d
 LONGER_BY = 1.15  # a longer side gives a heading from this ratio on
 ROUND_MARGIN = 0.9  # a cylinder that explains the points this much better than a box: the object is round
 Mask = npt.NDArray[np.int32]
-
-
-def box_around(query: ObjectQuery, model: MasksModel, frames: Sequence[RgbdFrame]) -> ObjectPose:
-    """The pose of the box's middle, from every camera whose mask shows the object.
-
-    Raises:
-        ObjectNotVisibleError: if no camera shows enough of it.
-        UncertainPoseError: if it is round, no box fits, or its sides are too alike for a heading.
-    """
-    found = [_box(query, model, frame) for frame in frames]
-    return fused(query, found, estimator="masks", yaw_symmetry_deg=model.yaw_symmetry_deg)
-
-
-def _box(query: ObjectQuery, model: MasksModel, frame: RgbdFrame) -> Sighting | Miss:
-    assert frame.mask is not None
-    assert frame.depth_m is not None
-    name, piece = frame.camera.name, trimmed(0, 0, np.isin(frame.mask, query.mask_ids), frame.depth_m)
-    if len(piece_points_m(frame, piece)) < MIN_POINTS:
-        return Miss(name, f"fewer than {MIN_POINTS} masked pixels have depth")
-    view = view_of(frame, piece)
-    box, cylinder = (fit_any_size(view, shape) for shape in SHAPES)
-    if cylinder.cost < ROUND_MARGIN * box.cost:
-        return Miss(name, "it looks round, so it has no yaw", seen=True)
-    x_m, y_m, _ = box.candidate[SX:]
-    ratio = max(x_m, y_m) / min(x_m, y_m)
-    if model.yaw_symmetry_deg > 90 and ratio < LONGER_BY:
-        return Miss(name, f"its sides of {100 * x_m:.1f} and {100 * y_m:.1f} cm are too alike for a heading", seen=True)
-    verdict = judge(frame, piece, view, "box", box)
-    yaw = box.candidate[YAW] + (np.pi / 2 if y_m > x_m else 0.0)
-    turn: Array = Rotation.from_euler("z", yaw).as_quat(canonical=True)
-    return Sighting(name, box.candidate[:3], turn, verdict.confidence, verdict.reason)
 
 
 class MaskedPoints:
@@ -95,10 +64,31 @@ class MaskedPoints:
         pose = ObjectPose(query.name, position_m, None, "masks", seeing, CENTROID_CONFIDENCE, CENTROID_REASON)
         if not (isinstance(query.model, MasksModel) and query.model.rotation):
             return pose
-        box = box_around(query, query.model, [frame for frame, _ in frames])
+        found = [_box(query, query.model, frame) for frame, _ in frames]
+        box = fused(query, found, estimator="masks", yaw_symmetry_deg=query.model.yaw_symmetry_deg)
         return replace(
             box,
             position_m=position_m,
             confidence=min(box.confidence, CENTROID_CONFIDENCE),
             reason="; ".join(filter(None, (CENTROID_REASON, box.reason))),
         )
+
+
+def _box(query: ObjectQuery, model: MasksModel, frame: RgbdFrame) -> Sighting | Miss:
+    """The upright box around the points in the mask; none if it is round, or its sides are too alike for a heading."""
+    assert frame.mask is not None
+    assert frame.depth_m is not None
+    name, piece = frame.camera.name, trimmed(0, 0, np.isin(frame.mask, query.mask_ids), frame.depth_m)
+    if len(piece_points_m(frame, piece)) < MIN_POINTS:
+        return Miss(name, f"fewer than {MIN_POINTS} masked pixels have depth")
+    view = view_of(frame, piece)
+    box, cylinder = (fit_any_size(view, shape) for shape in SHAPES)
+    if cylinder.cost < ROUND_MARGIN * box.cost:
+        return Miss(name, "it looks round, so it has no yaw", seen=True)
+    x_m, y_m, _ = box.candidate[SX:]
+    ratio = max(x_m, y_m) / min(x_m, y_m)
+    if model.yaw_symmetry_deg > 90 and ratio < LONGER_BY:
+        return Miss(name, f"its sides of {100 * x_m:.1f} and {100 * y_m:.1f} cm are too alike for a heading", seen=True)
+    yaw = box.candidate[YAW] + (np.pi / 2 if y_m > x_m else 0.0)
+    turn = Rotation.from_euler("z", yaw).as_quat(canonical=True)
+    return replace(judged(frame, piece, view, "box", box), quaternion_xyzw=turn)

@@ -13,7 +13,7 @@ from app.drawing import Canvas, Color, RgbImage
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import color_mask, to_hsv
-from app.perception.markers.model import Marker, MarkersModel
+from app.perception.markers.model import MarkersModel
 from app.perception.object_model import ObjectModel
 from app.pipeline.geometry import rigid, transform_points
 from roboprompt_client.arrays import Array
@@ -42,7 +42,7 @@ def outlines(model: ObjectModel | None) -> list[Array]:
         lines = _cylinder() if model.shape == "cylinder" else _box()
         return [line * model.size_m - model.origin_m for line in lines]
     if isinstance(model, MarkersModel):
-        return [_marker(marker) for marker in model.markers]
+        return [transform_points(np.array(item.marker_to_object), item.size_m * _SQUARE) for item in model.markers]
     return []
 
 
@@ -59,10 +59,6 @@ def _cylinder() -> list[Array]:
     low = rim * (1, 1, -1)
     sides = [np.array([low[i], rim[i]]) for i in range(0, CIRCLE_POINTS, CIRCLE_POINTS // CYLINDER_SIDES)]
     return [rim, low, *sides]
-
-
-def _marker(marker: Marker) -> Array:
-    return transform_points(np.array(marker.marker_to_object), marker.size_m * _SQUARE)
 
 
 def draw_overlay(frame: RgbdFrame, poses: Sequence[ObjectPose], queries: Sequence[ObjectQuery] = ()) -> RgbImage:

@@ -7,7 +7,7 @@ A request is multipart/form-data: the part `metadata`, a JSON document with `obj
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import cv2
@@ -22,7 +22,6 @@ from roboprompt_client.trajectory import ObjectPose
 Part = tuple[str, bytes, str]
 _MAX_UINT16 = np.iinfo(np.uint16).max
 MAX_REASON_CHARS = 300
-_PNG, _NPY = "image/png", "application/octet-stream"
 
 
 @dataclass(frozen=True)
@@ -37,11 +36,6 @@ class PoseQuestion:
     name: str
     mask_ids: tuple[int, ...] = ()
     model: Mapping[str, Any] | None = None
-
-    def as_json(self) -> dict[str, Any]:
-        """As it stands in `metadata.objects`."""
-        model = None if self.model is None else dict(self.model)
-        return {"name": self.name, "mask_ids": list(self.mask_ids), "model": model}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +60,7 @@ class PoseAnswer:
 
 def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
     """A request's parts as (file name, content, media type). Images lose nothing but depth below `depth_scale`."""
-    metadata = {
-        "objects": [item.as_json() for item in questions],
-        "cameras": [camera_json(f.camera) for f in frames],
-    }
+    metadata = {"objects": [asdict(item) for item in questions], "cameras": [camera_json(f.camera) for f in frames]}
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
         name = frame.camera.name
@@ -85,7 +76,19 @@ def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]
 
 def poses_document(poses: Sequence[ObjectPose]) -> dict[str, Any]:
     """The reply with these poses."""
-    return {"poses": [_pose(pose) for pose in poses]}
+    return {
+        "poses": [
+            {
+                "name": pose.name,
+                "position": pose.position_m.tolist(),
+                "quaternion_xyzw": None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist(),
+                "confidence": pose.confidence,
+                "reason": pose.reason,
+                "cameras": list(pose.cameras),
+            }
+            for pose in poses
+        ]
+    }
 
 
 def answers_from_json(document: object, names: Sequence[str], cameras: Sequence[str]) -> tuple[PoseAnswer, ...]:
@@ -110,7 +113,7 @@ def answers_from_json(document: object, names: Sequence[str], cameras: Sequence[
 
 
 def _png(name: str, image: npt.NDArray[Any]) -> Part:
-    return f"{name}.png", cv2.imencode(".png", image)[1].tobytes(), _PNG
+    return f"{name}.png", cv2.imencode(".png", image)[1].tobytes(), "image/png"
 
 
 def _mask(name: str, mask: npt.NDArray[np.int32]) -> Part:
@@ -118,31 +121,25 @@ def _mask(name: str, mask: npt.NDArray[np.int32]) -> Part:
         return _png(name, mask.astype(np.uint16))
     file = io.BytesIO()
     np.save(file, mask)
-    return f"{name}.npy", file.getvalue(), _NPY
-
-
-def _pose(pose: ObjectPose) -> dict[str, Any]:
-    return {
-        "name": pose.name,
-        "position": pose.position_m.tolist(),
-        "quaternion_xyzw": None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist(),
-        "confidence": pose.confidence,
-        "reason": pose.reason,
-        "cameras": list(pose.cameras),
-    }
+    return f"{name}.npy", file.getvalue(), "application/octet-stream"
 
 
 def _answer(where: str, item: object, names: Sequence[str], cameras: Sequence[str]) -> PoseAnswer:
     if not isinstance(item, dict):
         raise InvalidInputError(where, f"is {item!r:.80}", "an object with name and position")
     position, quaternion = item.get("position"), item.get("quaternion_xyzw")
+    confidence, seen_by = item.get("confidence", 1.0), item.get("cameras") or []
+    if isinstance(confidence, bool) or not isinstance(confidence, int | float) or not 0 <= confidence <= 1:
+        raise InvalidInputError(f"{where}.confidence", f"is {confidence!r:.80}", "a number in 0..1")
+    if not isinstance(seen_by, list):
+        raise InvalidInputError(f"{where}.cameras", f"is {seen_by!r:.80}", "a list of cameras")
     return PoseAnswer(
         _one_of(f"{where}.name", item.get("name"), names),
         None if position is None else finite_array(f"{where}.position", position, (3,)),
         None if quaternion is None else unit_quaternions(f"{where}.quaternion_xyzw", quaternion, (4,)),
-        _confidence(f"{where}.confidence", item.get("confidence", 1.0)),
+        float(confidence),
         str(item.get("reason") or "")[:MAX_REASON_CHARS],
-        _cameras(f"{where}.cameras", item.get("cameras") or [], cameras),
+        tuple(_one_of(f"{where}.cameras", camera, cameras) for camera in seen_by),
     )
 
 
@@ -150,15 +147,3 @@ def _one_of(where: str, value: object, known: Sequence[str]) -> str:
     if not isinstance(value, str) or value not in known:
         raise InvalidInputError(where, f"is {value!r:.80}", ", ".join(known))
     return value
-
-
-def _cameras(where: str, value: object, known: Sequence[str]) -> tuple[str, ...]:
-    if not isinstance(value, list):
-        raise InvalidInputError(where, f"is {value!r:.80}", "a list of cameras")
-    return tuple(_one_of(where, item, known) for item in value)
-
-
-def _confidence(where: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
-        raise InvalidInputError(where, f"is {value!r:.80}", "a number in 0..1")
-    return float(value)

@@ -37,12 +37,7 @@ Asked = tuple[ObjectQuery, RemoteModel]
 
 
 class PoseServerError(RoboPromptError):
-    """A server that was to find objects did not.
-
-    ├── PoseServerUnavailableError  it cannot be reached, or says that it is not ready
-    ├── PoseServerTimeoutError      no answer within the object model's timeout_s
-    └── PoseServerReplyError        it answered with an error or with something unintelligible
-    """
+    """A server that was to find objects did not."""
 
 
 class PoseServerUnavailableError(PoseServerError):
@@ -67,12 +62,7 @@ class _NotReadyError(Exception):
 
 @dataclass(frozen=True)
 class PoseServer:
-    """A server.
-
-    Attributes:
-        url: that questions are posted to.
-        timeout_s: for a question, all tries together.
-    """
+    """A server by the address that questions are posted to; `timeout_s` is for all tries of one together."""
 
     url: str
     timeout_s: float
@@ -121,8 +111,12 @@ class PoseServer:
         except httpx.HTTPError as error:
             raise PoseServerReplyError(f"the reply of {self.url} cannot be read: {error}") from error
         if response.status_code in BUSY:
-            raise _NotReadyError(_shown(response, body), _retry_after_s(response))
-        document = _json(body)
+            pause_s = response.headers.get("retry-after", "")
+            raise _NotReadyError(_shown(response, body), float(pause_s) if pause_s.isdecimal() else 0.0)
+        try:
+            document = json.loads(body)
+        except (ValueError, RecursionError):
+            document = None
         if response.status_code == httpx.codes.UNPROCESSABLE_ENTITY:
             raise self._refusal(response, body, document)
         if response.status_code != httpx.codes.OK or document is None:
@@ -151,25 +145,12 @@ async def _read(response: httpx.Response) -> bytes:
     return body
 
 
-def _json(body: bytes) -> Any:  # noqa: ANN401
-    """The document, or None."""
-    try:
-        return json.loads(body)
-    except (ValueError, RecursionError):
-        return None
-
-
 def _shown(response: httpx.Response, body: bytes) -> str:
     return f"HTTP {response.status_code}: {_cut(body.decode(errors='replace'))}"
 
 
 def _cut(text: object) -> str:
     return "" if text is None else str(text)[:MAX_SHOWN_CHARS]
-
-
-def _retry_after_s(response: httpx.Response) -> float:
-    value = response.headers.get("retry-after", "")
-    return float(value) if value.isdecimal() else 0.0
 
 
 class RemotePoses:
@@ -182,16 +163,16 @@ class RemotePoses:
         asked = [(query, model_of(query, RemoteModel, EXAMPLE)) for query in objects]
         if not any(frame.rgb is not None or frame.depth_m is not None for frame in frames):
             raise InvalidInputError("cameras", "no camera has an image", "rgb_NAME and depth_NAME")
-        poses = asyncio.run(_ask_all(asked, frames))
+        servers: dict[PoseServer, list[Asked]] = {}
+        for query, model in asked:
+            servers.setdefault(PoseServer(model.url, model.timeout_s), []).append((query, model))
+        poses = asyncio.run(_ask_all(servers, frames))
         return tuple(poses[query.name] for query in objects)
 
 
-async def _ask_all(asked: Sequence[Asked], frames: Sequence[RgbdFrame]) -> dict[str, ObjectPose]:
-    servers: dict[PoseServer, list[Asked]] = {}
-    for query, model in asked:
-        servers.setdefault(PoseServer(model.url, model.timeout_s), []).append((query, model))
-    results = await asyncio.gather(*(_ask(server, group, frames) for server, group in servers.items()))
-    return {pose.name: pose for poses in results for pose in poses}
+async def _ask_all(servers: Mapping[PoseServer, Sequence[Asked]], frames: Sequence[RgbdFrame]) -> dict[str, ObjectPose]:
+    answers = await asyncio.gather(*(_ask(server, asked, frames) for server, asked in servers.items()))
+    return {pose.name: pose for poses in answers for pose in poses}
 
 
 async def _ask(server: PoseServer, asked: Sequence[Asked], frames: Sequence[RgbdFrame]) -> list[ObjectPose]:
@@ -207,20 +188,13 @@ async def _ask(server: PoseServer, asked: Sequence[Asked], frames: Sequence[Rgbd
 
 def _fused(query: ObjectQuery, model: RemoteModel, answers: Sequence[PoseAnswer]) -> ObjectPose:
     """The server's answers on one object, as if each came from a camera."""
-    pose = fused(
-        query,
-        [
-            Miss(_seen_by(model, item), item.reason or "not found")
-            if item.position_m is None
-            else Sighting(_seen_by(model, item), item.position_m, item.quaternion_xyzw, item.confidence, item.reason)
-            for item in answers
-        ],
-        estimator="remote",
-        min_confidence=model.min_confidence,
-    )
-    seen = [name for item in answers if _seen_by(model, item) in pose.cameras for name in item.cameras]
+    named = [(" and ".join(item.cameras) or model.url, item) for item in answers]
+    found = [
+        Miss(camera, item.reason or "not found")
+        if item.position_m is None
+        else Sighting(camera, item.position_m, item.quaternion_xyzw, item.confidence, item.reason)
+        for camera, item in named
+    ]
+    pose = fused(query, found, estimator="remote", min_confidence=model.min_confidence)
+    seen = [name for camera, item in named if camera in pose.cameras for name in item.cameras]
     return replace(pose, cameras=tuple(dict.fromkeys(seen)))
-
-
-def _seen_by(model: RemoteModel, answer: PoseAnswer) -> str:
-    return " and ".join(answer.cameras) or model.url

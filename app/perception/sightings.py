@@ -83,7 +83,7 @@ def fused(
     pose = ObjectPose(
         query.name,
         weights @ np.array([s.position_m for s in good]),
-        _mean_rotation(query.name, good, weights, yaw_symmetry_deg),
+        _mean_rotation(good, weights, yaw_symmetry_deg),
         estimator,
         tuple(s.camera for s in good),
         float(weights @ [s.confidence for s in good]),
@@ -116,7 +116,7 @@ def _differences(query: ObjectQuery, good: Sequence[Sighting], yaw_symmetry_deg:
     for one, other in combinations(good, 2):
         pair = f"cameras {one.camera} and {other.camera}"
         apart_cm = 100 * float(np.linalg.norm(one.position_m - other.position_m))
-        turn_deg = _turn_deg(query.name, one, other, yaw_symmetry_deg)
+        turn_deg = _turn_deg(one, other, yaw_symmetry_deg)
         found = (
             (apart_cm, 100 * NOTED_DISTANCE_M, 100 * MAX_DISTANCE_M, f"put it {apart_cm:.1f} cm apart", "cm"),
             (turn_deg, NOTED_TURN_DEG, MAX_TURN_DEG, f"turn it {turn_deg:.0f} degrees apart", "degrees"),
@@ -132,36 +132,33 @@ def _differences(query: ObjectQuery, good: Sequence[Sighting], yaw_symmetry_deg:
 
 def _doubts(best: Sighting, doubtful: Sequence[Sighting]) -> list[str]:
     """Notes on cameras that see it elsewhere, but not well enough to count."""
-    notes = []
-    for sighting in doubtful:
-        apart_cm = 100 * float(np.linalg.norm(best.position_m - sighting.position_m))
-        if apart_cm > 100 * MAX_DISTANCE_M:
-            notes.append(
-                f"{sighting.camera}, with confidence {sighting.confidence:.2f}, puts it {apart_cm:.0f} cm away"
-            )
-    return notes
+    return [
+        f"{sighting.camera}, with confidence {sighting.confidence:.2f}, puts it {100 * apart_m:.0f} cm away"
+        for sighting in doubtful
+        if (apart_m := float(np.linalg.norm(best.position_m - sighting.position_m))) > MAX_DISTANCE_M
+    ]
 
 
-def _turn_deg(name: str, one: Sighting, other: Sighting, yaw_symmetry_deg: float | None) -> float:
+def _turn_deg(one: Sighting, other: Sighting, yaw_symmetry_deg: float | None) -> float:
     if one.quaternion_xyzw is None or other.quaternion_xyzw is None:
         return 0.0
-    offset = Rotation.from_quat(one.quaternion_xyzw).inv() * Rotation.from_quat(other.quaternion_xyzw)
-    return float(np.degrees(_nearest(name, offset, yaw_symmetry_deg).magnitude()))
+    turn = _turn(Rotation.from_quat(one.quaternion_xyzw), other.quaternion_xyzw, yaw_symmetry_deg)
+    return float(np.degrees(turn.magnitude()))
 
 
-def _mean_rotation(name: str, good: Sequence[Sighting], weights: Array, yaw_symmetry_deg: float | None) -> Array | None:
+def _mean_rotation(good: Sequence[Sighting], weights: Array, yaw_symmetry_deg: float | None) -> Array | None:
     quaternions = [s.quaternion_xyzw for s in good if s.quaternion_xyzw is not None]
     if len(quaternions) < len(good):
         return None
     if len(quaternions) == 1:
         return quaternions[0]
     best = Rotation.from_quat(quaternions[0])
-    turned = [_nearest(name, best.inv() * Rotation.from_quat(item), yaw_symmetry_deg) for item in quaternions]
-    mean: Array = (best * Rotation.concatenate(turned).mean(weights)).as_quat(canonical=True)
+    turns = [_turn(best, item, yaw_symmetry_deg) for item in quaternions]
+    mean: Array = (best * Rotation.concatenate(turns).mean(weights)).as_quat(canonical=True)
     return mean
 
 
-def _nearest(name: str, offset: Rotation, yaw_symmetry_deg: float | None) -> Rotation:
-    """An offset between two sightings' rotations, as small as the symmetry allows."""
-    pose = ObjectPose(name, np.zeros(3), offset.as_quat())
-    return Rotation.from_quat(canonical_pose(pose, yaw_symmetry_deg).quaternion_xyzw)
+def _turn(one: Rotation, other_xyzw: Array, yaw_symmetry_deg: float | None) -> Rotation:
+    """From one rotation to the other, as small as the symmetry allows."""
+    turn = ObjectPose("turn", np.zeros(3), (one.inv() * Rotation.from_quat(other_xyzw)).as_quat())
+    return Rotation.from_quat(canonical_pose(turn, yaw_symmetry_deg).quaternion_xyzw)

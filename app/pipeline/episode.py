@@ -5,7 +5,7 @@ Every value is checked when it is constructed. Positions are in metres in the wo
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -21,7 +21,6 @@ from roboprompt_client.wording import checked_instruction
 
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
 CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
-MAX_ORDERS = 1024  # that are kept: demonstrations of one instruction share one
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +64,7 @@ class Query:
     @cached_property
     def order(self) -> Order:
         """The instruction as a value."""
-        return _order(self.instruction, tuple(pose.name for pose in self.objects))
+        return Order(self.instruction, tuple(pose.name for pose in self.objects))
 
     @cached_property
     def ordered_objects(self) -> tuple[ObjectPose, ...]:
@@ -117,11 +116,6 @@ def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, .
     """The objects that an order mentions, in its order, then the others as they come."""
     place = {name: k for k, name in enumerate(order.objects)}
     return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
-
-
-@lru_cache(MAX_ORDERS)
-def _order(instruction: str, names: tuple[str, ...]) -> Order:
-    return Order(instruction, names)
 
 
 def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_FREQUENCY_HZ) -> Array:

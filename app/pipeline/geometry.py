@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
@@ -19,16 +19,10 @@ def backproject(frame: RgbdFrame, pixels: np.ndarray) -> Array:
     Raises:
         InvalidInputError: if the frame has no depth image.
     """
-    camera = frame.camera
     if frame.depth_m is None:
-        raise InvalidInputError(f"depth_{camera.name}", "is missing", "a depth image beside the mask")
+        raise InvalidInputError(f"depth_{frame.camera.name}", "is missing", "a depth image beside the mask")
     rows, columns = np.nonzero(pixels & (frame.depth_m > 0))
-    return pixels_to_world(camera, rows, columns, frame.depth_m[rows, columns])
-
-
-def pixels_to_world(camera: Camera, rows: np.ndarray, columns: np.ndarray, depth_m: np.ndarray) -> Array:
-    """World points (N, 3) in metres of pixels at rows, columns (N,), whole or not, and depths (N,)."""
-    return camera.deproject(rows, columns, depth_m)
+    return frame.camera.deproject(rows, columns, frame.depth_m[rows, columns])
 
 
 def transform_points(source_to_target: Array, points: Array) -> Array:

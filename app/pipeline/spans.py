@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 from app.pipeline.representation import KAT_FORMAT
 
@@ -68,12 +68,7 @@ def _cut(text: str, pattern: re.Pattern[str]) -> Iterator[Span]:
     for match in pattern.finditer(text):
         if match.start() > end:
             yield Span("plain", text[end : match.start()])
-        yield Span(_kind(match), match.group())
+        yield Span(cast("Kind", match.lastgroup), match.group())
         end = match.end()
     if end < len(text):
         yield Span("plain", text[end:])
-
-
-def _kind(match: re.Match[str]) -> Kind:
-    kinds: tuple[Kind, ...] = ("object", "action", "instruction", "separator")
-    return next(kind for kind in kinds if match.groupdict().get(kind) is not None)

@@ -3,15 +3,16 @@
 Arguments and results can be pickled: call these functions from worker processes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Literal
 
 from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
-from app.sim.rendering import FilmStrip
+from app.sim.outcomes import RecordedDemonstration, RgbImage, RolloutResult, SceneView
+from app.sim.rendering import CAMERA, open_renderer
 from app.sim.robot import DWELL_S, SimulatedPanda
-from app.sim.sampler import GripperState, TrajectorySampler
+from app.sim.sampler import TrajectorySampler
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
@@ -23,7 +24,6 @@ from roboprompt_client.trajectory import EndEffectorAction
 Recordings = Literal["rests", "continuous"]
 # What moves the arm: the simulation itself, or a Franka's driver over libfranka's protocol (`app.sim.libfranka`)
 RobotName = Literal["simulated", "franka"]
-GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "continuous": "measured"}
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 
 
@@ -55,14 +55,13 @@ def record_demonstration(
     images: bool = True,
     film_strip: bool = False,
     recordings: Recordings = "rests",
-    gripper: GripperState | None = None,
     cameras: Sequence[str] = CAMERA_NAMES,
 ) -> RecordedDemonstration:
     """Let the task's expert solve the scene of a seed, and record it. A demonstration that failed says so.
 
     Args:
-        recordings: whether the arm rests at each of the expert's poses, or passes them as a person does.
-        gripper: None records what was commanded where the arm rests, otherwise what the fingers have done.
+        recordings: whether the arm rests at each of the expert's poses, or passes them as a person does. The gripper's
+            state is what was commanded where it rests, otherwise what the fingers have done.
         cameras: as for `view_scene`.
 
     Raises:
@@ -80,18 +79,10 @@ def record_demonstration(
     scene = _view(robot, seed)
     moves = task.expert()
     film, _, error = _perform(robot, moves, film_strip=film_strip)
-    trajectory = sampler.trajectory(gripper or GRIPPER_STATES[recordings])
+    trajectory = sampler.trajectory("commanded" if recordings == "rests" else "measured")
     failure = error or judge(robot)
-    return RecordedDemonstration(
-        scene,
-        trajectory,
-        control_frequency_hz,
-        len(moves),
-        not failure,
-        failure,
-        tuple(film.images),
-        tuple(map(action_from_move, moves)),
-    )
+    actions = tuple(map(action_from_move, moves))
+    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions, tuple(film))
 
 
 def rollout(
@@ -118,7 +109,7 @@ def rollout(
         shift_free_objects(robot.task, shift_m, seed)
     film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
     failure = error or judge(robot)
-    return RolloutResult(task_name, seed, num_executed, not failure, failure, tuple(film.images))
+    return RolloutResult(num_executed, not failure, failure, tuple(film))
 
 
 def robot_in_scene(
@@ -145,21 +136,26 @@ def _view(robot: SimulatedPanda, seed: int) -> SceneView:
     )
 
 
-def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[FilmStrip, int, str]:
-    """The film, the number of moves carried out and the error that ended them (empty: none)."""
-    num_done = 0
+def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[list[RgbImage], int, str]:
+    """The film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
+    task, images, num_done = robot.task, list[RgbImage](), 0
+    with open_renderer(task.model) if film_strip else nullcontext() as renderer:
 
-    def after_move(index: int) -> None:
-        nonlocal num_done
-        num_done = index + 1
-        film.shoot()
+        def shoot() -> None:
+            if renderer is not None:
+                images.append(renderer.rgb(task.data, CAMERA))
 
-    with FilmStrip(robot.task.model, robot.task.data, wanted=film_strip) as film:
+        def after_move(index: int) -> None:
+            nonlocal num_done
+            num_done = index + 1
+            shoot()
+
+        shoot()
         try:
             robot.perform(moves, after_move)
         except MotionError as error:
-            return film, num_done, str(error)
-    return film, num_done, ""
+            return images, num_done, str(error)
+    return images, num_done, ""
 
 
 def judge(robot: SimulatedPanda) -> str:

@@ -11,11 +11,10 @@ from functools import partial
 import numpy as np
 
 from app.sim import panda
-from app.sim.motion import JointMotion
+from app.sim.motion import JointMotion, Pace, Route, joined
 from app.sim.moves import Move, ToolPose
 from app.sim.planner import JointPath
 from app.sim.robot import GRIPPER_S, VELOCITY_LEAD_S, SimulatedPanda
-from app.sim.route import Pace, Route, joined
 from app.sim.tasks.base import SimTask
 from app.sim.world import TIMESTEP_S
 from roboprompt_client.arrays import Array
@@ -82,16 +81,13 @@ class Habits:
             last = number == len(moves) - 1
             changes = move.gripper_open != gripper_open
             rounding_m = self._random.uniform(*ROUNDING_M)
-            if not last and self._grasps(move, moves[number + 1]) and self._random.random() < OVERSHOOT_SHARE:
+            grasps = not last and move.gripper_open and not moves[number + 1].gripper_open
+            if grasps and self._random.random() < OVERSHOOT_SHARE:
                 steps.append(self._overshoot(start, move))
             asked_m = (0.0 if changes else rounding_m) if move.within_m is None else move.within_m
             steps.append(Step(move, number, 0.0 if last else asked_m))
             start, gripper_open = move.pose, move.gripper_open
         return steps
-
-    @staticmethod
-    def _grasps(before: Move, move: Move) -> bool:
-        return before.gripper_open and not move.gripper_open
 
     def _overshoot(self, start: ToolPose, move: Move) -> Step:
         """Past the pose before the grasp, level with it, in the direction of the motion there."""
@@ -104,17 +100,14 @@ class Habits:
     def speeds_m_s(self, route: Route) -> Array:
         """The speed (K,) that the person would like to have at each of the route's points."""
         along_m = route.along_m
-        knots_m = np.concatenate([[0.0], np.cumsum(self._random.uniform(*PHASE_M, self._num_phases(route)))])
+        num_phases = int(np.ceil(route.length_m / PHASE_M[0]))
+        knots_m = np.concatenate([[0.0], np.cumsum(self._random.uniform(*PHASE_M, num_phases))])
         phases = self._random.uniform(*PHASE_PACE, len(knots_m))
         speeds = TOOL_SPEED_M_S * self._pace * np.interp(along_m, knots_m, phases)
         speeds[route.length_m - along_m < APPROACH_M] = APPROACH_SPEED_M_S
         for _ in range(self._random.integers(MAX_HESITATIONS, endpoint=True)):
             self._hesitate(route, speeds)
         return speeds
-
-    @staticmethod
-    def _num_phases(route: Route) -> int:
-        return int(np.ceil(route.length_m / PHASE_M[0]))
 
     def _hesitate(self, route: Route, speeds_m_s: Array) -> None:
         """Nearly stop where the arm is far from any pose of the plan, if the route has such a place."""

@@ -11,7 +11,7 @@ from app.sim.robot import VELOCITY_LEAD_S, SimulatedPanda
 from app.sim.tasks.base import SimTask
 from app.sim.world import TIMESTEP_S
 from roboprompt_client.arrays import Array
-from roboprompt_client.teleop import DIRECTIONS, HeldKeys
+from roboprompt_client.recording.teleop import DIRECTIONS, HeldKeys
 
 TICK_S = 0.02
 SPEED_M_S, TURN_RAD_S = 0.10, 0.7
@@ -38,7 +38,7 @@ class JoggedPanda(SimulatedPanda):
         self.task.data.ctrl[panda.GRIPPER_CTRL] = panda.FINGER_TRAVEL_M if opens else 0.0
 
     def tick(self, direction: Array) -> None:
-        """Let 20 ms pass, the hand going in a direction as of `roboprompt_client.teleop`.
+        """Let 20 ms pass, the hand going in a direction as of `roboprompt_client.recording.teleop`.
 
         At the end of the arm's reach, and against something firm, it stays where it is.
         """

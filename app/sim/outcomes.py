@@ -37,21 +37,20 @@ class RecordedDemonstration:
     """An expert's solution of a scene.
 
     Attributes:
-        num_expert_poses: how many poses the expert chose; where it rested, the keyframe rule `merged` finds as many.
         succeeded: whether the scene was solved in the end.
         failure: why it was not; empty if it was.
-        expert_actions: the poses that the expert chose, and what the gripper then does.
+        expert_actions: the poses that the expert chose, and what the gripper then does; where it rested, the keyframe
+            rule `merged` finds as many.
         film_strip: (H, W, 3) images of camera `front` before the first and after each pose; empty if not asked for.
     """
 
     scene: SceneView
     trajectory: Trajectory
     control_frequency_hz: float
-    num_expert_poses: int
     succeeded: bool
     failure: str
-    film_strip: tuple[RgbImage, ...]
     expert_actions: tuple[EndEffectorAction, ...] = ()
+    film_strip: tuple[RgbImage, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +63,8 @@ class RolloutResult:
         misses: where a driver moved the arm: how far off each action's pose it ended, m and degrees.
     """
 
-    task: str
-    seed: int
     num_executed: int
     succeeded: bool
     failure: str
-    film_strip: tuple[RgbImage, ...]
+    film_strip: tuple[RgbImage, ...] = ()
     misses: tuple[tuple[float, float], ...] = ()

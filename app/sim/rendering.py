@@ -1,20 +1,19 @@
 """Pictures of a scene: by OpenGL where there is one, otherwise by casting rays; only the shading differs.
 
-Rays, one a pixel, also give depth and body ids. A film strip has one picture before a motion and one after each action.
+Rays, one a pixel, also give depth and body ids.
 """
 
 import functools
 import logging
 import os
-from contextlib import ExitStack
-from typing import Protocol, Self
+from typing import Self
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from app.drawing import RgbImage
-from app.sim.opengl import NO_OPENGL
+from app.sim import NO_OPENGL
 from app.sim.world import HEIGHT_PX, MAIN_LIGHT_DIRECTION, SKY_RGB, WIDTH_PX, calibrated
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
@@ -28,16 +27,18 @@ CAMERA = "front"
 
 
 class RayCaster:
-    """Same results as `app.sim.rendering.OpenGLRenderer`, shaded without shadows; needs no context."""
+    """Renders a model's data at 640x480 (W x H) as OpenGLRenderer does, but for shadows; needs no context."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
 
     def rgb(self, data: mujoco.MjData, camera_name: str) -> RgbImage:
+        """(H, W, 3)."""
         geoms, _, normals = self._cast(data, calibrated(camera_name))
         return self._shade(geoms, normals)
 
     def rgbd(self, data: mujoco.MjData, camera_name: str) -> RgbdFrame:
+        """Colors, depth along the optical axis in m (0: nothing) and MuJoCo body ids (0: scenery or nothing)."""
         return self.frame(data, calibrated(camera_name))
 
     def frame(self, data: mujoco.MjData, camera: Camera) -> RgbdFrame:
@@ -82,22 +83,6 @@ def _rays(camera: Camera) -> Array:
     return rays
 
 
-class SceneRenderer(Protocol):
-    """Renders the state of one model's data at 640x480 (W x H)."""
-
-    def rgb(self, data: mujoco.MjData, camera_name: str) -> RgbImage:
-        """(H, W, 3)."""
-        ...
-
-    def rgbd(self, data: mujoco.MjData, camera_name: str) -> RgbdFrame:
-        """Colors, depth along the optical axis in m (0: nothing) and MuJoCo body ids (0: scenery or nothing)."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *_: object) -> None: ...
-
-
 class OpenGLRenderer:
     """By MuJoCo's own renderer. Holds an OpenGL context of the calling thread until it is left."""
 
@@ -106,11 +91,13 @@ class OpenGLRenderer:
         self._renderer = mujoco.Renderer(model, HEIGHT_PX, WIDTH_PX)
 
     def rgb(self, data: mujoco.MjData, camera_name: str) -> RgbImage:
+        """(H, W, 3)."""
         self._renderer.update_scene(data, camera_name)
         image: RgbImage = self._renderer.render()
         return image
 
     def rgbd(self, data: mujoco.MjData, camera_name: str) -> RgbdFrame:
+        """As RayCaster's."""
         rgb = self.rgb(data, camera_name)
         self._renderer.enable_depth_rendering()
         depth_m = self._renderer.render()
@@ -127,7 +114,7 @@ class OpenGLRenderer:
         self._renderer.close()
 
 
-def open_renderer(model: mujoco.MjModel) -> SceneRenderer:
+def open_renderer(model: mujoco.MjModel) -> OpenGLRenderer | RayCaster:
     """The best renderer that works here; use it in a `with` block."""
     return OpenGLRenderer(model) if opengl_works() else RayCaster(model)
 
@@ -155,33 +142,3 @@ def _opengl_process() -> int | None:
         logger.warning(message, backend, error)
         return None
     return os.getpid()
-
-
-class FilmStrip:
-    """Takes pictures of a scene within a `with` block; costs nothing where none are wanted.
-
-    Args:
-        model, data: the scene (mujoco.MjModel, mujoco.MjData).
-
-    Attributes:
-        images: (H, W, 3) of camera `front`, in order.
-    """
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, *, wanted: bool) -> None:
-        self._model, self._data, self._wanted = model, data, wanted
-        self._resources = ExitStack()
-        self.images: list[RgbImage] = []
-
-    def __enter__(self) -> Self:
-        if self._wanted:
-            self._renderer = self._resources.enter_context(open_renderer(self._model))
-        self.shoot()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._resources.close()
-
-    def shoot(self) -> None:
-        """Take a picture now."""
-        if self._wanted:
-            self.images.append(self._renderer.rgb(self._data, CAMERA))

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import time_path
-from app.sim.moves import Move, ToolPose, moves_from_actions
+from app.sim.moves import Move, ToolPose
 from app.sim.planner import JointPath, Planner
 from app.sim.rendering import open_renderer
 from app.sim.tasks.base import SimTask
@@ -35,16 +35,16 @@ class SimulatedPanda:
     Args:
         task: the scene; the arm is where its data says.
         cameras: which cameras `observe` renders; none makes it much quicker.
-        dwell_s: the arm's rest after each move.
 
     Attributes:
+        dwell_s: the arm's rest after each move.
         after_step: called after every simulation step, e.g. a recorder's `sample`.
     """
 
-    def __init__(self, task: SimTask, cameras: Sequence[str] = CAMERA_NAMES, dwell_s: float = DWELL_S) -> None:
+    def __init__(self, task: SimTask, cameras: Sequence[str] = CAMERA_NAMES) -> None:
         self.task = task
         self.cameras = tuple(cameras)
-        self.dwell_s = dwell_s
+        self.dwell_s = DWELL_S
         self.after_step: list[Callable[[], None]] = [task.latch]
         self._kinematics = Kinematics(BASE_POSITION_M)
         self._planner = Planner(self._kinematics)
@@ -70,21 +70,15 @@ class SimulatedPanda:
         pose = ToolPose(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
         self.perform([Move(pose, action.gripper_open)])
 
-    def execute_sequence(
-        self, actions: Sequence[EndEffectorAction], on_done: Callable[[int], None] | None = None
-    ) -> None:
-        """Carry out actions planned as a whole: freely to the first, in straight lines from then on where possible.
+    def perform(self, moves: Sequence[Move], on_done: Callable[[int], None] | None = None) -> None:
+        """Carry out moves planned as a whole; those that are straight, where the arm can.
 
         Args:
-            on_done: called with the index of each action once it is done.
+            on_done: called with the index of each move once it is done.
 
         Raises:
-            MotionError: before any motion if an action is out of reach; later if one does not arrive. Names the action.
+            MotionError: before any motion if a pose is out of reach; later if one is not arrived at. Names the move.
         """
-        self.perform(moves_from_actions(actions), on_done)
-
-    def perform(self, moves: Sequence[Move], on_done: Callable[[int], None] | None = None) -> None:
-        """Like `execute_sequence`, for moves that say themselves which lines are straight."""
         paths = self._planner.plan(self._target_rad, moves)
         for index, (move, path) in enumerate(zip(moves, paths, strict=True)):
             self._follow(path)

@@ -201,14 +201,12 @@ class Part:
         *,
         damping: float,
         dry_friction_nm: float = 0.0,
-        at_m: Vector = (0.0, 0.0, 0.0),
     ) -> Self:
-        """A turning joint towards the parent, about an axis through `at_m` in the body's frame; it starts at 0."""
+        """A turning joint towards the parent, about an axis through the body's origin; it starts at 0."""
         self.body.add_joint(
             name=name,
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=axis,
-            pos=at_m,
             range=range_rad,
             limited=1,
             armature=0.001,

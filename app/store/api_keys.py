@@ -18,26 +18,17 @@ MAX_SESSIONS = 50  # of a key; the oldest beyond ends
 
 @dataclass(frozen=True)
 class ApiKeyRecord:
-    """A key as it is stored.
+    """A key as it is stored."""
 
-    Attributes:
-        id: the public part of the key.
-        digest: SHA-256 of the whole key, in hexadecimal.
-        revoked_at: None while the key is valid.
-        tasks: the only ones that the key is for; None: any.
-        expires_at: from then on it is refused; None: never.
-        last_used_at: to about a minute; None: never.
-    """
-
-    id: str
+    id: str  # the public part of the key
     name: str
-    digest: str
+    digest: str  # SHA-256 of the whole key, in hexadecimal
     scopes: tuple[str, ...]
     created_at: datetime
-    revoked_at: datetime | None = None
-    tasks: tuple[str, ...] | None = None
-    expires_at: datetime | None = None
-    last_used_at: datetime | None = None
+    revoked_at: datetime | None = None  # None while the key is valid
+    tasks: tuple[str, ...] | None = None  # the only ones that the key is for; None: any
+    expires_at: datetime | None = None  # from then on it is refused; None: never
+    last_used_at: datetime | None = None  # to about a minute; None: never
 
 
 def add(connection: Connection, record: ApiKeyRecord) -> None:
@@ -61,11 +52,7 @@ def valid(connection: Connection) -> tuple[ApiKeyRecord, ...]:
 
 
 def revoke(connection: Connection, key_id: str) -> None:
-    """Take a key back; revoking twice changes nothing.
-
-    Raises:
-        NotFoundError: if there is no key of that id.
-    """
+    """Take a key back; revoking twice changes nothing. Raises NotFoundError."""
     name: str | None = connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))
     if name is None:
         raise NotFoundError("API key", key_id)
@@ -83,11 +70,7 @@ def note_use(connection: Connection, key_id: str, within: timedelta) -> None:
 
 
 def begin_session(connection: Connection, digest: str, key_id: str, expires_at: datetime) -> None:
-    """Store a session; those that have expired go, and so does the key's oldest where there are too many.
-
-    Args:
-        digest: of what the browser's cookie holds.
-    """
+    """Store a session by its cookie's digest; expired ones go, and so does the key's oldest if there are too many."""
     now = datetime.now(UTC)
     connection.execute(delete(_SESSIONS).where(_SESSIONS.c.expires_at <= now))
     newest = select(_SESSIONS.c.digest).where(_SESSIONS.c.key_id == key_id).order_by(_SESSIONS.c.created_at.desc())

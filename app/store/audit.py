@@ -28,26 +28,16 @@ _actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
 
 @dataclass(frozen=True)
 class AuditEntry:
-    """What was done.
+    """What was done."""
 
-    Attributes:
-        number: 1, 2, 3 ...
-        actor: the API key by its name and id, or `local`.
-        action: e.g. `key.created`.
-        subject: what it was done to: an id or a name.
-        details: JSON, with what an entry of its action holds.
-        previous: digest of the entry before.
-        digest: of all the others.
-    """
-
-    number: int
+    number: int  # 1, 2, 3
     at: datetime
-    actor: str
-    action: str
-    subject: str
-    details: str
-    previous: str
-    digest: str
+    actor: str  # the API key by its name and id, or `local`
+    action: str  # e.g. `key.created`
+    subject: str  # what it was done to: an id or a name
+    details: str  # JSON, with what an entry of its action holds
+    previous: str  # digest of the entry before
+    digest: str  # of all the others
 
     def expected_digest(self) -> str:
         """What `digest` is if the entry was not changed."""
@@ -57,12 +47,7 @@ class AuditEntry:
 
 
 class BrokenChainError(Exception):
-    """The log is not what was written.
-
-    Args:
-        number: of the first entry that shows it.
-        reason: what is wrong with it.
-    """
+    """The log is not what was written; `number` is that of the first entry that shows it."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(f"entry {number}: {reason}")
@@ -115,11 +100,7 @@ def entries(connection: Connection) -> Iterator[AuditEntry]:
 
 
 def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
-    """The entries, each after it was compared with the one before.
-
-    Raises:
-        BrokenChainError: at the first that was changed, or that others are missing before.
-    """
+    """The entries, each after it was compared with the one before; raises BrokenChainError at the first change."""
     previous = FIRST
     following = iter(log)
     for number in itertools.count(1):

@@ -1,31 +1,38 @@
-"""All that is stored in one file; `app.store.restore` is the way back.
+"""All that is stored in one file, and such a file back into a store.
 
 The file is a tar archive: `roboprompt.db`, a SQLite database with every row of one moment, whatever database they came
-from; then `blobs/DIGEST` for each blob that a row refers to. The service goes on meanwhile.
+from; then `blobs/DIGEST` for each blob that a row refers to. The service goes on meanwhile. A file to be restored may
+be damaged, or made to do harm.
 """
 
+import hashlib
+import logging
 import os
+import shutil
 import tarfile
 import tempfile
 from collections.abc import Iterator, Set
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import Connection, Table, func, insert, select, text
+from sqlalchemy import Connection, Table, exc, exists, func, insert, select, text
 
+from app.store import api_keys, audit, sqlite, tables
 from app.store.database import Database
-from app.store.errors import StoreUnavailableError
+from app.store.errors import ConflictError, CorruptDataError, StoreUnavailableError
 from app.store.migration import migrate
 from app.store.private import private_opener
-from app.store.references import blob_digests
-from app.store.store import Store
-from app.store.tables import metadata, sessions
+from app.store.store import Store, blob_digests
 
 DATABASE_NAME = "roboprompt.db"
 BLOB_PREFIX = "blobs/"
 ROWS_AT_ONCE = 500
+MAX_BLOB_BYTES = 1_000_000_000  # a request brings less by far
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -40,18 +47,20 @@ def back_up(store: Store, path: Path) -> BackupSummary:
     """Write everything of one moment to `path`, which appears when it is complete and on disk.
 
     Raises:
-        StoreUnavailableError: if it cannot be written.
-        CorruptDataError: if a stored blob is damaged or gone.
+        StoreUnavailableError, CorruptDataError: if it cannot be written, or a stored blob is damaged or gone.
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        with disk_errors(), tempfile.TemporaryDirectory(prefix="roboprompt-backup-", dir=path.parent) as folder:
+        with _disk_errors(), tempfile.TemporaryDirectory(prefix="roboprompt-backup-", dir=path.parent) as folder:
             rows, digests = _snapshot(store, Path(folder) / DATABASE_NAME)
             with open(temporary, "wb", opener=private_opener) as file:
                 with tarfile.open(fileobj=file, mode="w:") as archive:
                     archive.add(Path(folder) / DATABASE_NAME, DATABASE_NAME)
                     for digest in sorted(digests):
-                        _add(archive, f"{BLOB_PREFIX}{digest}", store.blobs.read(digest))
+                        data = store.blobs.read(digest)
+                        member = tarfile.TarInfo(f"{BLOB_PREFIX}{digest}")
+                        member.size = len(data)
+                        archive.addfile(member, BytesIO(data))
                 file.flush()
                 os.fsync(file.fileno())
             temporary.replace(path)
@@ -62,26 +71,21 @@ def back_up(store: Store, path: Path) -> BackupSummary:
 
 def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
     """Every row, in a new SQLite database, and the digests of the blobs that they refer to."""
-    snapshot = Database(f"sqlite:///{path}")
-    try:
+    with closing(Database(f"sqlite:///{path}")) as snapshot:
         migrate(snapshot)
         with store.read() as source, snapshot.write() as target:
             # A backup must not let its holder use another person's session.
-            rows, digests = copy_rows(source, target, {sessions.name}), blob_digests(source)
+            rows, digests = _copy_rows(source, target, {tables.sessions}), blob_digests(source)
         with snapshot.engine.connect() as connection:  # one file, without a log beside it
             connection.exec_driver_sql("ROLLBACK")
             connection.exec_driver_sql("PRAGMA journal_mode=DELETE")
         return rows, digests
-    finally:
-        snapshot.close()
 
 
-def copy_rows(source: Connection, target: Connection, left_out: Set[str] = frozenset()) -> dict[str, int]:
+def _copy_rows(source: Connection, target: Connection, left_out: Set[Table]) -> dict[str, int]:
     """Every row but those of some tables, from one database into another; returns their numbers by table."""
-    return {
-        table.name: 0 if table.name in left_out else _copy_table(source, target, table)
-        for table in metadata.sorted_tables
-    }
+    every = tables.metadata.sorted_tables
+    return {table.name: 0 if table in left_out else _copy_table(source, target, table) for table in every}
 
 
 def _copy_table(source: Connection, target: Connection, table: Table) -> int:
@@ -97,16 +101,131 @@ def _copy_table(source: Connection, target: Connection, table: Table) -> int:
     return number
 
 
-def _add(archive: tarfile.TarFile, name: str, data: bytes) -> None:
-    member = tarfile.TarInfo(name)
-    member.size = len(data)
-    archive.addfile(member, BytesIO(data))
-
-
 @contextmanager
-def disk_errors() -> Iterator[None]:
+def _disk_errors() -> Iterator[None]:
     """The disk's failures as StoreUnavailableError."""
     try:
         yield
     except OSError as error:
         raise StoreUnavailableError(f"backup: {error}") from error
+
+
+def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSummary:
+    """Put everything of a backup but its API keys into an empty store: all of it or, after an error, no row of it.
+
+    The audit log of a store that has none yet goes on where the backup's ends; another stays, and notes the restore.
+
+    Args:
+        with_keys: restore the keys, too, including those revoked since the backup and any that were put into the file.
+
+    Raises:
+        ConflictError: if the store has something already; keys and an audit log do not count, unless keys are brought.
+        CorruptDataError: if the file is damaged or no backup.
+        SchemaVersionError: if newer code wrote it.
+        StoreUnavailableError: if it cannot be read, or the store not be written.
+    """
+    # What a store may have of its own, and a backup does not bring.
+    own = {tables.sessions, tables.audit_log} | (set() if with_keys else {tables.api_keys})
+    with store.read() as connection:
+        _require_empty(connection, own)
+    with tempfile.TemporaryDirectory(prefix="roboprompt-restore-") as folder, _archive(path) as archive:
+        database = Path(folder) / DATABASE_NAME
+        put = _unpack(store, archive, database, path)
+        sqlite.require_plain(database)
+        with closing(Database(f"sqlite:///{database}")) as snapshot:
+            migrate(snapshot)
+            with snapshot.read() as source, store.write() as target:
+                _require_empty(target, own)
+                if missing := blob_digests(source) - put:
+                    raise _damaged(path, f"it lacks {len(missing)} blobs")
+                with _row_errors(path):
+                    goes_on = audit.newest(target) is None and _is_whole(source)
+                    rows = _copy_rows(source, target, own - {tables.audit_log} if goes_on else own)
+                    details = _restored(source, path, with_keys=with_keys)
+                audit.record(target, "store.restored", path.name[:200], details)
+    return BackupSummary(rows, len(put))
+
+
+def _require_empty(connection: Connection, own: Set[Table]) -> None:
+    for table in (item for item in tables.metadata.sorted_tables if item not in own):
+        if connection.scalar(select(exists(select(1).select_from(table)))):
+            raise ConflictError(f"the store has something already ({table.name}): restore into an empty one")
+
+
+def _unpack(store: Store, archive: tarfile.TarFile, database: Path, path: Path) -> set[str]:
+    """Write the database to `database` and put the blobs; returns their digests."""
+    put = set()
+    for member in _members(archive, path):
+        file = archive.extractfile(member)
+        if file is None or not (member.name == DATABASE_NAME or member.name.startswith(BLOB_PREFIX)):
+            raise _damaged(path, f"{member.name!r:.200} does not belong there")
+        if member.name == DATABASE_NAME:
+            with database.open("wb") as copy:
+                shutil.copyfileobj(file, copy)
+            continue
+        if member.size > MAX_BLOB_BYTES:
+            raise _damaged(path, f"{member.name!r:.200} is larger than any image")
+        data = file.read()
+        if hashlib.sha256(data).hexdigest() != member.name.removeprefix(BLOB_PREFIX):
+            raise _damaged(path, f"the bytes of {member.name} do not match its name")
+        put.add(store.blobs.put(data))
+    if not database.exists():
+        raise _damaged(path, f"it has no {DATABASE_NAME}")
+    return put
+
+
+def _members(archive: tarfile.TarFile, path: Path) -> Iterator[tarfile.TarInfo]:
+    """The archive's members, which must be plain files: links, devices and files with holes are none of a backup's."""
+    while True:
+        try:
+            member = archive.next()
+        except (KeyError, ValueError, OverflowError, RecursionError, EOFError, TypeError) as error:
+            raise _damaged(path, f"its headers make no sense: {error!r:.200}") from error
+        if member is None:
+            return
+        if not member.isreg() or member.issparse() or member.size < 0:
+            raise _damaged(path, f"{member.name!r:.200} is no plain file: it does not belong there")
+        yield member
+
+
+def _is_whole(source: Connection) -> bool:
+    try:
+        for _ in audit.verified(audit.entries(source)):
+            pass
+    except audit.BrokenChainError as error:
+        logger.warning("the backup's audit log was changed and is left out: %s", error)
+        return False
+    return True
+
+
+def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, Any]:
+    """What the audit log says of a restore."""
+    newest = audit.newest(source)
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    keys = [record.id for record in api_keys.list_all(source)] if with_keys else []
+    return {"file_sha256": digest, "its_log_ends_with": None if newest is None else newest.digest, "keys": keys}
+
+
+def _damaged(path: Path, reason: str) -> CorruptDataError:
+    return CorruptDataError("backup", str(path), reason)
+
+
+@contextmanager
+def _archive(path: Path) -> Iterator[tarfile.TarFile]:
+    try:
+        with _disk_errors(), tarfile.open(path, "r:") as archive:
+            yield archive
+    except tarfile.TarError as error:
+        raise _damaged(path, str(error)) from error
+
+
+@contextmanager
+def _row_errors(path: Path) -> Iterator[None]:
+    """Rows that no service has written: they contradict each other, or hold no JSON."""
+    try:
+        yield
+    except exc.OperationalError:  # the disk is full, or the server gone
+        raise
+    except (exc.SQLAlchemyError, ValueError, TypeError) as error:
+        raise _damaged(path, f"its rows are not as they should be: {str(error).splitlines()[0]:.200}") from error

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
-from app.store.errors import CorruptDataError, StoreUnavailableError, disk_unavailable
+from app.store.errors import CorruptDataError, StoreUnavailableError, disk_errors
 from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
@@ -26,23 +26,18 @@ _QUOTED_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 
 
 class BlobStore(Protocol):
-    """Immutable bytes under their SHA-256. Safe for concurrent use by threads and processes."""
+    """Immutable bytes under their SHA-256. Safe for concurrent use by threads and processes.
+
+    Raises:
+        StoreUnavailableError: in every method, if the disk is full, read-only or gone.
+    """
 
     def put(self, data: bytes) -> str:
-        """Store `data` so that it survives a power cut; returns its digest. What is there already is not rewritten.
-
-        Raises:
-            StoreUnavailableError: if the disk is full, read-only or gone.
-        """
+        """Store `data` so that it survives a power cut; returns its digest. What is there already is not rewritten."""
         ...
 
     def read(self, digest: str) -> bytes:
-        """The bytes of that digest.
-
-        Raises:
-            CorruptDataError: if they are gone or no longer match the digest.
-            StoreUnavailableError: if they cannot be read.
-        """
+        """The bytes of that digest; raises CorruptDataError if they are gone or no longer match it."""
         ...
 
     def sizes(self) -> dict[str, int]:
@@ -59,11 +54,7 @@ class BlobStore(Protocol):
 
 
 class FileBlobStore:
-    """A BlobStore in a folder of the local disk: `root/ab/cd/abcd...`.
-
-    Args:
-        root: created if it is not there.
-    """
+    """A BlobStore in a folder of the local disk, which is created if it is not there: `root/ab/cd/abcd...`."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -77,7 +68,7 @@ class FileBlobStore:
     def put(self, data: bytes) -> str:
         digest = hashlib.sha256(data).hexdigest()
         path = self._path(digest)
-        with _disk_errors():
+        with disk_errors("blob storage"):
             if not self._renew(path):
                 for folder in (path.parent.parent, path.parent):
                     folder.mkdir(FOLDER_MODE, exist_ok=True)
@@ -87,19 +78,18 @@ class FileBlobStore:
         return digest
 
     def read(self, digest: str) -> bytes:
-        try:
-            data = self._path(digest).read_bytes()
-        except FileNotFoundError as error:
-            raise CorruptDataError("blob", digest, "its file is gone") from error
-        except OSError as error:
-            raise disk_unavailable("blob storage", error) from error
+        with disk_errors("blob storage"):
+            try:
+                data = self._path(digest).read_bytes()
+            except FileNotFoundError as error:
+                raise CorruptDataError("blob", digest, "its file is gone") from error
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
 
     def sizes(self) -> dict[str, int]:
         found: dict[str, int] = {}
-        with _disk_errors():
+        with disk_errors("blob storage"):
             for path in self._root.glob("??/??/*"):
                 with suppress(FileNotFoundError):  # renamed to its digest, or swept
                     found[path.name] = path.stat().st_size
@@ -107,7 +97,7 @@ class FileBlobStore:
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         limit = time.time() - older_than.total_seconds()
-        with _disk_errors():
+        with disk_errors("blob storage"):
             leftovers = [path for path in self._root.glob("??/??/*") if path.name not in referenced]
             return sum(self._remove_if_older(path, limit) for path in leftovers)
 
@@ -154,11 +144,7 @@ def digests_in(texts: Iterable[str]) -> Iterator[str]:
 
 
 def digest_path(digest: str) -> str:
-    """Where a blob lies below its root: in 65,536 folders, so that none grows large.
-
-    Raises:
-        CorruptDataError: if it is no digest.
-    """
+    """Where a blob lies below its root: in 65,536 folders, none of them large; raises CorruptDataError."""
     if not _DIGEST.fullmatch(digest):
         raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
     return f"{digest[:2]}/{digest[2:4]}/{digest}"
@@ -183,11 +169,3 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-@contextmanager
-def _disk_errors() -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise disk_unavailable("blob storage", error) from error

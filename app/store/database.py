@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -54,25 +54,19 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
-        """A transaction that sees one state of the database throughout.
-
-        Raises:
-            StoreUnavailableError, CorruptDataError: see `errors`.
-        """
+        """A transaction that sees one state of the database throughout; raises as `errors`."""
         with self.errors(), self._readers.connect() as connection:
             yield connection
 
     @contextmanager
     def write(self) -> Iterator[Connection]:
-        """A transaction that writes: committed at the end, rolled back by any exception. Do not nest.
+        """A transaction that writes: committed at the end, rolled back by any exception; raises as `errors`.
 
-        On SQLite it is alone in writing. On PostgreSQL what it reads may change before its commit unless it holds a
-        lock: that of the task (`tasks.lock`, `tasks.get_or_create`), or one of `lock`.
-
-        Raises:
-            StoreUnavailableError, CorruptDataError: see `errors`.
+        Do not nest it. On SQLite it is alone in writing. On PostgreSQL what it reads may change before its commit
+        unless it holds a lock: that of the task (`tasks.lock`, `tasks.get_or_create`), or one of `lock`.
         """
-        with self.errors(), self._turn(), self.engine.connect() as connection, begin_write(connection):
+        turn = self._writers.turn() if self._writers else nullcontext()
+        with self.errors(), turn, self.engine.connect() as connection, begin_write(connection):
             yield connection
 
     def close(self) -> None:
@@ -102,23 +96,15 @@ class Database:
         else:
             from app.store import postgres
 
-            passing, damaged = postgres.is_unavailable(error), postgres.is_damaged(error)
-            reason = postgres.reason_of(error)
+            passing, damaged, reason = postgres.meaning(error)
         if passing or isinstance(error, exc.OperationalError):
             return unavailable("database", reason, f"{self.name}: {error.orig}")
         file_name = Path(self.engine.url.database or "").name
         return CorruptDataError("database", file_name, reason) if damaged else error
 
-    def _turn(self) -> AbstractContextManager[None]:
-        return self._writers.turn() if self._writers else nullcontext()
-
 
 def _engine(url: str, connections: int, timeout_s: float, *, ping: bool) -> Engine:
-    """The engine.
-
-    Args:
-        ping: try a connection before it is used, so that a restart of the server breaks no request.
-    """
+    """The engine; `ping` tries a connection before it is used, so that a restart of the server breaks no request."""
     options: dict[str, Any] = {
         "poolclass": QueuePool,
         "pool_size": connections,

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, e
 
 from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page, SceneRecord
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page
 from app.store.tables import fetch_page
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from app.store.visibility import of_visible_tasks, present
@@ -35,7 +35,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
     """
     values = vars(draft)
     encoded = {
-        **extraction_json(draft.keyframes, draft.objects),
+        **extraction_json(draft),
         "cameras": [camera.to_json() for camera in draft.cameras],
         "given_objects": list(draft.given_objects),
     }
@@ -48,11 +48,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 
 
 def get(connection: Connection, episode_id: str) -> EpisodeRecord:
-    """The episode without its trajectory.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """The episode without its trajectory; raises NotFoundError."""
     row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
     if row is None or not present().has_task(row.task):
         raise NotFoundError("episode", episode_id)
@@ -83,8 +79,7 @@ def list_page(
         query = query.where(_EPISODES.c.left_out.is_(left_out))
     if instruction_contains:
         query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
-    rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
-    return Page(tuple(record_of(row) for row in rows), next_cursor)
+    return fetch_page(connection, _EPISODES, query, limit, cursor, record_of)
 
 
 def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
@@ -137,16 +132,14 @@ def number_unseen(connection: Connection, task: str) -> int:
     return connection.scalar(query) or 0
 
 
-def list_ids(connection: Connection, task: str, instruction: str | None = None) -> tuple[str, ...]:
-    """The ids of a task's demonstrations, oldest first; only those of an instruction if one is given."""
+def list_ids(connection: Connection, task: str) -> tuple[str, ...]:
+    """The ids of a task's demonstrations, oldest first."""
     query = select(_EPISODES.c.id).where(_EPISODES.c.task == task, _SHOWN).order_by(_EPISODES.c.sequence)
-    if instruction is not None:
-        query = query.where(_EPISODES.c.instruction == instruction)
     return tuple(connection.scalars(query))
 
 
 def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, Any]) -> EpisodeRecord:
-    """The episode with other values of `instruction`, `left_out` or `note`; its task's version grows with prompts.
+    """The episode with another `instruction`, `left_out` or `note`; with prompts its task's version grows.
 
     Raises:
         NotFoundError: if the episode was deleted since.
@@ -169,10 +162,7 @@ def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, An
 
 
 def remove(connection: Connection, episode_id: str) -> str:
-    """Delete the episode: its task's version grows, and with its last episode the task forgets its object names.
-
-    Returns:
-        The task.
+    """Delete an episode; returns its task, whose version grows, and whose object names go with the last episode.
 
     Raises:
         NotFoundError: if there is none of that id.
@@ -190,48 +180,33 @@ def remove(connection: Connection, episode_id: str) -> str:
 
 
 def demonstrations(
-    connection: Connection,
-    task: str,
-    limit: int | None = None,
-    order: Literal["first", "recent"] = "first",
-    instruction: str | None = None,
+    connection: Connection, task: str, limit: int | None = None, order: Literal["first", "recent"] = "first"
 ) -> tuple[DemonstrationRecord, ...]:
-    """The task's `limit` first or most recent demonstrations as prompts need them, always oldest first.
+    """The task's `limit` first or most recent demonstrations as prompts need them, or all; always oldest first.
 
     Episodes that are left out are none.
-
-    Args:
-        limit: None for all.
-        instruction: only episodes of exactly this instruction.
     """
-    query = _demonstrations_query(order, limit is not None, instruction is not None)
-    rows = connection.execute(query, {"task": task, "instruction": instruction, "limit": limit})
+    rows = connection.execute(_demonstrations_query(order, limit is not None), {"task": task, "limit": limit})
     records = tuple(_demonstration(row) for row in rows)
     return records if order == "first" else records[::-1]
 
 
-def scenes(connection: Connection, task: str) -> tuple[SceneRecord, ...]:
-    """The objects of every demonstration of the task, oldest first."""
-    rows = connection.execute(_SCENES, {"task": task})
-    return tuple(SceneRecord(row.id, tuple(map(ObjectRecord.from_json, row.objects))) for row in rows)
-
-
 @cache
-def _demonstrations_query(order: str, limited: bool, of_instruction: bool) -> Select[Any]:
+def _demonstrations_query(order: str, limited: bool) -> Select[Any]:
     # Every prediction asks this, and building the statement would take as long as running it.
     query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == bindparam("task"), _SHOWN)
-    if of_instruction:
-        query = query.where(_EPISODES.c.instruction == bindparam("instruction"))
     query = query.order_by(_EPISODES.c.sequence.asc() if order == "first" else _EPISODES.c.sequence.desc())
     return query.limit(bindparam("limit")) if limited else query
 
 
-def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
-    """Those episodes of the task as prompts need them, in the order of `ids`.
+def scenes(connection: Connection, task: str) -> dict[str, tuple[ObjectRecord, ...]]:
+    """The objects of every demonstration of the task at its first frame, oldest first, by id."""
+    rows = connection.execute(_SCENES, {"task": task})
+    return {row.id: tuple(map(ObjectRecord.from_json, row.objects)) for row in rows}
 
-    Raises:
-        NotFoundError: naming the first id that is no episode of this task.
-    """
+
+def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
+    """Those episodes of the task as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
     # The task is compared here: in the statement it would tempt SQLite to walk through the whole task.
     query = select(*_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids))
     found = {row.id: _demonstration(row) for row in connection.execute(query) if row.task == task}
@@ -252,30 +227,22 @@ def replace_extractions(
 ) -> None:
     """Put newly extracted keyframes and poses in the place of the old; the task's version grows once.
 
-    Args:
-        expected_version: the task's version when the caller began to extract: an episode uploaded meanwhile would keep
-            what the old settings made of it.
-
     Raises:
-        ConflictError: if the task changed since.
+        ConflictError: if the version is not the expected one, that of when the caller began to extract: an episode
+            uploaded meanwhile would keep what the old settings made of it.
     """
     tasks.require_version(connection, task, expected_version)
     query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)
-    parameters = [
-        {"episode_id": item.episode_id, **extraction_json(item.keyframes, item.objects)} for item in extractions
-    ]
-    if parameters:
+    if parameters := [{"episode_id": item.episode_id, **extraction_json(item)} for item in extractions]:
         connection.execute(query, parameters)
     tasks.change(connection, task, {})
 
 
-def extraction_json(
-    keyframes: Sequence[KeyframeRecord], objects: Sequence[ObjectRecord]
-) -> dict[str, list[dict[str, Any]]]:
+def extraction_json(item: EpisodeDraft | Extraction) -> dict[str, list[dict[str, Any]]]:
     """The two columns as they are stored."""
     return {
-        "keyframes": [keyframe.to_json() for keyframe in keyframes],
-        "objects": [record.to_json() for record in objects],
+        "keyframes": [keyframe.to_json() for keyframe in item.keyframes],
+        "objects": [record.to_json() for record in item.objects],
     }
 
 

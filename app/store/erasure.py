@@ -7,7 +7,7 @@ prediction that is gone: it keeps the id.
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
-from sqlalchemy import Connection, Text, cast, delete, func, select
+from sqlalchemy import Connection, Select, Text, cast, delete, func, select
 
 from app.store import audit, tables
 from app.store.blobs import digests_in
@@ -22,18 +22,14 @@ _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "s
 
 
 def erase_prediction(connection: Connection, prediction_id: str) -> None:
-    """Delete the prediction with its outcome and the answer that is kept for a repeated request.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """Delete a prediction with its outcome and the answer kept for a repeated request; raises NotFoundError."""
     seen = of_visible_predictions(select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id == prediction_id))
     if connection.scalar(seen) is None or not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
     audit.record(connection, "prediction.deleted", prediction_id)
 
 
-def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
+def erase_predictions(connection: Connection, ids: Sequence[str] | Select[tuple[str]]) -> int:
     """As `erase_prediction`, those that are there; returns how many."""
     connection.execute(delete(tables.cases).where(tables.cases.c.prediction_id.in_(ids)))
     answer = _KEYS.c.response["id"].as_string()
@@ -42,11 +38,7 @@ def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
 
 
 def erase_task(connection: Connection, name: str) -> None:
-    """Delete the task with its episodes, predictions, outcomes, labels, jobs, and the answers to repeats.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-    """
+    """Delete a task with its episodes, predictions, labels, jobs and the answers to repeats; raises NotFoundError."""
     present().require_task(name)
     # A request that adds an episode or a prediction waits, and then finds no task.
     if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
@@ -56,14 +48,11 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_JOBS).where(_JOBS.c.task == name))
     uploaded = _KEYS.c.response["task"].as_string() == name
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
-    ids = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
-    connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
-    connection.execute(delete(tables.cases).where(tables.cases.c.prediction_id.in_(ids)))
     connection.execute(delete(tables.runs).where(tables.runs.c.task == name))
-    held = {
-        table.name: connection.execute(delete(table).where(table.c.task == name)).rowcount
-        for table in (_PREDICTIONS, _EPISODES, _LABELS)
-    }
+    predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
+    held = {_PREDICTIONS.name: erase_predictions(connection, predictions)}
+    for table in (_EPISODES, _LABELS):
+        held[table.name] = connection.execute(delete(table).where(table.c.task == name)).rowcount
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
     audit.record(connection, "task.deleted", name, held)
 

@@ -1,7 +1,8 @@
 """What the store can refuse; a branch of the tree in `app.pipeline.errors`."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from roboprompt_client.errors import RoboPromptError
 
@@ -22,12 +23,7 @@ class StoreError(RoboPromptError):
 
 
 class NotFoundError(StoreError):
-    """Nothing of that kind and id is stored.
-
-    Args:
-        kind: `task`, `episode` or `prediction`.
-        id: the name or id that was asked for.
-    """
+    """Nothing of that kind (`task`, `episode`, ...) and id is stored."""
 
     def __init__(self, kind: str, id: str) -> None:  # noqa: A002
         super().__init__(f"there is no {kind} {id!r}")
@@ -44,12 +40,7 @@ class ForbiddenError(StoreError):
 
 
 class ForbiddenTaskError(ForbiddenError):
-    """The key that asks is for other tasks.
-
-    Args:
-        task: the one that was asked for.
-        allowed: those that the key is for.
-    """
+    """The key that asks is for other tasks, the `allowed`."""
 
     def __init__(self, task: str, allowed: Sequence[str]) -> None:
         super().__init__(f"the key is not for the task {task!r}, only for {', '.join(map(repr, allowed))}")
@@ -89,9 +80,13 @@ def unavailable(what: str, reason: str, detail: str) -> StoreUnavailableError:
     return StoreUnavailableError(f"{what}: {reason}{remedy and f': {remedy}'}")
 
 
-def disk_unavailable(what: str, error: OSError) -> StoreUnavailableError:
-    """As `unavailable`, for what the operating system says."""
-    return unavailable(what, error.strerror or type(error).__name__, str(error))
+@contextmanager
+def disk_errors(what: str) -> Iterator[None]:
+    """What the operating system says, as `unavailable`."""
+    try:
+        yield
+    except OSError as error:
+        raise unavailable(what, error.strerror or type(error).__name__, str(error)) from error
 
 
 class SchemaVersionError(StoreError):
@@ -99,13 +94,7 @@ class SchemaVersionError(StoreError):
 
 
 class CorruptDataError(StoreError):
-    """A stored value is damaged or gone.
-
-    Args:
-        kind: `trajectory`, `blob` or `database`.
-        id: which one.
-        reason: what is wrong with it.
-    """
+    """A stored value of a kind (`trajectory`, `blob`, `database`) and id is damaged or gone, for a reason."""
 
     def __init__(self, kind: str, id: str, reason: str) -> None:  # noqa: A002
         super().__init__(f"stored {kind} {id} is damaged: {reason}; restore it from a backup")

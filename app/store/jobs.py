@@ -26,12 +26,7 @@ class LostClaimError(Exception):
 
 
 def add(connection: Connection, task: str, changes: JsonObject) -> JobRecord:
-    """A new job.
-
-    Raises:
-        ConflictError: if the task has one that is not finished.
-        NotFoundError: if there is no task of that name.
-    """
+    """A new job; raises ConflictError if the task has one that is not finished, NotFoundError."""
     tasks.lock(connection, task)
     open_job = connection.scalar(select(_JOBS.c.id).where(_JOBS.c.task == task, _OPEN))
     if open_job is not None:
@@ -52,11 +47,7 @@ def add(connection: Connection, task: str, changes: JsonObject) -> JobRecord:
 
 
 def get(connection: Connection, job_id: str) -> JobRecord:
-    """The job.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """The job; raises NotFoundError."""
     row = connection.execute(select(_JOBS).where(_JOBS.c.id == job_id)).first()
     if row is None or not present().has_task(row.task):
         raise NotFoundError("job", job_id)
@@ -68,8 +59,7 @@ def list_page(
 ) -> Page[JobRecord]:
     """Jobs, newest first, of one task or of all that are seen."""
     query = of_visible_tasks(select(_JOBS), _JOBS.c.task, task)
-    rows, next_cursor = fetch_page(connection, _JOBS, query, limit, cursor)
-    return Page(tuple(map(_record, rows)), next_cursor)
+    return fetch_page(connection, _JOBS, query, limit, cursor, _record)
 
 
 def has_open(connection: Connection, task: str) -> bool:
@@ -98,15 +88,8 @@ def pending(connection: Connection, job: JobRecord, limit: int) -> tuple[Episode
 
 
 def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extraction], lease: timedelta) -> None:
-    """Keep a batch and renew the claim.
-
-    Raises:
-        LostClaimError: if the claim has expired and another process has the job.
-    """
-    rows = [
-        {"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item.keyframes, item.objects)}
-        for item in extractions
-    ]
+    """Keep a batch and renew the claim; raises LostClaimError."""
+    rows = [{"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item)} for item in extractions]
     _change(connection, job, {"claimed_until": datetime.now(UTC) + lease})
     connection.execute(insert(_STAGED), rows)
     number = select(func.count()).select_from(_STAGED).where(_STAGED.c.job == job.id).scalar_subquery()
@@ -115,21 +98,14 @@ def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extracti
 
 
 def release(connection: Connection, job: JobRecord) -> None:
-    """Let another process go on at once.
-
-    Raises:
-        LostClaimError.
-    """
+    """Let another process go on at once; raises LostClaimError."""
     _change(connection, job, {"claimed_until": datetime.now(UTC)})
 
 
 def finish(connection: Connection, job: JobRecord, settings: JsonObject) -> None:
-    """Put what was extracted in the place of the old, and the task's settings with it.
+    """Put what was extracted in the place of the old, and the task's settings with it; raises LostClaimError.
 
     Call it after `tasks.lock` and when nothing is `pending`, in the same write transaction.
-
-    Raises:
-        LostClaimError.
     """
     staged = select(_STAGED.c.keyframes).where(_STAGED.c.job == job.id, _STAGED.c.episode == _EPISODES.c.id)
     connection.execute(
@@ -145,11 +121,7 @@ def finish(connection: Connection, job: JobRecord, settings: JsonObject) -> None
 
 
 def fail(connection: Connection, job: JobRecord, error: str) -> None:
-    """Give up; the task stays as it was.
-
-    Raises:
-        LostClaimError.
-    """
+    """Give up; the task stays as it was. Raises LostClaimError."""
     _end(connection, job, {"status": "failed", "error": error})
 
 

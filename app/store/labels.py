@@ -16,22 +16,15 @@ _LABELS = tables.labels
 
 @dataclass(frozen=True)
 class LabelRecord:
-    """One view of an object.
-
-    Attributes:
-        cameras: with the images of the view; the masks are this object's: 1 where it is.
-        num_pixels: of the mask, by camera.
-        yaw_deg: of the object's x axis about the vertical, to within ten degrees, or None.
-        episode_id: whose first frame it is; None for images of its own.
-    """
+    """One view of an object."""
 
     id: str
     task: str
     object: str
-    cameras: tuple[CameraRecord, ...]
-    num_pixels: Mapping[str, int]
-    yaw_deg: float | None
-    episode_id: str | None
+    cameras: tuple[CameraRecord, ...]  # with the images of the view; the masks are this object's: 1 where it is
+    num_pixels: Mapping[str, int]  # of the mask, by camera
+    yaw_deg: float | None  # of the object's x axis about the vertical, to within ten degrees, or None
+    episode_id: str | None  # whose first frame it is; None for images of its own
     created_at: datetime
 
 
@@ -44,11 +37,7 @@ def add(
     yaw_deg: float | None,
     episode_id: str | None,
 ) -> LabelRecord:
-    """A new label of the object `name`.
-
-    Raises:
-        NotFoundError: if there is no such task.
-    """
+    """A new label of the object `name`; raises NotFoundError."""
     tasks.lock(connection, task)
     record = LabelRecord(uuid4().hex, task, name, cameras, dict(num_pixels), yaw_deg, episode_id, datetime.now(UTC))
     values = {**vars(record), "cameras": [camera.to_json() for camera in cameras]}
@@ -57,11 +46,7 @@ def add(
 
 
 def all_of(connection: Connection, task: str, name: str | None = None) -> tuple[LabelRecord, ...]:
-    """The task's labels in the order they came, those of one object or all.
-
-    Raises:
-        NotFoundError: if there is no such task.
-    """
+    """The task's labels in the order they came, those of one object or all; raises NotFoundError."""
     tasks.get(connection, task)
     query = select(_LABELS).where(_LABELS.c.task == task).order_by(_LABELS.c.sequence)
     if name is not None:
@@ -75,11 +60,7 @@ def number_of(connection: Connection, task: str) -> int:
 
 
 def remove(connection: Connection, task: str, label_id: str) -> None:
-    """Delete a label; what was learned from it stays.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """Delete a label; what was learned from it stays. Raises NotFoundError."""
     tasks.get(connection, task)
     query = delete(_LABELS).where(_LABELS.c.task == task, _LABELS.c.id == label_id)
     if not connection.execute(query).rowcount:

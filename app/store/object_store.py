@@ -24,13 +24,10 @@ _FAILURES = (BaseError, UnknownConfigurationKeyError, OSError, ValueError)
 
 
 class ObjectBlobStore:
-    """A BlobStore in a bucket.
+    """A BlobStore in a bucket; raises StoreUnavailableError if the URL is none that obstore knows.
 
     Args:
         url: ``s3://bucket/prefix``; address and keys come from AWS_ENDPOINT_URL, AWS_ACCESS_KEY_ID and so on.
-
-    Raises:
-        StoreUnavailableError: if the URL is none that obstore knows.
     """
 
     def __init__(self, url: str) -> None:

@@ -6,9 +6,8 @@ from psycopg.types.string import StrDumper
 from sqlalchemy import Connection, Engine, event, exc, func, select
 from sqlalchemy.pool import ConnectionPoolEntry
 
-# SQLSTATEs of errors that the driver does not count among the operational ones
-# (https://www.postgresql.org/docs/current/errcodes-appendix.html).
-_READ_ONLY = "25006"
+# https://www.postgresql.org/docs/current/errcodes-appendix.html
+_READ_ONLY = "25006"  # a standby, or a database that its operator made read-only
 _CORRUPTED = ("XX001", "XX002")
 # Readers see one state throughout; psycopg sends both with the BEGIN, without another round trip.
 READ_OPTIONS = {"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
@@ -46,17 +45,12 @@ def lock_for_migration(connection: Connection) -> None:
     lock(connection, _MIGRATION_LOCK)
 
 
-def is_unavailable(error: exc.DatabaseError) -> bool:
-    """Whether a later attempt may succeed: a standby, or a database that its operator made read-only."""
-    return getattr(error.orig, "sqlstate", None) == _READ_ONLY
+def meaning(error: exc.DatabaseError) -> tuple[bool, bool, str]:
+    """Whether a later attempt may succeed, whether the server's files are damaged, and what it says.
 
-
-def reason_of(error: exc.DatabaseError) -> str:
-    """What the server says; of a failed connection only that it failed: the rest names host, port and user."""
+    Only errors that the driver does not count among the operational ones are told apart. Of a failed connection it says
+    no more than that: the rest names host, port and user.
+    """
+    state: str | None = getattr(error.orig, "sqlstate", None)
     message: str | None = getattr(getattr(error.orig, "diag", None), "message_primary", None)
-    return message or str(error.orig).partition(":")[0]
-
-
-def is_damaged(error: exc.DatabaseError) -> bool:
-    """Whether the server found its files damaged."""
-    return getattr(error.orig, "sqlstate", None) in _CORRUPTED
+    return state == _READ_ONLY, state in _CORRUPTED, message or str(error.orig).partition(":")[0]

@@ -1,10 +1,10 @@
-"""Queries on predictions. Each runs on the caller's transaction."""
+"""Queries on predictions, and on cases, which are kept to be asked again. Each runs on the caller's transaction."""
 
 from datetime import UTC, datetime
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import Connection, Row, delete, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
@@ -14,17 +14,13 @@ from app.store.tables import fetch_page
 from app.store.values import CameraRecord, ObjectRecord
 from app.store.visibility import of_visible_predictions, present
 
-_PREDICTIONS = tables.predictions
+_PREDICTIONS, _CASES = tables.predictions, tables.cases
 _INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
 _OUTCOMES = {"success": True, "failure": False, "unknown": None}
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
-    """Store a prediction; it belongs to the key whose request this is.
-
-    Raises:
-        NotFoundError: if its task has been deleted since it was asked for.
-    """
+    """Store a prediction, of the key whose request this is; raises NotFoundError if its task was deleted meanwhile."""
     values = {**vars(draft), "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
     objects = [item.to_json() for item in draft.objects]
     seen = {"objects": objects, "cameras": [item.to_json() for item in draft.cameras] or None}
@@ -36,11 +32,7 @@ def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
 
 
 def get(connection: Connection, prediction_id: str) -> PredictionRecord:
-    """The prediction.
-
-    Raises:
-        NotFoundError: if there is none of that id that is seen.
-    """
+    """The prediction; raises NotFoundError."""
     row = connection.execute(select(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id)).first()
     if row is None or not present().has_prediction(row.task, row.key_id):
         raise NotFoundError("prediction", prediction_id)
@@ -59,24 +51,36 @@ def list_page(
     """Predictions that are seen, newest first, of one task or of all, with any outcome or one; or `cases` alone."""
     query = of_visible_predictions(select(_PREDICTIONS), task)
     if cases:
-        query = query.where(_PREDICTIONS.c.id.in_(select(tables.cases.c.prediction_id)))
+        query = query.where(_PREDICTIONS.c.id.in_(select(_CASES.c.prediction_id)))
     if outcome is not None:
         query = query.where(_PREDICTIONS.c.outcome_success.is_(_OUTCOMES[outcome]))
-    rows, next_cursor = fetch_page(connection, _PREDICTIONS, query, limit, cursor)
-    return Page(tuple(_record(row) for row in rows), next_cursor)
+    return fetch_page(connection, _PREDICTIONS, query, limit, cursor, _record)
 
 
 def record_outcome(connection: Connection, prediction_id: str, success: bool, note: str | None) -> PredictionRecord:
-    """Write down how the robot fared; a later outcome replaces an earlier one.
-
-    Raises:
-        NotFoundError: if there is no prediction of that id that is seen.
-        ForbiddenError: if another key asked for it.
-    """
+    """Write down how the robot fared; a later outcome replaces an earlier one. Raises NotFoundError, ForbiddenError."""
     present().require_own(get(connection, prediction_id).key_id)
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
     return get(connection, prediction_id)
+
+
+def keep_as_case(connection: Connection, prediction_id: str) -> None:
+    """Make the prediction a case, also if it is one; it is not deleted for its age or size. Raises NotFoundError."""
+    get(connection, prediction_id)
+    if not is_case(connection, prediction_id):
+        connection.execute(insert(_CASES).values(prediction_id=prediction_id, created_at=datetime.now(UTC)))
+
+
+def drop_case(connection: Connection, prediction_id: str) -> None:
+    """Let the prediction be no case any more; it stays. Raises NotFoundError."""
+    get(connection, prediction_id)
+    connection.execute(delete(_CASES).where(_CASES.c.prediction_id == prediction_id))
+
+
+def is_case(connection: Connection, prediction_id: str) -> bool:
+    """Whether the prediction is one."""
+    return connection.scalar(select(_CASES.c.created_at).where(_CASES.c.prediction_id == prediction_id)) is not None
 
 
 def _record(row: Row[Any]) -> PredictionRecord:

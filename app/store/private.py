@@ -21,13 +21,10 @@ def private_opener(path: str, flags: int) -> int:
 
 
 def private_file(path: Path) -> None:
-    """Make the file if it is not there, and take it from others if it is.
+    """Make the file if it is not there, and take it from others if it is; raises OSError.
 
     A file that is there is never opened: to close it would drop every lock that this process holds on it, SQLite's
     among them (https://sqlite.org/howtocorrupt.html, 2.2), and another process would then delete the log in use.
-
-    Raises:
-        OSError: if it cannot be made.
     """
     try:
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), FILE_MODE))
@@ -57,11 +54,7 @@ def private_folder(path: Path) -> None:
 
 
 def require_ours(path: Path, mode: int) -> None:
-    """Refuse a folder whose mode is not ours to change.
-
-    Raises:
-        StoreUnavailableError.
-    """
+    """Refuse a folder whose mode is not ours to change; raises StoreUnavailableError."""
     opened = f"data directory {path} is open to others (mode {mode:03o})"
     owner = path.stat().st_uid
     if owner != os.geteuid() and os.geteuid() != 0:

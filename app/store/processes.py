@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from app.store.errors import disk_unavailable
+from app.store.errors import disk_errors
 from app.store.private import FOLDER_MODE, private_opener
 
 
@@ -43,13 +43,9 @@ class Turns:
         self._folder = folder
 
     def take(self, name: str) -> Turn | None:
-        """The turn of that name, or None while it is held elsewhere.
-
-        Raises:
-            StoreUnavailableError: if the folder cannot be written.
-        """
+        """The turn of that name, or None while it is held elsewhere; raises StoreUnavailableError."""
         path = self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest()
-        try:
+        with disk_errors("turns of requests"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
             descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
             with suppress(BlockingIOError, FileNotFoundError):
@@ -57,8 +53,6 @@ class Turns:
                 if os.fstat(descriptor).st_ino == path.stat().st_ino:
                     return Turn(path, descriptor)
             os.close(descriptor)
-        except OSError as error:
-            raise disk_unavailable("turns of requests", error) from error
         return None
 
 
@@ -85,20 +79,14 @@ class UnderWayNotes:
         self._folder = folder
 
     def begin(self, note: UnderWay) -> None:
-        """Let others see it.
-
-        Raises:
-            StoreUnavailableError: if it cannot be written.
-        """
+        """Let others see it; raises StoreUnavailableError."""
         path = self._path(note.id)
         unfinished = path.with_suffix(".tmp")
-        try:
+        with disk_errors("note of a prediction under way"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
             with open(unfinished, "w", opener=private_opener) as file:
                 json.dump(asdict(note), file)
             unfinished.rename(path)
-        except OSError as error:
-            raise disk_unavailable("note of a prediction under way", error) from error
 
     def end(self, note_id: str) -> None:
         """Forget it, if it is there."""

@@ -28,17 +28,12 @@ TaskState = tuple[str, datetime, int]
 
 @dataclass(frozen=True)
 class TaskRecord:
-    """A task.
-
-    Attributes:
-        version: grows with every change that may alter a prompt.
-        object_names: in the first episode's order, or None while there is no episode.
-    """
+    """A task."""
 
     name: str
-    version: int
+    version: int  # grows with every change that may alter a prompt
     settings: JsonObject
-    object_names: tuple[str, ...] | None
+    object_names: tuple[str, ...] | None  # in the first episode's order, or None while there is no episode
     created_at: datetime
     updated_at: datetime
 
@@ -60,16 +55,7 @@ class TaskCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeFields:
-    """What a new and a stored episode have in common.
-
-    Attributes:
-        given_objects: the objects as the caller sent them: their poses can be estimated again.
-        extra: what else was uploaded; None in lists, which do not read it.
-        prediction_id: of the prediction that the episode carried out, if any.
-        left_out: kept, but shown in no prompt.
-        note: what a person says of it.
-        uploaded_instruction: what it came with, where `instruction` was corrected since.
-    """
+    """What a new and a stored episode have in common."""
 
     id: str
     created_at: datetime
@@ -79,27 +65,23 @@ class EpisodeFields:
     control_frequency_hz: float
     keyframes: tuple[KeyframeRecord, ...]
     objects: tuple[ObjectRecord, ...]
-    given_objects: tuple[JsonObject, ...]
+    given_objects: tuple[JsonObject, ...]  # the objects as the caller sent them: their poses can be estimated again
     cameras: tuple[CameraRecord, ...]
-    extra: JsonObject | None = None
-    prediction_id: str | None = None
-    left_out: bool = False
-    note: str = ""
-    uploaded_instruction: str | None = None
+    extra: JsonObject | None = None  # what else was uploaded; None in lists, which do not read it
+    prediction_id: str | None = None  # of the prediction that the episode carried out, if any
+    left_out: bool = False  # kept, but shown in no prompt
+    note: str = ""  # what a person says of it
+    uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeDraft(EpisodeFields):
-    """A new episode.
-
-    Attributes:
-        trajectory: as `trajectories.pack` makes it, which takes too long for a transaction.
-    """
+    """A new episode."""
 
     id: str = field(default_factory=lambda: uuid4().hex)
     created_at: datetime = field(default_factory=lambda: datetime.now(UTC))
     extra: JsonObject
-    trajectory: bytes
+    trajectory: bytes  # as `trajectories.pack` makes it, which takes too long for a transaction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,14 +89,6 @@ class EpisodeRecord(EpisodeFields):
     """A stored episode; its trajectory is read on its own."""
 
     sequence: int
-
-
-@dataclass(frozen=True)
-class SceneRecord:
-    """Where an episode's objects stood at its first frame."""
-
-    id: str
-    objects: tuple[ObjectRecord, ...]
 
 
 @dataclass(frozen=True)
@@ -185,11 +159,7 @@ class PredictionDraft:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionRecord(PredictionDraft):
-    """A stored prediction; its outcome is None until somebody records one.
-
-    Attributes:
-        key_id: of the API key that asked for it; None where none was needed.
-    """
+    """A stored prediction; its outcome is None until somebody records one."""
 
     id: str
     sequence: int
@@ -197,7 +167,7 @@ class PredictionRecord(PredictionDraft):
     outcome_success: bool | None
     outcome_note: str | None
     outcome_at: datetime | None
-    key_id: str | None
+    key_id: str | None  # of the API key that asked for it; None where none was needed
 
 
 @dataclass(frozen=True)
@@ -210,24 +180,17 @@ class StoredResponse:
 
 @dataclass(frozen=True)
 class JobRecord:
-    """The re-extraction of a task's episodes with changed settings.
-
-    Attributes:
-        changes: of the task's settings; they hold when the job is done.
-        num_episodes: of the task when the job was last at work; `num_extracted` of them are extracted.
-        error: why it failed.
-        claim: of the process that works at it, until `claimed_until` unless it says otherwise.
-    """
+    """The re-extraction of a task's episodes with changed settings."""
 
     sequence: int
     id: str
     task: str
-    changes: JsonObject
+    changes: JsonObject  # of the task's settings; they hold when the job is done
     status: JobStatus
-    num_episodes: int
+    num_episodes: int  # of the task when the job was last at work; `num_extracted` of them are extracted
     num_extracted: int
-    error: str | None
-    claim: str | None
+    error: str | None  # why it failed
+    claim: str | None  # of the process that works at it, until `claimed_until` unless it says otherwise
     claimed_until: datetime
     created_at: datetime
     finished_at: datetime | None

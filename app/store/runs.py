@@ -29,9 +29,7 @@ class RunRecord:
 
 
 def report(connection: Connection, run_id: str, task: str, state: JsonObject) -> bool:
-    """Write down what the robot says, of a new run or one that is known; returns whether it shall stop.
-
-    A run belongs to the key that began it.
+    """Write down what the robot says, of a run that is new or its key's own; returns whether it shall stop.
 
     Raises:
         NotFoundError: if there is no such task, or the run is another key's or task's.
@@ -53,11 +51,7 @@ def report(connection: Connection, run_id: str, task: str, state: JsonObject) ->
 
 
 def end(connection: Connection, run_id: str) -> bool:
-    """Forget a run of the present key; returns whether somebody had stopped it.
-
-    Raises:
-        NotFoundError: if the key has none of that id.
-    """
+    """Forget a run of the present key; returns whether somebody had stopped it. Raises NotFoundError."""
     own = and_(_RUNS.c.id == run_id, _RUNS.c.key_id == (present().key_id or None))
     stopped = connection.scalar(select(_RUNS.c.stop).where(own).with_for_update())
     if stopped is None:
@@ -67,11 +61,7 @@ def end(connection: Connection, run_id: str) -> bool:
 
 
 def stop(connection: Connection, run_id: str) -> RunRecord:
-    """Let the next answer to the robot say that it shall stop; that stays so, and the audit log has it.
-
-    Raises:
-        NotFoundError: if there is none of that id that is seen.
-    """
+    """Let the next answer to the robot say that it shall stop; that stays so. Raises NotFoundError."""
     row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
     if row is None or not present().has_prediction(row.task, row.key_id):
         raise NotFoundError("run", run_id)

@@ -71,11 +71,7 @@ class WriterQueue:
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """Wait for the others.
-
-        Raises:
-            StoreUnavailableError: if that takes too long.
-        """
+        """Wait for the others; raises StoreUnavailableError."""
         if not self._lock.acquire(timeout=self._timeout_s):
             raise StoreUnavailableError(f"the database was busy with other writers for {self._timeout_s:g} s")
         try:
@@ -123,10 +119,10 @@ def check_foreign_keys(connection: Connection) -> None:
 
 
 def require_plain(path: Path) -> None:
-    """Make sure that a file from elsewhere holds tables and indexes, and nothing that SQLite would run.
+    """Refuse a file from elsewhere that holds what SQLite would run: a view, trigger or virtual table.
 
     Raises:
-        CorruptDataError: naming a view, trigger or virtual table; or if it is no database.
+        CorruptDataError: naming it; or if the file is no database.
     """
     query = "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index') OR sql LIKE 'CREATE VIRTUAL%'"
     try:

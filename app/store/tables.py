@@ -1,5 +1,6 @@
 """The tables, as `migrations/` makes them (a test compares the two), and pages of those that grow."""
 
+from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -24,6 +25,8 @@ from sqlalchemy import (
     Text,
     TypeDecorator,
 )
+
+from app.store.records import Page, T
 
 # Constraints that have names can be altered by a later migration on every database.
 NAMING_CONVENTION = {
@@ -247,9 +250,14 @@ audit_log = Table(
 
 
 def fetch_page(
-    connection: Connection, table: Table, query: Select[Any], limit: int, cursor: int | None
-) -> tuple[list[Row[Any]], int | None]:
-    """At most `limit` rows of `query`, newest first, that are older than `cursor`, and the cursor for the rest.
+    connection: Connection,
+    table: Table,
+    query: Select[Any],
+    limit: int,
+    cursor: int | None,
+    record_of: Callable[[Row[Any]], T],
+) -> Page[T]:
+    """At most `limit` rows of `query`, newest first, that are older than `cursor`.
 
     By the last row's number and not by offset: rows that come do not shift a page.
 
@@ -259,5 +267,4 @@ def fetch_page(
     if cursor is not None:
         query = query.where(table.c.sequence < cursor)
     rows = list(connection.execute(query.order_by(table.c.sequence.desc()).limit(limit + 1)))
-    more = len(rows) > limit
-    return rows[:limit], rows[limit - 1].sequence if more else None
+    return Page(tuple(map(record_of, rows[:limit])), rows[limit - 1].sequence if len(rows) > limit else None)

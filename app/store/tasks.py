@@ -21,12 +21,7 @@ _STATE = select(_TASKS.c.name, _TASKS.c.created_at, _TASKS.c.version).where(_TAS
 
 
 def get(connection: Connection, name: str) -> TaskRecord:
-    """The task.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-        ForbiddenTaskError: if the key that asks is for others.
-    """
+    """The task; raises NotFoundError, ForbiddenTaskError."""
     present().require_task(name)
     if (row := connection.execute(_GET, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
@@ -34,22 +29,14 @@ def get(connection: Connection, name: str) -> TaskRecord:
 
 
 def state(connection: Connection, name: str) -> TaskState:
-    """The task's state, which costs less to read than the task.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-    """
+    """The task's state, which costs less to read than the task; raises NotFoundError."""
     if (row := connection.execute(_STATE, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
     return (row.name, row.created_at, row.version)
 
 
 def lock(connection: Connection, name: str) -> TaskRecord:
-    """The task, which no other transaction changes until this one ends.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-    """
+    """The task, which no other transaction changes until this one ends; raises NotFoundError."""
     if (task := _locked(connection, name)) is None:
         raise NotFoundError("task", name)
     return task
@@ -99,11 +86,7 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
 
 
 def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
-    """Replace the task's settings; the version grows if they differ.
-
-    Raises:
-        NotFoundError: if there is no task of that name.
-    """
+    """Replace the task's settings; the version grows if they differ. Raises NotFoundError."""
     task = lock(connection, name)
     if task.settings != settings:
         change(connection, name, {"settings": settings})
@@ -120,19 +103,14 @@ def require_version(connection: Connection, name: str, version: int) -> None:
     """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
 
     Raises:
-        ConflictError: if something did; read again and repeat the work.
-        NotFoundError: if there is no task of that name.
+        ConflictError, NotFoundError: if something did: read again and repeat the work.
     """
     if (current := lock(connection, name).version) != version:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 
 def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
-    """How much is stored of every task that is seen.
-
-    Args:
-        without_models: whose predictions are not counted.
-    """
+    """How much is stored of every task that is seen, without the predictions of `without_models`."""
     episodes, predictions = tables.episodes, tables.predictions
     episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
     outcomes = select(

@@ -49,11 +49,7 @@ def pack(trajectory: Trajectory) -> bytes:
 
 
 def unpack(blob: bytes, episode_id: str) -> Trajectory:
-    """The Trajectory that `pack` was given.
-
-    Raises:
-        CorruptDataError: naming `episode_id`, if the blob is damaged or of an unknown layout.
-    """
+    """The Trajectory that `pack` was given; raises CorruptDataError, naming `episode_id`, for any other bytes."""
     if not blob.startswith(_MAGIC):
         raise CorruptDataError("trajectory", episode_id, f"unknown layout {blob[: len(_MAGIC)]!r}")
     try:
@@ -81,22 +77,20 @@ def _flags(names: Sequence[str]) -> int:
 
 
 def _shape_of_frame(name: str, num_joints: int, num_objects: int) -> tuple[int, ...]:
-    match name:
-        case "joint_velocities_rad_s" | "joint_positions_rad":
-            return (num_joints,)
-        case "object_positions_m":
-            return (num_objects, 3)
-        case "object_quaternions_xyzw":
-            return (num_objects, 4)
-    return {"positions_m": (3,), "quaternions_xyzw": (4,), "wrenches_n_nm": (6,)}.get(name, ())
+    shapes = {
+        "joint_velocities_rad_s": (num_joints,),
+        "joint_positions_rad": (num_joints,),
+        "positions_m": (3,),
+        "quaternions_xyzw": (4,),
+        "object_positions_m": (num_objects, 3),
+        "object_quaternions_xyzw": (num_objects, 4),
+        "wrenches_n_nm": (6,),
+    }
+    return shapes.get(name, ())
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
-    """The trajectories of several episodes, in the order of `ids`.
-
-    Raises:
-        NotFoundError, CorruptDataError: as `get_trajectory`.
-    """
+    """The trajectories of several episodes, in the order of `ids`; raises NotFoundError, CorruptDataError."""
     query = select(_EPISODES.c.id, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
     found: dict[str, bytes] = {row.id: row.trajectory for row in connection.execute(query)}
     for episode_id in ids:
@@ -106,12 +100,7 @@ def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajec
 
 
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
-    """The episode's trajectory, as it was stored.
-
-    Raises:
-        NotFoundError: if there is no episode of that id.
-        CorruptDataError: if the stored bytes are damaged.
-    """
+    """The episode's trajectory, as it was stored; raises NotFoundError, CorruptDataError."""
     query = select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
     blob = connection.scalar(of_visible_tasks(query, _EPISODES.c.task))
     if blob is None:

@@ -76,17 +76,13 @@ class ObjectRecord:
 
 @dataclass(frozen=True)
 class KeyframeRecord:
-    """The action at frame `index` of an episode: position (3) m and quaternion (4) in the world frame.
-
-    Attributes:
-        objects: the objects' poses at that frame, where the episode tracked them.
-    """
+    """The action at frame `index` of an episode: position (3) m and quaternion (4) in the world frame."""
 
     index: int
     position_m: tuple[float, ...]
     quaternion_xyzw: tuple[float, ...]
     gripper_open: bool
-    objects: tuple[ObjectRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = ()  # the objects' poses at that frame, where the episode tracked them
 
     @classmethod
     def of(cls, index: int, action: EndEffectorAction, objects: Iterable[ObjectPose] = ()) -> Self:
@@ -118,13 +114,9 @@ class KeyframeRecord:
 
 @dataclass(frozen=True)
 class CameraRecord:
-    """A camera, and the digests of its encoded images of the first frame, as uploaded.
+    """A camera, and the digests of its encoded images of the first frame, as uploaded."""
 
-    Attributes:
-        calibration: as an upload's metadata has it (`camera_json`).
-    """
-
-    calibration: JsonObject
+    calibration: JsonObject  # as an upload's metadata has it (`camera_json`)
     rgb_digest: str | None = None
     depth_digest: str | None = None
     mask_digest: str | None = None

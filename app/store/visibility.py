@@ -17,32 +17,20 @@ _PREDICTIONS = tables.predictions
 
 @dataclass(frozen=True)
 class Visibility:
-    """What one key may see; without arguments everything.
+    """What one key may see; without arguments everything."""
 
-    Attributes:
-        key_id: whose request it is.
-        tasks: the only tasks that the key is for; None: any.
-        others: whether predictions that others asked for are seen.
-        demonstrations: whether what was taught is seen: prompts, which hold it, too.
-        judges_others: whether the outcome of others' predictions may be recorded.
-    """
-
-    key_id: str = NO_KEY
-    tasks: tuple[str, ...] | None = None
-    others: bool = True
-    demonstrations: bool = True
-    judges_others: bool = True
+    key_id: str = NO_KEY  # whose request it is
+    tasks: tuple[str, ...] | None = None  # the only tasks that the key is for; None: any
+    others: bool = True  # whether predictions that others asked for are seen
+    demonstrations: bool = True  # whether what was taught is seen: prompts, which hold it, too
+    judges_others: bool = True  # whether the outcome of others' predictions may be recorded
 
     def has_task(self, name: str) -> bool:
         """Whether the key is for this task."""
         return self.tasks is None or name in self.tasks
 
     def require_task(self, name: str) -> None:
-        """Refuse a task that the key is not for, whether or not there is one of that name.
-
-        Raises:
-            ForbiddenTaskError.
-        """
+        """Refuse a task that the key is not for, whether or not there is one; raises ForbiddenTaskError."""
         if self.tasks is not None and name not in self.tasks:
             raise ForbiddenTaskError(name, self.tasks)
 
@@ -51,20 +39,12 @@ class Visibility:
         return self.has_task(task) and (self.others or key_id == self.key_id)
 
     def require_own(self, key_id: str | None) -> None:
-        """Refuse to record the outcome of what another key asked for.
-
-        Raises:
-            ForbiddenError.
-        """
+        """Refuse to record the outcome of what another key asked for; raises ForbiddenError."""
         if not self.judges_others and key_id != self.key_id:
             raise ForbiddenError("another key asked for this prediction: that key records its outcome, or an admin key")
 
     def require_demonstrations(self) -> None:
-        """Refuse to show what was taught to who may not read it.
-
-        Raises:
-            ForbiddenError.
-        """
+        """Refuse to show what was taught to who may not read it; raises ForbiddenError."""
         if not self.demonstrations:
             raise ForbiddenError("a dry run shows the demonstrations: this needs a key with the scope read, too")
 
@@ -89,11 +69,7 @@ def seeing(visibility: Visibility) -> Iterator[None]:
 
 
 def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | None = None) -> Select[Any]:
-    """`query`, narrowed to a task, or to those that are seen.
-
-    Raises:
-        ForbiddenTaskError: if `name` is a task that is not.
-    """
+    """`query`, narrowed to a task, or to those that are seen; raises ForbiddenTaskError."""
     if name is not None:
         present().require_task(name)
         return query.where(task == name)
@@ -102,11 +78,7 @@ def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | N
 
 
 def of_visible_predictions(query: Select[Any], task: str | None = None) -> Select[Any]:
-    """`query` on predictions, narrowed to those of a task, or of all tasks, that are seen.
-
-    Raises:
-        ForbiddenTaskError: if `task` is not seen.
-    """
+    """`query` on predictions, narrowed to those that are seen, of a task or of all; raises ForbiddenTaskError."""
     query = of_visible_tasks(query, _PREDICTIONS.c.task, task)
     visibility = present()
     return query if visibility.others else query.where(_PREDICTIONS.c.key_id == visibility.key_id)

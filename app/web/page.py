@@ -1,11 +1,14 @@
 """A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words.
 
-Lists show small pictures. Browsers keep our own style sheet and scripts.
+How pages write numbers, dates, shares, and the names of tasks: a session of `roboprompt eval --url` names the tasks
+that it teaches `TASK.eval-SESSION`. Lists show small pictures. Browsers keep our own style sheet and scripts.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Coroutine
+import re
+from collections.abc import Callable, Coroutine, Iterable
+from datetime import UTC
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
@@ -24,10 +28,11 @@ from starlette.types import Scope
 from app.api.access_rules import COOKIE, GUIDE
 from app.api.problems import problem_of
 from app.perception.images import decode_rgb
+from app.pipeline.success_rate import SuccessRate
 from app.store.blobs import BlobStore
+from app.store.records import TaskCounts
 from app.store.values import CameraRecord
-from app.web.scene_picture import picture_of_episode, picture_of_prediction
-from app.web.texts import FILTERS, interval_text
+from app.web.scene import picture_of_episode, picture_of_prediction
 from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
@@ -35,6 +40,9 @@ SITE = Path(__file__).parent / "site"  # built by `make docs`, and part of the w
 FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content
 WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
+NOTHING = "\N{EN DASH}"
+_PART = re.compile(r"[^/_]+[/_]*|[/_]+")
+_EVALUATED = re.compile(r"(.+)\.eval-([0-9a-f]{6})", re.DOTALL)
 # Swagger UI sets style attributes; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
     "default-src 'none'",
@@ -62,15 +70,9 @@ NAVIGATION = (
 )
 
 
-def _digest() -> str:
-    """Equal for equal files: part of their addresses, so that scripts that import each other stay of one version."""
-    digest = hashlib.sha256()
-    for path in sorted(FOLDER.iterdir()):
-        digest.update(f"\0{path.name}\0".encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-STATIC_ADDRESS = f"/ui/static/{_digest()}"
+# Equal for equal files, so that scripts that import each other stay of one version.
+_CONTENT = b"".join(f"\0{path.name}\0".encode() + path.read_bytes() for path in sorted(FOLDER.iterdir()))
+STATIC_ADDRESS = f"/ui/static/{hashlib.sha256(_CONTENT).hexdigest()[:12]}"
 
 
 class _Immutable(StaticFiles):
@@ -107,22 +109,67 @@ def pictured(cameras: tuple[CameraRecord, ...]) -> str | None:
     return next((camera.name for camera in cameras if camera.rgb_digest is not None), None)
 
 
-def _environment() -> Environment:
-    """Templates that escape everything: names, instructions, replies and errors are data."""
-    environment = Environment(
-        loader=PackageLoader("app.web"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(FILTERS)
-    environment.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
-    environment.globals.update(picture_of_episode=picture_of_episode, picture_of_prediction=picture_of_prediction)
-    return environment
+def success_rate(counts: TaskCounts) -> float | None:
+    """The share of successes among the predictions whose outcome was recorded; None without any."""
+    recorded = counts.successes + counts.failures
+    return counts.successes / recorded if recorded else None
 
 
-_ENVIRONMENT = _environment()
+def interval_text(successes: int, failures: int) -> str:
+    """Wilson's 95 % interval of the rate of success, in whole percent; a dash without any trial."""
+    if not (trials := successes + failures):
+        return NOTHING
+    low, high = SuccessRate(successes, trials).interval
+    return f"{100 * low:.0f}{NOTHING}{100 * high:.0f}\N{NO-BREAK SPACE}%"
+
+
+def plural(number: int, one: str, many: str = "") -> str:
+    """``1 episode``, ``2 episodes``."""
+    return f"{number:,} {one if number == 1 else many or one + 's'}"
+
+
+def is_evaluated(name: str) -> bool:
+    """Whether a session of an evaluation taught the task."""
+    return _EVALUATED.fullmatch(name) is not None
+
+
+def task_text(name: str) -> str:
+    """The task's name as pages show it: ``push_button, evaluation fe7416`` for those of evaluations."""
+    match = _EVALUATED.fullmatch(name)
+    return name if match is None else f"{match[1]}, evaluation {match[2]}"
+
+
+def by_origin(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """The tasks that people or robots taught, and those of evaluations."""
+    listed = list(names)
+    evaluated = [name for name in listed if is_evaluated(name)]
+    return [name for name in listed if name not in evaluated], evaluated
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "date": lambda moment: f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC",
+    "number": "{:,}".format,
+    "metres": lambda position_m: ", ".join(f"{value:z.3f}" for value in position_m),
+    # a quaternion for a field: to a hundredth of a degree
+    "rotation": lambda quaternion_xyzw: " ".join(f"{round(value, 5) + 0.0:g}" for value in quaternion_xyzw),
+    # a name of several parts that a narrow column may break between them, and nowhere else; escaped
+    "breakable": lambda name: Markup("<wbr>").join(Markup.escape(part) for part in _PART.findall(name)),
+    "share": lambda share: NOTHING if share is None else f"{100 * share:.0f}\N{NO-BREAK SPACE}%",
+    "success_rate": success_rate,
+    "plural": plural,
+    "fate": {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}.__getitem__,
+    "task": task_text,
+    "by_origin": by_origin,
+}
+
+
+# Templates escape everything: names, instructions, replies and errors are data.
+_ENVIRONMENT = Environment(
+    loader=PackageLoader("app.web"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+)
+_ENVIRONMENT.filters.update(FILTERS)
+_ENVIRONMENT.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
+_ENVIRONMENT.globals.update(picture_of_episode=picture_of_episode, picture_of_prediction=picture_of_prediction)
 
 
 def render(request: Request, template: str, status_code: int = 200, **shown: object) -> HTMLResponse:

@@ -1,21 +1,24 @@
-"""Motion that a page plays: of an episode as it was recorded, of a prediction before a robot carries it out.
+"""What the 3D view shows beside the scene: motion, and what a camera with depth saw.
 
-A document for `static/player.js`: times in seconds and, for each, the hand's pose and gripper in the world frame, and
-where the arm's joints stand if the arm is known.
+Motion is a document for `static/player.js`, of an episode as it was recorded or of a prediction before a robot carries
+it out: times in seconds and, for each, the hand's pose and gripper in the world frame, and where the arm's joints stand
+if the arm is known. Points are bytes for `static/points3d.js`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject
 from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand, skeleton
 from roboprompt_client.arrays import Array
+from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import MotionError
 from roboprompt_client.trajectory import Trajectory
 
@@ -24,6 +27,8 @@ JOINTS = 7  # of the arms whose kinematics are known
 HAND_M_S, HAND_RAD_S = 0.25, 1.0  # how fast a prediction is played
 GRIPPER_S = 0.5  # how long the hand rests where its gripper opens or closes
 STEP_S = 0.1
+MAX_POINTS = 30_000
+AROUND_M = 0.3  # beyond the workspace, on each side: the room behind it is left out
 
 
 def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettings) -> JsonObject:
@@ -89,16 +94,12 @@ def _arrivals_s(poses: Sequence[tuple[Array, Array, bool]]) -> Array:
 def _arm(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
     """(M, 9, 3) the arm at the first M poses, base frame: up to where it gets; None if not even to the first."""
     found: list[Array] = []
-    with suppress(MotionError):
-        found.extend(_skeletons(geometry, positions_m, quaternions_xyzw))
-    return np.array(found) if found else None
-
-
-def _skeletons(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Iterator[Array]:
     joints = geometry.ready_rad
-    for position_m, quaternion in zip(positions_m, quaternions_xyzw, strict=True):
-        joints = geometry.way(joints, position_m, quaternion)
-        yield skeleton(joints)
+    with suppress(MotionError):
+        for position_m, quaternion in zip(positions_m, quaternions_xyzw, strict=True):
+            joints = geometry.way(joints, position_m, quaternion)
+            found.append(skeleton(joints))
+    return np.array(found) if found else None
 
 
 def _document(
@@ -114,3 +115,21 @@ def _document(
         "speeds_m_s": np.append(speeds, speeds[-1:]).round(4).tolist() if len(speeds) else [0.0],
         "arm": None if arm_m is None else arm_m.round(3).tolist(),
     }
+
+
+def point_cloud(frame: RgbdFrame, workspace: WorkspaceSettings) -> bytes:
+    """N points in and around the workspace, at most MAX_POINTS, evenly of all that there are.
+
+    Returns:
+        (N, 3) little-endian float32 x y z in meters, world frame; after them (N, 3) uint8 red, green, blue.
+    """
+    assert frame.depth_m is not None, "the camera has depth"
+    assert frame.rgb is not None, "the camera has color"
+    rows, columns = np.nonzero(frame.depth_m > 0)
+    points = frame.camera.deproject(rows, columns, frame.depth_m[rows, columns])
+    low, high = np.array(workspace.min) - AROUND_M, np.array(workspace.max) + AROUND_M
+    kept = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    if len(kept) > MAX_POINTS:
+        kept = np.random.default_rng(0).choice(kept, MAX_POINTS, replace=False)
+    colors = frame.rgb[rows[kept], columns[kept]]
+    return points[kept].astype("<f4").tobytes() + colors.astype(np.uint8).tobytes()

@@ -1,8 +1,8 @@
-"""A recorded prediction with all that its page shows, and two of them side by side."""
+"""A recorded prediction with all that its page shows, two of them side by side, and success over time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import numpy as np
@@ -11,18 +11,21 @@ from sqlalchemy import Connection
 
 from app.pipeline.deviation import ActionDeviation
 from app.pipeline.spans import Span, prompt_spans
+from app.pipeline.success_rate import SuccessRate
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
 from app.services.task_settings import TaskSettings
-from app.store import configurations, episodes, predictions, tasks
-from app.store.configurations import Configuration, Counts
-from app.store.prediction_lists import Fate
+from app.store import episodes, prediction_lists, predictions, tasks
+from app.store.prediction_lists import Configuration, Counts, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
 
+MAX_STRETCHES = 10
+LEAST = 3  # predictions in a stretch: of fewer the interval is nearly everything
+WIDTH, HEIGHT = 100.0, 28.0  # units of the drawing
 STAGES = {
     "read": "Reading the demonstrations",
     "poses": "Finding the objects",
@@ -176,7 +179,7 @@ def compare(connection: Connection, one: PredictionView, other: PredictionView) 
     return Comparison(
         (one, other),
         (_counts_of(connection, first), _counts_of(connection, second)),
-        _differences(first, second),
+        (*_differences(_settings(first), _settings(second)), *_differences(_costs(first), _costs(second), True)),
         tuple(_pair(a, b) for a, b in zip_longest(first.actions or (), second.actions or ())),
         {item.name: float(np.linalg.norm(np.array(item.position_m) - places[item.name])) for item in common},
         first.prompt_user == second.prompt_user,
@@ -184,14 +187,10 @@ def compare(connection: Connection, one: PredictionView, other: PredictionView) 
 
 
 def _counts_of(connection: Connection, record: PredictionRecord) -> Counts | None:
-    return configurations.counts(connection, record.task).get(Configuration.of(record))
+    return prediction_lists.counts_by_configuration(connection, record.task).get(Configuration.of(record))
 
 
-def _differences(one: PredictionRecord, other: PredictionRecord) -> tuple[Difference, ...]:
-    return (*_differences_of(_settings(one), _settings(other)), *_differences_of(_costs(one), _costs(other), True))
-
-
-def _differences_of(one: JsonObject, other: JsonObject, are_costs: bool = False) -> Iterator[Difference]:
+def _differences(one: JsonObject, other: JsonObject, are_costs: bool = False) -> Iterator[Difference]:
     for name in dict.fromkeys([*one, *other]):
         text = name.replace("num_", "number of ").replace("_", " ")
         yield Difference(text, one.get(name), other.get(name), are_costs)
@@ -219,3 +218,36 @@ def _pair(one: JsonObject | None, other: JsonObject | None) -> ActionPair:
     distance_m = float(np.linalg.norm(np.subtract(one["position"], other["position"])))
     turn = Rotation.from_quat(one["quaternion_xyzw"]).inv() * Rotation.from_quat(other["quaternion_xyzw"])
     return ActionPair(one, other, distance_m, float(np.degrees(turn.magnitude())))
+
+
+@dataclass(frozen=True)
+class OverTime:
+    """What the template draws.
+
+    Attributes:
+        line: the rate of each stretch, as SVG writes points.
+        band: around their 95 % intervals, as SVG writes points.
+        words: the same for people who do not see it.
+    """
+
+    line: str
+    band: str
+    words: str
+
+
+def over_time(successes: Sequence[bool]) -> OverTime | None:
+    """Success in stretches of equally many predictions, oldest first; None where they are too few for two stretches."""
+    number = min(MAX_STRETCHES, len(successes) // LEAST)
+    if number < 2:
+        return None
+    ends = [round(k * len(successes) / number) for k in range(number + 1)]
+    rates = [SuccessRate(sum(successes[a:b]), b - a) for a, b in pairwise(ends)]
+    line = [_point(k, number, rate.successes / rate.trials) for k, rate in enumerate(rates)]
+    low = [_point(k, number, rate.interval[0]) for k, rate in enumerate(rates)]
+    high = [_point(k, number, rate.interval[1]) for k, rate in enumerate(rates)]
+    words = ", ".join(f"{rate.successes} of {rate.trials}" for rate in rates)
+    return OverTime(" ".join(line), " ".join([*low, *reversed(high)]), f"in turn {words}")
+
+
+def _point(index: int, number: int, share: float) -> str:
+    return f"{WIDTH * index / (number - 1):.1f},{HEIGHT * (1 - share):.1f}"

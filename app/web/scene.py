@@ -1,22 +1,32 @@
-"""A scene for `static/scene3d.js`: workspace, path, end-effector frames and objects; world frame, metres.
+"""A scene as pages show it; world frame, metres.
 
-Each object has a color: where its name says one, that one, so that a blue cube is blue.
+For `static/scene3d.js` a document of workspace, path, end-effector frames and objects; where no camera's picture was
+sent, a small drawing of the poses, of which the template makes SVG. Objects have the color that their names say.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import cycle
+from dataclasses import dataclass
+from itertools import cycle, product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.overlay import PALETTE
 from app.pipeline.order.vocabulary import COLORS
 from app.services.setting_parts import WorkspaceSettings
+from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject, ObjectRecord
+from roboprompt_client.arrays import Array
 
 MAX_PATH_POINTS = 2000
+WIDTH, HEIGHT, MARGIN = 96.0, 72.0, 8.0  # units of the drawing
+AZIMUTH_DEG, ELEVATION_DEG = -47.0, 27.0  # of the viewer, as in static/view3d.js
+BOX_M = 0.05
+MIN_M = 0.35  # as wide is the drawing at least: a single object does not fill it
+_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
+_TURN = Rotation.from_euler("ZY", (AZIMUTH_DEG, -ELEVATION_DEG), degrees=True).as_matrix()
+_TOWARDS, _RIGHT, _UP = _TURN.T
 _BASIC = {
     "black": "#24292f", "white": "#f0f0f0", "red": "#d1242f", "green": "#2a9d50", "yellow": "#e3b91c",
     "blue": "#2f6fde", "brown": "#8a5a2b", "purple": "#8250df", "pink": "#e36bae", "orange": "#e67e22",
@@ -54,7 +64,7 @@ def scene(
     workspace: WorkspaceSettings,
     objects: Iterable[ObjectRecord],
     frames: Sequence[JsonObject],
-    path_m: npt.NDArray[np.float64] | None = None,
+    path_m: Array | None = None,
     shown: Iterable[ObjectRecord] = (),
 ) -> JsonObject:
     """The document that `drawScene` takes.
@@ -66,10 +76,13 @@ def scene(
     """
     objects, shown = tuple(objects), tuple(shown)
     colors = object_colors(item.name for item in (*objects, *shown))
-    points = [item["position"] for item in frames] if path_m is None else _thinned(path_m).tolist()
+    if path_m is None:
+        path = [item["position"] for item in frames]
+    else:
+        path = np.concatenate([path_m[:: -(-len(path_m) // MAX_PATH_POINTS)], path_m[-1:]]).tolist()
     return {
         "workspace": {"min": workspace.min, "max": workspace.max},
-        "path": points,
+        "path": path,
         "frames": list(frames),
         "objects": [_object(item, colors) for item in objects],
         "shown": [_object(item, colors) for item in shown],
@@ -86,6 +99,106 @@ def _axes(quaternion_xyzw: Sequence[float]) -> Any:  # noqa: ANN401
     return Rotation.from_quat(quaternion_xyzw).as_matrix().T.tolist()
 
 
-def _thinned(path_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    step = -(-len(path_m) // MAX_PATH_POINTS)
-    return np.concatenate([path_m[::step], path_m[-1:]])
+@dataclass(frozen=True)
+class Face:
+    """A side of a box that is seen.
+
+    Attributes:
+        points: as SVG writes them.
+        shade: 0 for the brightest.
+    """
+
+    points: str
+    color: str
+    shade: int
+
+
+@dataclass(frozen=True)
+class ScenePicture:
+    """What the template draws.
+
+    Attributes:
+        ground: corners of a rectangle under the objects, as SVG writes points; so is `path`.
+        keyframes: (x, y, whether the gripper is open) of each.
+        names: the objects with their colors.
+    """
+
+    ground: str
+    faces: tuple[Face, ...]
+    path: str
+    keyframes: tuple[tuple[float, float, bool], ...]
+    names: tuple[tuple[str, str], ...]
+
+
+def scene_picture(
+    objects: Sequence[ObjectRecord], keyframes: Sequence[tuple[Sequence[float], bool]] = ()
+) -> ScenePicture | None:
+    """The drawing of `objects` and of the way of the end effector; None where there is no object.
+
+    Args:
+        keyframes: position (3) in metres and whether the gripper is open; world frame, in their order.
+    """
+    if not objects:
+        return None
+    way = np.array([position for position, _ in keyframes]).reshape(-1, 3)
+    places_m = np.array([item.position_m for item in objects])
+    (left, front, _), (right, back, _) = places_m.min(axis=0) - 1.6 * BOX_M, places_m.max(axis=0) + 1.6 * BOX_M
+    under = places_m[:, 2].min() - BOX_M / 2
+    ground = np.array([(left, front, under), (right, front, under), (right, back, under), (left, back, under)])
+    to_page = _Fit(np.vstack([ground, way]))
+    colors = object_colors(item.name for item in objects)
+    ordered = sorted(objects, key=lambda item: float(np.dot(item.position_m, _TOWARDS)))
+    faces = tuple(face for item in ordered for face in _box(item, colors[item.name], to_page))
+    ends = [(*map(float, point), is_open) for point, (_, is_open) in zip(to_page(way), keyframes, strict=True)]
+    path = to_page.text(way)
+    return ScenePicture(to_page.text(ground), faces, path, tuple(ends), tuple(colors.items()))  # type: ignore[arg-type]
+
+
+class _Fit:
+    """World -> page, so that all the points of (N, 3) in metres are seen."""
+
+    def __init__(self, points_m: Array) -> None:
+        flat = _flat(points_m)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
+        self._centre = (low + high) / 2
+        self._scale = float((room / np.maximum(high - low, MIN_M * np.array([1.0, HEIGHT / WIDTH]))).min())
+
+    def __call__(self, points_m: Array) -> Array:
+        """(N, 2), x to the right and y down."""
+        page: Array = np.array([WIDTH, HEIGHT]) / 2 + (_flat(points_m) - self._centre) * self._scale
+        return page.round(1)
+
+    def text(self, points_m: Array) -> str:
+        return " ".join(f"{x:g},{y:g}" for x, y in self(points_m))
+
+
+def _flat(points_m: Array) -> Array:
+    flat: Array = np.stack([points_m @ _RIGHT, -points_m @ _UP], axis=-1)
+    return flat
+
+
+def _box(item: ObjectRecord, color: str, to_page: _Fit) -> list[Face]:
+    """Its sides that face the viewer, the upper one brightest."""
+    turn = np.eye(3) if item.quaternion_xyzw is None else Rotation.from_quat(item.quaternion_xyzw).as_matrix()
+    faces = []
+    for axis, sign in product(range(3), (-1, 1)):
+        normal = sign * turn[:, axis]
+        if normal @ _TOWARDS <= 0:
+            continue
+        around = _CORNERS[_CORNERS[:, axis] * sign > 0][[0, 1, 3, 2]]
+        corners = np.array(item.position_m) + BOX_M * around @ turn.T
+        shade = 0 if normal[2] > abs(normal[:2]).max() else 1 if normal @ _RIGHT > 0 else 2
+        faces.append(Face(to_page.text(corners), color, shade))
+    return faces
+
+
+def picture_of_episode(record: EpisodeRecord) -> ScenePicture | None:
+    """The objects of an episode's first frame, and its keyframes."""
+    return scene_picture(record.objects, [(item.position_m, item.gripper_open) for item in record.keyframes])
+
+
+def picture_of_prediction(record: PredictionRecord) -> ScenePicture | None:
+    """The objects that were asked about, and the actions that came."""
+    actions = [(item["position"], item["gripper_open"]) for item in record.actions or ()]
+    return scene_picture(record.objects, actions)

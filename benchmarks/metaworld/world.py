@@ -125,7 +125,7 @@ class MetaWorld:
         trajectory = Trajectory(velocities, places_m, downward, gripper_open(fingers))
         failure = "" if done else f"the scripted policy did not succeed within {simulation.max_steps} steps"
         frequency_hz = simulation.step_hz / every
-        return RecordedDemonstration(_scene(task, seed, first), trajectory, frequency_hz, 0, done, failure, ())
+        return RecordedDemonstration(_scene(task, seed, first), trajectory, frequency_hz, done, failure)
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
         return self.demonstrate(task, seed)
@@ -136,7 +136,7 @@ class MetaWorld:
         for number, action in enumerate(actions, start=1):
             arm.perform(action, is_last=number == len(actions))
         failure = "" if arm.done else f"not solved after {arm.steps} steps"
-        return RolloutResult(scene.task, scene.seed, len(actions), arm.done, failure, ())
+        return RolloutResult(len(actions), arm.done, failure)
 
 
 WORLD = MetaWorld()

@@ -61,4 +61,4 @@ def recorded_by_people(folder: Path, task: str, number: int) -> RecordedDemonstr
     hand = Pose(tuple(map(float, places_m[0])), tuple(map(float, turns[0])))
     view = SceneView(task, number, TASKS[recorded.simulated].instruction, tuple(objects), (), {}, hand)
     frequency_hz = (len(times_s) - 1) / float(times_s[-1])
-    return RecordedDemonstration(view, trajectory, frequency_hz, 0, True, "", ())
+    return RecordedDemonstration(view, trajectory, frequency_hz, True, "")

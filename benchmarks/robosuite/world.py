@@ -71,9 +71,7 @@ class Robosuite:
             arm.perform(action, is_last=number == len(actions))
         failure = "" if scene.done else f"not solved after {scene.steps} steps"
         trajectory = arm.trajectory()
-        return RecordedDemonstration(
-            view, trajectory, CONTROL_HZ, len(actions), scene.done, failure, (), tuple(actions)
-        )
+        return RecordedDemonstration(view, trajectory, CONTROL_HZ, scene.done, failure, tuple(actions))
 
     def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
         """Straight from one pose to the next."""
@@ -82,7 +80,7 @@ class Robosuite:
         for number, action in enumerate(actions, start=1):
             arm.perform(action, is_last=number == len(actions))
         failure = "" if under_way.done else f"not solved after {under_way.steps} steps"
-        return RolloutResult(scene.task, scene.seed, len(actions), under_way.done, failure, ())
+        return RolloutResult(len(actions), under_way.done, failure)
 
 
 def _folder() -> Path | None:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.keyframes import Motion, merged
-from app.sim.libfranka.demonstrate import record_demonstration, rollout
-from app.sim.libfranka.served import ServedScene
+from app.sim.libfranka.demonstrate import ServedScene, record_demonstration, rollout
 from roboprompt_client import EndEffectorAction
 
 NEAR_M, NEAR_DEG = 0.001, 0.2

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from franky_sim import FR3_URDF
 
+from roboprompt_client.arms.geometry import UrdfGeometry
 from roboprompt_client.arms.panda import PandaGeometry
-from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError, MotionError
 
 DOWN = np.array([1.0, 0, 0, 0])

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from app.evaluation.server import running_server
-from app.sim.libfranka.served import ServedScene
+from app.sim.libfranka.demonstrate import ServedScene
 from app.sim.tasks import make_task
 from roboprompt_client.trajectory import object_json
 

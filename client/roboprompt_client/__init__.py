@@ -28,7 +28,7 @@ from roboprompt_client.live import Live
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
-from roboprompt_client.recorder import Recorder
+from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 

@@ -8,26 +8,25 @@ from argparse import ArgumentParser, Namespace, _ActionsContainer
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+from roboprompt_client.answers import OnDanger
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import closing_robot, open_robot
-from roboprompt_client.calibrate_command import add_calibrate
+from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.danger import OnDanger
-from roboprompt_client.doctor import add_doctor
+from roboprompt_client.commands.calibrate import add_calibrate
+from roboprompt_client.commands.check import add_check
+from roboprompt_client.commands.init import run_init
+from roboprompt_client.commands.look import add_find, add_look, find_in_pictures
+from roboprompt_client.commands.record import add_record, offer_correction
+from roboprompt_client.commands.terminal import Person
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.init_command import run_init
 from roboprompt_client.live import Live
-from roboprompt_client.look_command import add_find, add_look, find_in_pictures
-from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
+from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
-from roboprompt_client.record_command import add_check, add_record, offer_correction
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
-from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
-from roboprompt_client.viewpoints_command import add_viewpoints
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -43,10 +42,10 @@ def main() -> int:
         with RoboPromptClient(arguments.url) as client:
             return int(arguments.command(client, arguments))
     except RoboPromptError as error:
-        print(error, file=sys.stderr)  # noqa: T201
+        print(error, file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)  # noqa: T201
+        print("interrupted", file=sys.stderr)
         return 128 + signal.SIGINT
 
 
@@ -73,22 +72,16 @@ def _parser() -> ArgumentParser:
     seen.add_argument("--robot", metavar="ROBOT", help=f"what it sees now: {ROBOT}")
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
-    predict.add_argument(
-        "--end-effector",
-        nargs=7,
-        type=float,
-        metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
-        help="where the arm is, meters and quaternion, world frame: needed where the task bounds steps",
-    )
+    pose = ("X", "Y", "Z", "QX", "QY", "QZ", "QW")
+    what = "where the arm is, meters and quaternion, world frame: needed where the task bounds steps"
+    predict.add_argument("--end-effector", nargs=7, type=float, metavar=pose, help=what)
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
     init = add("init", "write a cell's file: asks, and lets the arm measure", run_init)
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
-    add_doctor(add, ROBOT)
     add_look(add)
     add_calibrate(add)
-    add_viewpoints(add)
     return parser
 
 
@@ -112,33 +105,21 @@ def _add_run(run: ArgumentParser) -> None:
     add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
-    run.add_argument(
-        "--workspace",
-        nargs=6,
-        type=float,
-        metavar=("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX"),
-        help="meters, world frame: refuse every action outside, too, whatever the service says",
+    corners = ("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX")
+    what = "meters, world frame: refuse every action outside, too, whatever the service says"
+    run.add_argument("--workspace", nargs=6, type=float, metavar=corners, help=what)
+    what = (
+        'JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: hold '
+        "these, too, whatever the service says"
     )
-    run.add_argument(
-        "--limits",
-        type=Path,
-        metavar="FILE",
-        help='JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: hold '
-        "these, too, whatever the service says",
-    )
+    run.add_argument("--limits", type=Path, metavar="FILE", help=what)
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
     how.add_argument("--closed-loop", action="store_true", help="observe and ask again before each action")
-    how.add_argument(
-        "--look-again",
-        action="store_true",
-        help="observe again before contact: actions follow objects that were moved, without asking the LLM again",
-    )
-    run.add_argument(
-        "--on-danger",
-        choices=get_args(OnDanger),
-        help="where the service finds its answer dangerous (default: ask with --confirm, refuse without)",
-    )
+    what = "observe again before contact: actions follow objects that were moved, without asking the LLM again"
+    how.add_argument("--look-again", action="store_true", help=what)
+    what = "where the service finds its answer dangerous (default: ask with --confirm, refuse without)"
+    run.add_argument("--on-danger", choices=get_args(OnDanger), help=what)
 
 
 def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
@@ -183,34 +164,25 @@ def _run(client: RoboPromptClient, arguments: Namespace) -> int:
 
 def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, arguments: Namespace) -> int:
     person = Person(robot)
-    confirm, preview = (person.confirm, person.preview) if arguments.confirm else (None, show_nothing)
     find_in_pictures(robot, client, arguments.task, arguments.find)
     if isinstance(robot, Arm) and arguments.confirm:
         robot.confirm_viewpoint = person.confirm_viewpoint
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    danger = arguments.on_danger
     watch = partial(Live, client, robot, on_lost=getattr(robot, "on_lost", "continue"))
+    how: dict[str, Any] = {"pinned": pinned, "watch": watch, "on_danger": arguments.on_danger}
+    if arguments.confirm:
+        how |= {"confirm": person.confirm, "preview": person.preview}
     if arguments.closed_loop:
         if arguments.task is None:
             raise InvalidInputError("--task", "is left out beside --closed-loop", "the name of the task")
-        steps = list(
-            run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview, watch=watch)
-        )
+        steps = list(run_closed_loop(*what, **how))
         if (outcome := person.outcome(steps[-1])) is not None:
             for step in steps:
                 client.record_outcome(step.id, *outcome)
         return _print_json({"steps": [step.response for step in steps]})
-    how = {
-        "pinned": pinned,
-        "confirm": confirm,
-        "preview": preview,
-        "watch": watch,
-        "stream": arguments.stream,
-        "look_again": arguments.look_again,
-        "on_danger": danger,
-    }
+    how |= {"stream": arguments.stream, "look_again": arguments.look_again}
     if arguments.task is not None:
         _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
         if person.said is not None and not person.said.success:
@@ -222,23 +194,22 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
 
 
 def _print_json(document: object) -> int:
-    print(json.dumps(document, indent=2))  # noqa: T201
+    print(json.dumps(document, indent=2))
     return 0
 
 
 def _pinned(arguments: Namespace) -> MotionLimits:
     """The caller's own bounds, which hold together with the task's."""
-    pinned = MotionLimits(hand_radius_m=0.0) if arguments.limits is None else _limits_in(arguments.limits)
+    pinned = MotionLimits(hand_radius_m=0.0)
+    if (path := arguments.limits) is not None:
+        try:
+            pinned = MotionLimits.from_file(json.loads(path.read_text()))
+        except InvalidInputError:
+            raise
+        except (OSError, ValueError) as error:
+            valid = "a JSON file with workspace, motion_limits or both"
+            raise InvalidInputError("--limits", f"{path}: {error}", valid) from error
     if arguments.workspace is None:
         return pinned
     low, high = tuple(arguments.workspace[:3]), tuple(arguments.workspace[3:])
     return pinned.intersection(MotionLimits(Box(low, high), hand_radius_m=0.0))
-
-
-def _limits_in(path: Path) -> MotionLimits:
-    try:
-        document = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        valid = "a JSON file with workspace, motion_limits or both"
-        raise InvalidInputError("--limits", f"{path}: {error}", valid) from error
-    return MotionLimits.from_file(document)

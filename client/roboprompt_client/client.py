@@ -6,24 +6,23 @@ from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import httpx
+from httpx_sse import EventSource
 
-from roboprompt_client.answers import PredictedActions
-from roboprompt_client.connection import AsyncConnection, Connection, Request, http_options
+from roboprompt_client.answers import OnFindings, PredictedActions, StreamReader
+from roboprompt_client.connection import Request, http_options, require_success
 from roboprompt_client.encoding import ImageFormat
 from roboprompt_client.errors import ServiceUnreachableError
-from roboprompt_client.requests import CUT_OFF, OnFindings, StreamReader
+from roboprompt_client.requests import Requests
 from roboprompt_client.robot import Observation
-from roboprompt_client.teaching import TeachingRequests
 from roboprompt_client.trajectory import EndEffectorAction
 
 P = ParamSpec("P")
 Answer = TypeVar("Answer")
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
-OfAsyncKind = TypeVar("OfAsyncKind", bound="AsyncRoboPromptClient")
-Asked = TeachingRequests
-Ask = Callable[Concatenate[TeachingRequests, P], Request[Answer]]
+Ask = Callable[Concatenate[Requests, P], Request[Answer]]
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
+CUT_OFF = "POST /predict: the stream ended before it was complete"
 
 
 def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], Answer]:
@@ -31,17 +30,23 @@ def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], A
 
     @wraps(ask)
     def send(self: "RoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
-        return self._http.send(ask(self._requests, *arguments, **named))
+        request, http = ask(self._requests, *arguments, **named), self._http
+        with request.transport_errors(http.base_url):
+            response = http.request(request.method, request.path, **request.arguments)
+        return request.read(response)
 
     return send
 
 
 def _awaited(ask: Ask[P, Answer]) -> Callable[Concatenate["AsyncRoboPromptClient", P], Coroutine[Any, Any, Answer]]:
-    """The same as a coroutine."""
+    """The same as a coroutine; a task that is cancelled closes the connection, so that the service stops, too."""
 
     @wraps(ask)
     async def send(self: "AsyncRoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
-        return await self._http.send(ask(self._requests, *arguments, **named))
+        request, http = ask(self._requests, *arguments, **named), self._http
+        with request.transport_errors(http.base_url):
+            response = await http.request(request.method, request.path, **request.arguments)
+        return request.read(response)
 
     return send
 
@@ -65,8 +70,8 @@ class RoboPromptClient:
         api_key: str | None = None,
         compress: bool | None = None,
     ) -> None:
-        self._http = Connection(connection or httpx.Client(**http_options(url, _key(api_key))))
-        self._requests = TeachingRequests(ImageFormat.chosen(compress))
+        self._http = connection or httpx.Client(**http_options(url, _key(api_key)))
+        self._requests = Requests(ImageFormat.chosen(compress))
 
     def __enter__(self: OfKind) -> OfKind:
         return self
@@ -77,32 +82,32 @@ class RoboPromptClient:
     @property
     def url(self) -> str:
         """Where the service listens."""
-        return str(self._http.client.base_url)
+        return str(self._http.base_url)
 
     def close(self) -> None:
         """Close the connections."""
-        self._http.client.close()
+        self._http.close()
 
-    ping = _sent(Asked.ping)
-    get = _sent(Asked.get)
-    post = _sent(Asked.post)
-    get_bytes = _sent(Asked.get_bytes)
-    plan = _sent(Asked.plan)
-    predict = _sent(Asked.predict)
-    dry_run = _sent(Asked.dry_run)
-    find_poses = _sent(Asked.find_poses)
-    record_outcome = _sent(Asked.record_outcome)
-    report_run = _sent(Asked.report_run)
-    end_run = _sent(Asked.end_run)
-    configure_task = _sent(Asked.configure_task)
-    motion_limits = _sent(Asked.motion_limits)
-    upload = _sent(Asked.upload)
-    upload_parts = _sent(Asked.upload_parts)
-    edit_episode = _sent(Asked.edit_episode)
-    check = _sent(Asked.check)
-    learn_object_models = _sent(Asked.learn_object_models)
-    label_object = _sent(Asked.label_object)
-    learn_from_labels = _sent(Asked.learn_from_labels)
+    ping = _sent(Requests.ping)
+    get = _sent(Requests.get)
+    post = _sent(Requests.post)
+    get_bytes = _sent(Requests.get_bytes)
+    plan = _sent(Requests.plan)
+    predict = _sent(Requests.predict)
+    dry_run = _sent(Requests.dry_run)
+    find_poses = _sent(Requests.find_poses)
+    record_outcome = _sent(Requests.record_outcome)
+    report_run = _sent(Requests.report_run)
+    end_run = _sent(Requests.end_run)
+    configure_task = _sent(Requests.configure_task)
+    motion_limits = _sent(Requests.motion_limits)
+    upload = _sent(Requests.upload)
+    upload_parts = _sent(Requests.upload_parts)
+    edit_episode = _sent(Requests.edit_episode)
+    check = _sent(Requests.check)
+    learn_object_models = _sent(Requests.learn_object_models)
+    label_object = _sent(Requests.label_object)
+    learn_from_labels = _sent(Requests.learn_from_labels)
 
     def stream(
         self,
@@ -125,11 +130,17 @@ class RoboPromptClient:
         """
         reader = StreamReader(on_findings)
         request = self._requests.predict(task, instruction, observation, **options)
-        for event in self._http.events(request):
-            if (item := reader.read(*event)) is not None:
-                yield item
-            if isinstance(item, PredictedActions):
-                return
+        with (
+            request.transport_errors(self._http.base_url),
+            self._http.stream(request.method, request.path, **request.streamed) as response,
+        ):
+            if response.is_error:
+                response.read()
+            for event in EventSource(require_success(response)).iter_sse():
+                if (item := reader.read(event, response)) is not None:
+                    yield item
+                if isinstance(item, PredictedActions):
+                    return
         raise ServiceUnreachableError(CUT_OFF)
 
 
@@ -149,10 +160,10 @@ class AsyncRoboPromptClient:
         api_key: str | None = None,
         compress: bool | None = None,
     ) -> None:
-        self._http = AsyncConnection(connection or httpx.AsyncClient(**http_options(url, _key(api_key))))
-        self._requests = TeachingRequests(ImageFormat.chosen(compress))
+        self._http = connection or httpx.AsyncClient(**http_options(url, _key(api_key)))
+        self._requests = Requests(ImageFormat.chosen(compress))
 
-    async def __aenter__(self: OfAsyncKind) -> OfAsyncKind:
+    async def __aenter__(self) -> "AsyncRoboPromptClient":
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -160,28 +171,28 @@ class AsyncRoboPromptClient:
 
     async def close(self) -> None:
         """Close the connections."""
-        await self._http.client.aclose()
+        await self._http.aclose()
 
-    ping = _awaited(Asked.ping)
-    get = _awaited(Asked.get)
-    post = _awaited(Asked.post)
-    get_bytes = _awaited(Asked.get_bytes)
-    plan = _awaited(Asked.plan)
-    predict = _awaited(Asked.predict)
-    dry_run = _awaited(Asked.dry_run)
-    find_poses = _awaited(Asked.find_poses)
-    record_outcome = _awaited(Asked.record_outcome)
-    report_run = _awaited(Asked.report_run)
-    end_run = _awaited(Asked.end_run)
-    configure_task = _awaited(Asked.configure_task)
-    motion_limits = _awaited(Asked.motion_limits)
-    upload = _awaited(Asked.upload)
-    upload_parts = _awaited(Asked.upload_parts)
-    edit_episode = _awaited(Asked.edit_episode)
-    check = _awaited(Asked.check)
-    learn_object_models = _awaited(Asked.learn_object_models)
-    label_object = _awaited(Asked.label_object)
-    learn_from_labels = _awaited(Asked.learn_from_labels)
+    ping = _awaited(Requests.ping)
+    get = _awaited(Requests.get)
+    post = _awaited(Requests.post)
+    get_bytes = _awaited(Requests.get_bytes)
+    plan = _awaited(Requests.plan)
+    predict = _awaited(Requests.predict)
+    dry_run = _awaited(Requests.dry_run)
+    find_poses = _awaited(Requests.find_poses)
+    record_outcome = _awaited(Requests.record_outcome)
+    report_run = _awaited(Requests.report_run)
+    end_run = _awaited(Requests.end_run)
+    configure_task = _awaited(Requests.configure_task)
+    motion_limits = _awaited(Requests.motion_limits)
+    upload = _awaited(Requests.upload)
+    upload_parts = _awaited(Requests.upload_parts)
+    edit_episode = _awaited(Requests.edit_episode)
+    check = _awaited(Requests.check)
+    learn_object_models = _awaited(Requests.learn_object_models)
+    label_object = _awaited(Requests.label_object)
+    learn_from_labels = _awaited(Requests.learn_from_labels)
 
     async def stream(
         self,
@@ -195,11 +206,15 @@ class AsyncRoboPromptClient:
         """As `RoboPromptClient.stream`, with `async for`."""
         reader = StreamReader(on_findings)
         request = self._requests.predict(task, instruction, observation, **options)
-        async for event in self._http.events(request):
-            if (item := reader.read(*event)) is not None:
-                yield item
-            if isinstance(item, PredictedActions):
-                return
+        with request.transport_errors(self._http.base_url):
+            async with self._http.stream(request.method, request.path, **request.streamed) as response:
+                if response.is_error:
+                    await response.aread()
+                async for event in EventSource(require_success(response)).aiter_sse():
+                    if (item := reader.read(event, response)) is not None:
+                        yield item
+                    if isinstance(item, PredictedActions):
+                        return
         raise ServiceUnreachableError(CUT_OFF)
 
 

@@ -1,21 +1,20 @@
-"""HTTP requests to one service: a JSON answer, its events, or one of this package's errors."""
+"""HTTP with one service: requests as values, a JSON answer or event, or one of this package's errors."""
 
 import ipaddress
 import json
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
-from httpx_sse import EventSource, ServerSentEvent
+from httpx_sse import ServerSentEvent
 
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
-Event = tuple[str, dict[str, Any]]
 MAX_PORT = 65535
 EVENT_STREAM = "text/event-stream"
 DEFAULT_TIMEOUT_S = 60.0
@@ -50,10 +49,7 @@ def without_proxy(url: str) -> dict[str, None] | None:
 
 
 def http_options(url: str, api_key: str) -> dict[str, Any]:
-    """The arguments of an HTTP client, blocking or not, for a service.
-
-    Args:
-        api_key: empty for none.
+    """The arguments of an HTTP client, blocking or not, for a service; an empty key is none.
 
     Raises:
         ServiceUnreachableError: for a URL without scheme or host.
@@ -73,7 +69,7 @@ def http_options(url: str, api_key: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Request(Generic[Answer]):
-    """What is asked of a service, and how its answer is read; how it gets there is the connection's.
+    """What is asked of a service, and how its answer is read.
 
     Attributes:
         arguments: as of `httpx.Client.request`.
@@ -90,59 +86,30 @@ class Request(Generic[Answer]):
         """The same, what was read being read further."""
         return Request(self.method, self.path, self.arguments, lambda response: read(self.read(response)))
 
+    @property
+    def streamed(self) -> dict[str, Any]:
+        """The arguments that ask for server-sent events instead."""
+        return {**self.arguments, "headers": {**self.arguments.get("headers", {}), "Accept": EVENT_STREAM}}
 
-class Connection:
-    """Sends requests and waits. Methods raise as `Request.read`, and ServiceUnreachableError without an answer."""
-
-    def __init__(self, client: httpx.Client) -> None:
-        self.client = client
-
-    def send(self, request: Request[Answer]) -> Answer:
-        """What is answered."""
-        with _transport_errors(self.client.base_url, request):
-            response = self.client.request(request.method, request.path, **request.arguments)
-        return request.read(response)
-
-    def events(self, request: Request[Any]) -> Iterator[Event]:
-        """The name and the JSON object of each server-sent event, as soon as it is complete."""
-        with (
-            _transport_errors(self.client.base_url, request),
-            self.client.stream(request.method, request.path, **_streamed(request)) as response,
-        ):
-            if response.is_error:
-                response.read()
-            for event in EventSource(require_success(response)).iter_sse():
-                yield from _documents(event, response)
-
-
-class AsyncConnection:
-    """The same without waiting in the caller's thread."""
-
-    def __init__(self, client: httpx.AsyncClient) -> None:
-        self.client = client
-
-    async def send(self, request: Request[Answer]) -> Answer:
-        """What is answered; a task that is cancelled closes the connection, so that the service stops, too."""
-        with _transport_errors(self.client.base_url, request):
-            response = await self.client.request(request.method, request.path, **request.arguments)
-        return request.read(response)
-
-    async def events(self, request: Request[Any]) -> AsyncIterator[Event]:
-        """As `Connection.events`."""
-        with _transport_errors(self.client.base_url, request):
-            async with self.client.stream(request.method, request.path, **_streamed(request)) as response:
-                if response.is_error:
-                    await response.aread()
-                async for event in EventSource(require_success(response)).aiter_sse():
-                    for item in _documents(event, response):
-                        yield item
+    @contextmanager
+    def transport_errors(self, base_url: httpx.URL) -> Iterator[None]:
+        """Raise ServiceUnreachableError, naming the request, where it is not answered."""
+        try:
+            yield
+        except httpx.TransportError as error:  # httpx-sse's SSEError, too
+            address = f"{str(base_url).rstrip('/')}/{self.path.lstrip('/')}"
+            what = f"{self.method} {address}: {error or type(error).__name__}"
+            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 
 def require_success(response: httpx.Response) -> httpx.Response:
     """The same response; raises ServiceProblemError if the service refused or failed."""
-    if response.is_error:
-        raise ServiceProblemError(response.status_code, _problem(response))
-    return response
+    if not response.is_error:
+        return response
+    problem = _json(response.content)
+    if not isinstance(problem, dict):  # no problem document: made of its text
+        problem = {"title": response.reason_phrase, "detail": response.text[:MAX_DETAIL_CHARS]}
+    raise ServiceProblemError(response.status_code, problem)
 
 
 def document_in(response: httpx.Response) -> dict[str, Any]:
@@ -153,40 +120,17 @@ def document_in(response: httpx.Response) -> dict[str, Any]:
     return document
 
 
-def _streamed(request: Request[Any]) -> dict[str, Any]:
-    headers = {**request.arguments.get("headers", {}), "Accept": EVENT_STREAM}
-    return {**request.arguments, "headers": headers}
-
-
-def _documents(event: ServerSentEvent, response: httpx.Response) -> Iterator[Event]:
-    """The event's name and JSON object; none of an event without data (HTML standard, 9.2.6)."""
-    if event.data:
-        if not isinstance(document := _json(event.data), dict):
-            what = f"the data of the event {event.event!r:.40} are no JSON object: {event.data!r:.80}"
-            raise ServiceUnreachableError(f"{_asked(response)}: {what}")
-        yield event.event, document
+def event_document(event: ServerSentEvent, response: httpx.Response) -> dict[str, Any]:
+    """The JSON object of an event; raises ServiceUnreachableError for other data."""
+    document = _json(event.data)
+    if not isinstance(document, dict):
+        what = f"the data of the event {event.event!r:.40} are no JSON object: {event.data!r:.80}"
+        raise ServiceUnreachableError(f"{_asked(response)}: {what}")
+    return document
 
 
 def _asked(response: httpx.Response) -> str:
     return f"{response.request.method} {response.url.copy_with(query=None)}"
-
-
-@contextmanager
-def _transport_errors(base_url: httpx.URL, request: Request[Any]) -> Iterator[None]:
-    try:
-        yield
-    except httpx.TransportError as error:  # httpx-sse's SSEError, too
-        address = f"{str(base_url).rstrip('/')}/{request.path.lstrip('/')}"
-        what = f"{request.method} {address}: {error or type(error).__name__}"
-        raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
-
-
-def _problem(response: httpx.Response) -> Mapping[str, Any]:
-    """The problem document of an error; made of its text where it has none."""
-    document = _json(response.content)
-    if isinstance(document, dict):
-        return document
-    return {"title": response.reason_phrase, "detail": response.text[:MAX_DETAIL_CHARS]}
 
 
 def _json(data: str | bytes) -> object:

@@ -48,7 +48,7 @@ def request_parts(
     encoded = _compressed if images is ImageFormat.COMPRESSED else _plain
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
-        parts.update(encoded(frame))
+        parts |= {name: encoded(name, image, frame) for name, image in _images(frame)}
     return parts
 
 
@@ -88,34 +88,20 @@ def _images(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
             yield f"{kind}_{frame.camera.name}", image
 
 
-def _plain(frame: RgbdFrame) -> dict[str, Part]:
-    return {name: (f"{name}.npy", _npy(image), "application/octet-stream") for name, image in _images(frame)}
-
-
-def _npy(image: np.ndarray[Any, Any]) -> bytes:
+def _plain(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
     stream = io.BytesIO()
     np.save(stream, image, allow_pickle=False)
-    return stream.getvalue()
+    return f"{name}.npy", stream.getvalue(), "application/octet-stream"
 
 
-def _compressed(frame: RgbdFrame) -> dict[str, Part]:
+def _compressed(name: str, image: np.ndarray[Any, Any], frame: RgbdFrame) -> Part:
     import cv2
 
-    name, parts = frame.camera.name, {}
-    if frame.rgb is not None:
-        jpeg = cv2.imencode(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-        parts[f"rgb_{name}"] = (f"rgb_{name}.jpg", jpeg.tobytes(), "image/jpeg")
-    if frame.depth_m is not None:
-        units = np.minimum(np.rint(frame.depth_m / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
-        parts[f"depth_{name}"] = _png16(f"depth_{name}", units)
-    if frame.mask is not None:
-        parts[f"mask_{name}"] = _png16(f"mask_{name}", frame.mask)
-    return parts
-
-
-def _png16(name: str, image: np.ndarray[Any, Any]) -> Part:
-    import cv2
-
+    if image is frame.rgb:
+        jpeg = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+        return f"{name}.jpg", jpeg.tobytes(), "image/jpeg"
+    if image is frame.depth_m:
+        image = np.minimum(np.rint(image / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
     return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
 
 

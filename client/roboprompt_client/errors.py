@@ -1,17 +1,4 @@
-"""What this package raises on purpose.
-
-    RoboPromptError
-    ├── InvalidInputError        a value that the caller gave is not acceptable; names field and remedy
-    ├── UnsafeActionError        an action is valid but beyond a bound of motion; names action, value and bound
-    ├── ServiceProblemError      the service refused a request or failed; carries its problem document
-    ├── ServiceUnreachableError  the service did not answer
-    ├── InvalidAnswerError       the service answered something that it never may; names the member
-    ├── MotionError              the robot could not carry out an action
-    ├── NotConfirmedError        a person did not allow an action
-    ├── StepFailedError          a step of a plan was not done, so that the next ones were not begun
-    ├── ObjectLostError          an object that an action refers to is out of sight
-    ├── CameraError              a camera gave no picture that can be used; names the camera
-    └── DangerError              the service finds its own answer dangerous, and no person allowed it
+"""What this package raises on purpose: branches of RoboPromptError.
 
 The server hangs its own branches under RoboPromptError.
 """
@@ -80,11 +67,7 @@ class ServiceProblemError(RoboPromptError):
 
 
 class ServiceUnreachableError(RoboPromptError):
-    """The service did not answer: wrong address, not started, gone, or too slow.
-
-    Attributes:
-        timed_out: whether it was too slow.
-    """
+    """The service did not answer: wrong address, not started, gone, or too slow (`timed_out`)."""
 
     def __init__(self, message: str, *, timed_out: bool = False) -> None:
         super().__init__(message)
@@ -106,11 +89,7 @@ class InvalidAnswerError(RoboPromptError):
 
 
 class ObjectLostError(RoboPromptError):
-    """An object that an action refers to cannot be seen any more; the robot was stopped.
-
-    Attributes:
-        object_name: which.
-    """
+    """An object that an action refers to, `object_name`, cannot be seen any more; the robot was stopped."""
 
     def __init__(self, object_name: str, reason: str) -> None:
         super().__init__(f"{object_name!r} is lost: {reason}")

@@ -43,7 +43,7 @@ class ImaginaryArm:
         """Be there."""
         self._hand_m = action.position_m
         self.pressed |= bool(np.linalg.norm(self._hand_m - self._button_m) < PRESSED_M)
-        say(f"the hand goes to {action.position_m.round(3)} m, gripper {'open' if action.gripper_open else 'closed'}")
+        print(f"the hand goes to {action.position_m.round(3)} m, gripper {'open' if action.gripper_open else 'closed'}")
 
     def stop(self) -> None:
         """It stands already."""
@@ -79,18 +79,13 @@ def teach_and_press(url: str) -> None:
     with RoboPromptClient(url) as client:
         for place_m in TAUGHT_M:
             stored = client.upload(TASK, INSTRUCTION, press(place_m), Observation(button(place_m)))
-            say(f"taught at {place_m} m: {len(stored['keyframes'])} keyframes")
-        say(f"\nthe button now stands at {UNSEEN_M} m")
+            print(f"taught at {place_m} m: {len(stored['keyframes'])} keyframes")
+        print(f"\nthe button now stands at {UNSEEN_M} m")
         arm = ImaginaryArm(UNSEEN_M)
         predicted = run_task(client, arm, TASK, INSTRUCTION)
         client.record_outcome(predicted.id, success=arm.pressed)
-        say(f"\nthe LLM wrote {predicted.response['reply_text']!r}")
-        say(f"{'pressed' if arm.pressed else 'not pressed'}; more at {client.url}/ui/predictions/{predicted.id}")
-
-
-def say(text: str) -> None:
-    """To the terminal."""
-    print(text)  # noqa: T201
+        print(f"\nthe LLM wrote {predicted.response['reply_text']!r}")
+        print(f"{'pressed' if arm.pressed else 'not pressed'}; more at {client.url}/ui/predictions/{predicted.id}")
 
 
 if __name__ == "__main__":

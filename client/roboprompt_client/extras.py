@@ -8,11 +8,7 @@ from roboprompt_client.errors import InvalidInputError
 
 
 def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
-    """A module of a maker's package, which is an extra.
-
-    Raises:
-        InvalidInputError: if it is not installed.
-    """
+    """A module of a maker's package, which is an extra; raises InvalidInputError if it is not installed."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -5,7 +5,7 @@ The velocity is taken as constant and horizontal until contact; rotation is not 
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import monotonic
 
 import numpy as np
@@ -19,12 +19,6 @@ MAX_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends a
 RESTING_M_S = 0.003
 MAX_HEIGHT_CHANGE_M = 0.01  # an object that rises or sinks by more has left what carried it
 MAX_LEAD_S = 10.0
-
-
-@dataclass(frozen=True)
-class _Seen:
-    pose: ObjectPose
-    at_s: float
 
 
 class Leading:
@@ -42,7 +36,7 @@ class Leading:
         if not (math.isfinite(lead_s) and 0 < lead_s <= MAX_LEAD_S):
             raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MAX_LEAD_S:g} at most")
         self._lead_s, self.clock = lead_s, clock
-        self._seen: dict[str, _Seen] = {}
+        self._seen: dict[str, tuple[ObjectPose, float]] = {}  # and when
         self._velocities_m_s: dict[str, Array] = {}
 
     def saw(self, poses: Mapping[str, ObjectPose], at_s: float) -> None:
@@ -52,18 +46,20 @@ class Leading:
             ObjectLostError: if an object has left what carried it, or is too fast.
         """
         for name, pose in poses.items():
-            last = self._seen.get(name)
-            if last is None:
-                self._seen[name] = _Seen(pose, at_s)
+            before, before_s = self._seen.get(name, (None, at_s))
+            if before is None:
+                self._seen[name] = pose, at_s
                 continue
-            moved_m = pose.position_m - last.pose.position_m
-            if abs(moved_m[2]) > MAX_HEIGHT_CHANGE_M:
-                raise ObjectLostError(name, f"it left what carried it: {100 * moved_m[2]:+.1f} cm in height")
-            if at_s - last.at_s < MIN_LOOK_INTERVAL_S:
+            along_x_m, along_y_m, up_m = pose.position_m - before.position_m
+            if abs(up_m) > MAX_HEIGHT_CHANGE_M:
+                raise ObjectLostError(name, f"it left what carried it: {100 * up_m:+.1f} cm in height")
+            if at_s - before_s < MIN_LOOK_INTERVAL_S:
                 continue
-            self._velocities_m_s[name] = _horizontal(moved_m) / (at_s - last.at_s)
-            self._seen[name] = _Seen(pose, at_s)
-            self._check_speed(name)
+            velocity_m_s = np.array([along_x_m, along_y_m, 0.0]) / (at_s - before_s)
+            self._velocities_m_s[name], self._seen[name] = velocity_m_s, (pose, at_s)
+            if (speed_m_s := float(np.linalg.norm(velocity_m_s))) > MAX_SPEED_M_S:
+                most = f"{100 * MAX_SPEED_M_S:.0f} cm/s at most can be led"
+                raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
 
     def led(self, name: str, pose: ObjectPose) -> ObjectPose:
         """The pose where the object will be when the fingers close; one that rests stays."""
@@ -71,13 +67,3 @@ class Leading:
         if velocity_m_s is None or float(np.linalg.norm(velocity_m_s)) < RESTING_M_S:
             return pose
         return replace(pose, position_m=pose.position_m + self._lead_s * velocity_m_s)
-
-    def _check_speed(self, name: str) -> None:
-        speed_m_s = float(np.linalg.norm(self._velocities_m_s[name]))
-        if speed_m_s > MAX_SPEED_M_S:
-            most = f"{100 * MAX_SPEED_M_S:.0f} cm/s at most can be led"
-            raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
-
-
-def _horizontal(moved_m: Array) -> Array:
-    return np.array([moved_m[0], moved_m[1], 0.0])

@@ -7,9 +7,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from roboprompt_client.answers import Outcome, PredictedActions
+from roboprompt_client.answers import (
+    Confirm,
+    Finding,
+    OnDanger,
+    Outcome,
+    PredictedActions,
+    checked_on_danger,
+    require_allowed,
+)
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.danger import Confirm, OnDanger, checked_on_danger, require_allowed
 from roboprompt_client.errors import (
     InvalidAnswerError,
     InvalidInputError,
@@ -32,7 +39,7 @@ log = logging.getLogger(__name__)
 
 
 def watch_nothing(task: str, instruction: str) -> AbstractContextManager[CarryingOut]:
-    """No watch."""
+    """A watch for a robot that is not watched."""
     return nullcontext(lambda *_: nullcontext())
 
 
@@ -69,10 +76,9 @@ def run_task(
         stream: begin to move while the LLM still writes; otherwise nothing moves until the whole reply is known to be
             a list of actions within the limits.
         look_again: observe again before contact (the module `look_again` says when) and move the remaining actions
-            along with the objects that they refer to, without asking the LLM; what is returned has the actions as they
-            were carried out. Not together with `stream`.
-        leading: with `look_again`: estimates the velocity of objects that move by themselves, and aims ahead of them
-            (the module `leading`).
+            along with the objects that they refer to; what is returned has the actions as they were carried out. Not
+            together with `stream`.
+        leading: with `look_again`: aims ahead of objects that move by themselves (the module `leading`).
         on_danger: where the service finds its own answer dangerous: ask `confirm` before anything moves, refuse, or go
             ahead. None: `confirm` where there is one, else `refuse`. With `stream` this holds for what is
             found ahead of the first action.
@@ -80,27 +86,29 @@ def run_task(
             with `stream` each action as it comes.
         watch: around the run; what it gives is around the motion of each action, with its index and the prediction's
             id, if it is known. `partial(Live, client, robot)` lets people watch and stop the robot at the service.
-        on_outcome: called with what was carried out once the robot has done so; what it returns is recorded at the
-            service. A failure to record it is logged.
+        on_outcome: called with what was carried out; what it returns is recorded at the service. A failure to record
+            it is logged.
         options: as for `RoboPromptClient.predict`.
 
     Raises:
-        InvalidInputError: if the service's limits cannot be held (NaN, say) or leave no room within the pinned ones, or
-            if steps are bounded and the observation lacks `end_effector`; nothing was asked or moved.
+        InvalidInputError: if arguments do not fit each other, the limits cannot be held (NaN, say) or leave no room
+            within the pinned ones, or if steps are bounded and the observation lacks `end_effector`; nothing was moved.
         ServiceProblemError, ServiceUnreachableError: without `stream` nothing was moved.
-        InvalidAnswerError: if the findings are missing or not well formed: whether there is a danger is not known then;
-            nothing was moved.
+        InvalidAnswerError: if the findings are missing or not well formed; nothing was moved.
         UnsafeActionError: if an action is beyond the limits; it was not carried out, and without `stream` none was.
         MotionError: if an action could not be carried out.
         NotConfirmedError: if `confirm` said no.
         DangerError: if the answer is dangerous and `on_danger` refuses it; nothing was moved.
         ObjectLostError: if an object that is looked for again is not seen; with `leading` also if it has left what
             carried it, or moves too fast.
-        InvalidInputError: if `look_again`, `leading` or `on_danger` do not fit the rest; nothing was moved.
     """
     try:
         danger = checked_on_danger(on_danger, confirm)
-        _check_modes(look_again=look_again, stream=stream, leads=leading is not None)
+        if leading is not None and not look_again:
+            raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
+        if look_again and stream:
+            message = "is asked for together with stream, which moves before all actions are known"
+            raise InvalidInputError("look_again", message, "one of both")
         if look_again:
             _require_still_cameras(robot, "look_again")
         allowed = _allowed(client, task, limits, pinned)
@@ -110,8 +118,11 @@ def run_task(
     except BaseException:
         robot.stop()
         raise
-    if on_outcome is not None and predicted.actions:
-        _record_outcome(client, predicted, on_outcome)
+    if on_outcome is not None and predicted.actions and (outcome := on_outcome(predicted)) is not None:
+        try:
+            client.record_outcome(predicted.id, *outcome)
+        except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done all the same
+            log.warning("the outcome was not recorded: %s", error)
     return predicted
 
 
@@ -189,12 +200,11 @@ class _Run:
         """Nothing moves before all actions are known to be allowed."""
         looked_s = 0.0 if leading is None else leading.clock()
         observation = self.robot.observe()
-        new_guard = partial(self.guard, observation, self._max_actions)
-        new_guard()  # refuses a start that is not known before the service is asked
+        self.guard(observation)  # refuses a start that is not known before the service is asked
         finder = ObjectFinder(self.client, self.robot, self.task, observation) if look_again else None
         predicted = self.client.predict(self.task, self.instruction, observation, **self.options)
         self.preview(predicted.actions, self.allowed)
-        check = partial(_check_all, new_guard)
+        check = partial(self._check_all, observation)
         check(predicted.actions)
         self.require_allowed(predicted.findings, predicted.actions)
         if finder is None:
@@ -212,8 +222,8 @@ class _Run:
     def streamed(self) -> PredictedActions:
         """Each action is carried out as it comes."""
         observation = self.robot.observe()
-        guard = self.guard(observation, self._max_actions)
-        findings: list[Sequence[Mapping[str, Any]]] = []  # of the event ahead of the first action
+        guard = self.guard(observation)
+        findings: list[Sequence[Finding]] = []  # of the event ahead of the first action
         for index, item in enumerate(
             self.client.stream(self.task, self.instruction, observation, on_findings=findings.append, **self.options)
         ):
@@ -228,18 +238,20 @@ class _Run:
             self.execute(index, item)
         raise AssertionError("a stream ends with the whole answer or an error")
 
-    @property
-    def _max_actions(self) -> int:
-        return int(self.options.get("max_actions", MAX_ACTIONS))
-
-    def guard(self, observation: Observation, max_actions: int) -> MotionGuard:
+    def guard(self, observation: Observation, max_actions: int | None = None) -> MotionGuard:
         """For actions that begin where the robot is in `observation`."""
         self.allowed.require_start(observation.end_effector)
-        return MotionGuard(self.allowed, max_actions, observation.end_effector)
+        most = self.options.get("max_actions", MAX_ACTIONS) if max_actions is None else max_actions
+        return MotionGuard(self.allowed, int(most), observation.end_effector)
 
-    def require_allowed(self, findings: Sequence[Mapping[str, Any]], actions: Sequence[EndEffectorAction]) -> None:
+    def _check_all(self, observation: Observation, actions: Sequence[EndEffectorAction]) -> None:
+        guard = self.guard(observation)
+        for action in actions:
+            guard.check(action)
+
+    def require_allowed(self, findings: Sequence[Finding], actions: Sequence[EndEffectorAction]) -> None:
         """Raise DangerError or NotConfirmedError for a danger that is not allowed."""
-        require_allowed(findings, actions, on_danger=self.on_danger, confirm=self.confirm)
+        require_allowed(findings, actions, self.on_danger, self.confirm)
 
     def execute(self, index: int, action: EndEffectorAction, prediction_id: str | None = None) -> None:
         """Move, if `confirm` lets the action go."""
@@ -247,14 +259,6 @@ class _Run:
             raise NotConfirmedError(f"action {index + 1} was not allowed")
         with self.carrying_out(index, action, prediction_id):
             self.robot.execute(action)
-
-
-def _check_modes(*, look_again: bool, stream: bool, leads: bool) -> None:
-    if leads and not look_again:
-        raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
-    if look_again and stream:
-        message = "is asked for together with stream, which moves before all actions are known"
-        raise InvalidInputError("look_again", message, "one of both")
 
 
 def _require_still_cameras(robot: Robot, mode: str) -> None:
@@ -269,18 +273,3 @@ def _allowed(
 ) -> MotionLimits:
     of_task = limits or client.motion_limits(task)
     return of_task if pinned is None else of_task.intersection(pinned)
-
-
-def _check_all(new_guard: Callable[[], MotionGuard], actions: tuple[EndEffectorAction, ...]) -> None:
-    guard = new_guard()
-    for action in actions:
-        guard.check(action)
-
-
-def _record_outcome(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome) -> None:
-    if (outcome := on_outcome(predicted)) is None:
-        return
-    try:
-        client.record_outcome(predicted.id, *outcome)
-    except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done all the same
-        log.warning("the outcome was not recorded: %s", error)

@@ -41,11 +41,7 @@ class MotionGuard:
         self._index = 0
 
     def check(self, action: EndEffectorAction) -> None:
-        """Let the next action pass.
-
-        Raises:
-            UnsafeActionError: naming its index, the value and the bound.
-        """
+        """Let the next action pass; raises UnsafeActionError naming its index, the value and the bound."""
         index, pose = self._index, Pose.of(action)
         if index >= self._max_actions:
             raise UnsafeActionError(index, "index", f"is {index}", f"at most {self._max_actions} actions")
@@ -126,9 +122,8 @@ def _far(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
 
 def enters(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
     """Whether a sphere enters the box on its way, by more than rounding does."""
-    if (
-        not clearance_m(start_m, end_m, *box) >= radius_m - POSITION_ROUNDING_M
-    ):  # nor does NaN pass, of a way beyond all measure
+    far = clearance_m(start_m, end_m, *box) >= radius_m - POSITION_ROUNDING_M
+    if not far:  # nor does NaN pass, of a way beyond all measure
         return True
     smaller = [low + POSITION_ROUNDING_M for low in box.min_m], [high - POSITION_ROUNDING_M for high in box.max_m]
     return passes_through(start_m, end_m, *smaller)
@@ -151,9 +146,8 @@ def _check_values(index: int, pose: Pose, gripper_open: object) -> None:
             raise UnsafeActionError(index, name, f"is {list(values)}", "finite numbers")
     norm = math.hypot(*pose.quaternion_xyzw)
     if abs(norm - 1) > QUATERNION_NORM_TOLERANCE:
-        raise UnsafeActionError(
-            index, "quaternion_xyzw", f"has the norm {norm:.6g}", "a unit quaternion, order x y z w"
-        )
+        bound = "a unit quaternion, order x y z w"
+        raise UnsafeActionError(index, "quaternion_xyzw", f"has the norm {norm:.6g}", bound)
     if gripper_open is not True and gripper_open is not False:
         raise UnsafeActionError(index, "gripper_open", f"is {gripper_open!r:.40}", "true or false")
 

@@ -86,9 +86,8 @@ class MotionLimits:
             InvalidInputError: as `from_task`; also for a bound that does not exist, or if there is none.
         """
         if not isinstance(document, Mapping) or not {"workspace", "motion_limits"} & set(document):
-            raise InvalidInputError(
-                "limits", f"are {document!r:.80}", "an object with workspace, motion_limits or both"
-            )
+            valid = "an object with workspace, motion_limits or both"
+            raise InvalidInputError("limits", f"are {document!r:.80}", valid)
         bounds = document.get("motion_limits", {})
         known = ("keep_out", *STEP_BOUNDS, "hand_radius_m")
         if not isinstance(bounds, Mapping) or not set(bounds) <= set(known):
@@ -102,11 +101,7 @@ class MotionLimits:
         return self.max_step_m is not None or self.max_step_rotation_deg is not None
 
     def require_start(self, end_effector: Pose | None) -> None:
-        """Make sure that the first step can be checked against its bounds.
-
-        Raises:
-            InvalidInputError: if steps are bounded and the place of the end effector is not known.
-        """
+        """Raise InvalidInputError if steps are bounded and the place of the end effector is not known."""
         if end_effector is None and self.bounds_steps:
             bounds = " and ".join(name for name in STEP_BOUNDS if getattr(self, name) is not None)
             message = f"is left out, but {bounds} must hold for the step to the first target, too"
@@ -128,19 +123,12 @@ class MotionLimits:
 
 
 def _member(document: object, field: str, name: str) -> Any:  # noqa: ANN401
-    """A member of a JSON object.
-
-    Args:
-        field: path of the object, empty for the whole document.
-
-    Raises:
-        InvalidInputError: if `document` is no object, or has no such member.
-    """
-    path = f"{field}.{name}".lstrip(".")
+    """A member of the JSON object at a path, which is empty for the whole document."""
     if not isinstance(document, Mapping):
         raise InvalidInputError(field or "limits", f"is {document!r:.80}", "a JSON object")
     if name not in document:
-        raise InvalidInputError(path, "is missing", "the bounds of motion in full, as GET /tasks/{name} has them")
+        valid = "the bounds of motion in full, as GET /tasks/{name} has them"
+        raise InvalidInputError(f"{field}.{name}".lstrip("."), "is missing", valid)
     return document[name]
 
 
@@ -153,12 +141,7 @@ def _checked_box(field: str, low: object, high: object) -> Box:
 
 
 def checked_bound(field: str, value: object, most: float = math.inf, *, zero: bool = False) -> float:
-    """A finite number above 0.
-
-    Args:
-        most: the greatest that is valid.
-        zero: whether 0 is valid.
-    """
+    """A finite number above 0, or with `zero` at least 0, and at most `most`; raises InvalidInputError."""
     number = _number(value)
     if number is None or not (number >= 0 if zero else number > 0) or number > most:
         least = "at least 0" if zero else "above 0"

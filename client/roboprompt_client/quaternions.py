@@ -124,10 +124,6 @@ def from_matrix(matrix: npt.ArrayLike) -> Array:
         return np.array([*(off / (4 * w)), w])
     i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
     q, lead = np.empty(4), (x, y, z)[largest]
-    q[i], q[j], q[k], q[3] = (
-        lead,
-        (m[i, j] + m[j, i]) / (4 * lead),
-        (m[i, k] + m[k, i]) / (4 * lead),
-        off[i] / (4 * lead),
-    )
+    q[i] = lead
+    q[[j, k, 3]] = np.array([m[i, j] + m[j, i], m[i, k] + m[k, i], off[i]]) / (4 * lead)
     return canonical(q)

@@ -1,27 +1,32 @@
 """What a service is asked, and how its answers are read: no transport, so that both clients share it."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+from uuid import uuid4
 
 import httpx
 
-from roboprompt_client.answers import PlannedStep, PredictedActions, findings_in
+from roboprompt_client.answers import PlannedStep, PredictedActions
 from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.connection import Request, document_in, require_success
-from roboprompt_client.encoding import ImageFormat, prediction_request, request_parts
+from roboprompt_client.encoding import ImageFormat, Part, prediction_request, request_parts, scene_json
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.motion_guard import action_from_json
+from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json, object_json
+from roboprompt_client.trajectory import ObjectPose, Trajectory, object_from_json, object_json
+from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 LEARNING_TIMEOUT_S = 600.0
+CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
-OnFindings = Callable[[Sequence[Mapping[str, Any]]], None]
 
 
 class Requests:
     """The requests of a robot; each is a method of both clients, which send it and return what it reads.
+
+    Each raises ServiceProblemError if the service refuses, and ServiceUnreachableError if it does not answer, or what
+    answers is no RoboPrompt service.
 
     Args:
         images: how they travel.
@@ -31,12 +36,7 @@ class Requests:
         self._images = images
 
     def ping(self) -> Request[None]:
-        """Ask whether the service is there.
-
-        Raises:
-            ServiceUnreachableError: if it does not answer, or what answers is no RoboPrompt service.
-            ServiceProblemError: if it refuses.
-        """
+        """Ask whether the service is there."""
         return Request("GET", "/healthz", {}, _pinged)
 
     def get(self, /, path: str, **parameters: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
@@ -61,7 +61,7 @@ class Requests:
             objects: all of the scene, or their names; words of place need poses.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError: a problem names the part that is not what one task does.
+            ServiceProblemError: also for a sentence with a part that no one task does, which it names.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
         asked = ask("POST", "/plans", json={"instruction": instruction, "objects": listed})
@@ -84,17 +84,18 @@ class Requests:
 
         Args:
             task: None: the one task of these objects that does what the instruction says; `response["task"]` names it.
+            mask_ids: for objects whose pixels the masks show, the ids of these.
             timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
             options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
 
         Raises:
-            ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
-            ServiceUnreachableError: if the service does not answer.
+            ServiceProblemError: also if the LLM's reply is no list of actions.
             UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
         body = prediction_request(task, instruction, observation, mask_ids, asked, self._images)
-        return ask("POST", "/predict", timeout=_wait_s(timeout_s), **body).then(PredictedActions.from_json)
+        wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which the connection may be silent
+        return ask("POST", "/predict", timeout=wait_s, **body).then(PredictedActions.from_json)
 
     def dry_run(
         self,
@@ -104,12 +105,7 @@ class Requests:
         observation: Observation,
         **options: Any,  # noqa: ANN401
     ) -> Request[dict[str, Any]]:
-        """The prompt that `predict` with the same options asks an LLM with; none is asked.
-
-        Raises:
-            ServiceProblemError: if the service refuses.
-            ServiceUnreachableError: if it does not answer.
-        """
+        """The prompt that `predict` with the same options asks an LLM with; none is asked."""
         asked = {**options, "dry_run": True}
         return ask("POST", "/predict", **prediction_request(task, instruction, observation, None, asked, self._images))
 
@@ -122,8 +118,7 @@ class Requests:
             object_models: by name, as `object_models` of a task.
 
         Raises:
-            ServiceProblemError: if one of them is not found.
-            ServiceUnreachableError: if it does not answer.
+            ServiceProblemError: also if one of them is not found.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
         asked = self.post("/poses", {"objects": objects}, frames)
@@ -134,48 +129,124 @@ class Requests:
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
     def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> Request[bool]:
-        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop.
-
-        Raises:
-            ServiceProblemError, ServiceUnreachableError: it is not known whether it shall.
-        """
+        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop."""
         return ask("PUT", f"/runs/{run_id}", json=dict(state), timeout=timeout_s).then(_stop)
 
     def end_run(self, run_id: str, timeout_s: float) -> Request[bool]:
-        """Tell that a run has ended; returns whether it was to be stopped, and raises, as `report_run`."""
+        """Tell that a run has ended; returns whether it was to be stopped."""
         return ask("DELETE", f"/runs/{run_id}", timeout=timeout_s).then(_stop)
 
+    def configure_task(self, /, task: str, **settings: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
+        """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
+        return ask("PUT", f"/tasks/{task}", json=settings)
 
-class StreamReader:
-    """What the events of a prediction say, one after the other.
+    def motion_limits(self, task: str) -> Request[MotionLimits]:
+        """What the task allows an action; raises InvalidInputError for bounds that can bound nothing."""
+        return self.get(f"/tasks/{task}").then(MotionLimits.from_task)
 
-    Args:
-        on_findings: called with what the service doubts beforehand, ahead of the first action.
-    """
+    def upload(
+        self,
+        task: str,
+        instruction: str,
+        trajectory: Trajectory,
+        observation: Observation,
+        *,
+        control_frequency_hz: float = 20.0,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        extra: Mapping[str, Any] | None = None,
+        prediction_id: str | None = None,
+    ) -> Request[dict[str, Any]]:
+        """Store a demonstration; returns the service's description of it.
 
-    def __init__(self, on_findings: OnFindings | None) -> None:
-        self._on_findings, self._index = on_findings, 0
+        Args:
+            observation: what the robot saw at the first frame.
+            mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
+            prediction_id: of the prediction that the robot carried out with success in this episode.
+        """
+        metadata = {
+            "task": task,
+            "instruction": instruction,
+            **scene_json(observation, mask_ids),
+            "control_frequency_hz": control_frequency_hz,
+            "extra": dict(extra or {}),
+            "prediction_id": prediction_id,
+        }
+        parts = request_parts(metadata, observation.frames, self._images)
+        parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
+        return self.upload_parts(parts, uuid4().hex)
 
-    def read(self, name: str, document: Mapping[str, Any]) -> EndEffectorAction | PredictedActions | None:
-        """An action, the whole answer, which is the last one, or nothing to hand on.
+    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> Request[dict[str, Any]]:
+        """Store a demonstration that is encoded already: the parts of `POST /episodes`.
+
+        Args:
+            idempotency_key: sent again with the same content it stores nothing twice.
+        """
+        return ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
+
+    def edit_episode(
+        self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
+    ) -> Request[dict[str, Any]]:
+        """Correct an episode; what is None stays. Returns the episode.
+
+        Args:
+            left_out: whether it is kept, but shown in no prompt.
+            note: for people; empty for none.
+        """
+        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
+        changes = {name: value for name, value in wanted.items() if value is not None}
+        return ask("PATCH", f"/episodes/{episode_id}", json=changes)
+
+    def check(self, task: str, model: str | None = None) -> Request[dict[str, Any]]:
+        """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
+
+        Args:
+            model: an LLM to ask as well, which takes it some seconds for each demonstration.
+        """
+        asked = {} if model is None else {"model": model}
+        return ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
+
+    def learn_object_models(
+        self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
+    ) -> Request[dict[str, Any]]:
+        """Let the service learn what the task's objects look like from its labeled episodes.
+
+        Returns `object_models`, and in `refused` why nothing was learned of an object.
+
+        Args:
+            objects: None for all.
+            episodes: from at most so many, the task's first.
+        """
+        asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
+        return self.post(f"/tasks/{task}/object_models/learn", asked)
+
+    def label_object(
+        self,
+        /,
+        task: str,
+        name: str,
+        episode_id: str | None = None,
+        frames: Sequence[RgbdFrame] = (),
+        **where: Any,  # noqa: ANN401
+    ) -> Request[dict[str, Any]]:
+        """Say where an object is in pictures, see `POST /tasks/{name}/labels`; returns the label.
+
+        Args:
+            episode_id: the episode whose first pictures are meant; or:
+            frames: pictures of color and depth.
+            where: `clicks`, `polygons` or `mask_ids`, and `yaw_deg`.
+        """
+        return self.post(f"/tasks/{task}/labels", {"object": name, "episode_id": episode_id, **where}, frames)
+
+    def learn_from_labels(self, task: str, name: str, symmetric: str | float = "none") -> Request[dict[str, Any]]:
+        """Let the service learn what a labeled object looks like, see `POST /tasks/{name}/labels/learn`.
+
+        Args:
+            symmetric: "none", "yaw" for what looks the same all around, or degrees of a turn that changes nothing.
 
         Raises:
-            ServiceProblemError: for an event that says so.
-            InvalidAnswerError, UnsafeActionError: for findings and actions that are not well formed.
+            ServiceProblemError: also if the labels give no template.
         """
-        if name == "findings" and self._on_findings is not None:
-            self._on_findings(findings_in(document))
-        if name == "action":
-            self._index += 1
-            return action_from_json(self._index - 1, document)
-        if name == "done":
-            return PredictedActions.from_json(document)
-        if name == "error":
-            raise ServiceProblemError(document.get("status", 502), document)
-        return None
-
-
-CUT_OFF = "POST /predict: the stream ended before it was complete"
+        return self.post(f"/tasks/{task}/labels/learn", {"object": name, "symmetric": symmetric})
 
 
 def ask(method: str, path: str, **arguments: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
@@ -199,8 +270,3 @@ def _stop(answer: Mapping[str, Any]) -> bool:
     if not isinstance(stop := answer.get("stop"), bool):
         raise ServiceUnreachableError("/runs: what answers there is no RoboPrompt service")
     return stop
-
-
-def _wait_s(timeout_s: float | None) -> float:
-    """How long the connection may be silent."""
-    return (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S

@@ -58,8 +58,8 @@ class Trajectory:
             raise InvalidInputError(name, "has no frames (T = 0)", "at least one frame")
         if num_joints > MAX_JOINTS:
             raise InvalidInputError(name, f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
-        joints, poses = (num_frames, num_joints), (num_frames, 4)
-        quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
+        quaternions_name = "trajectory.end_effector_quaternions_xyzw"
+        quaternions = unit_quaternions(quaternions_name, self.quaternions_xyzw, (num_frames, 4))
         settle(
             self,
             joint_velocities_rad_s=velocities,
@@ -67,17 +67,16 @@ class Trajectory:
             quaternions_xyzw=quaternions,
             gripper_open=_booleans("trajectory.gripper_open", self.gripper_open, num_frames),
         )
-        if self.timestamps_s is not None:
-            settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
-        if self.joint_positions_rad is not None:
-            name = "trajectory.joint_positions"
-            positions = bounded_array(name, self.joint_positions_rad, joints, MAX_RAD, "rad")
-            settle(self, joint_positions_rad=positions)
-        if self.gripper_width_m is not None:
-            settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
-        if self.wrenches_n_nm is not None:
-            name, shape = "trajectory.wrenches", (num_frames, 6)
-            settle(self, wrenches_n_nm=bounded_array(name, self.wrenches_n_nm, shape, MAX_N_NM, "N and Nm"))
+        if (times_s := self.timestamps_s) is not None:
+            settle(self, timestamps_s=_increasing("trajectory.timestamps", times_s, num_frames))
+        if (angles := self.joint_positions_rad) is not None:
+            angles = bounded_array("trajectory.joint_positions", angles, velocities.shape, MAX_RAD, "rad")
+            settle(self, joint_positions_rad=angles)
+        if (widths_m := self.gripper_width_m) is not None:
+            settle(self, gripper_width_m=_widths("trajectory.gripper_width", widths_m, num_frames))
+        if (wrenches := self.wrenches_n_nm) is not None:
+            wrenches = bounded_array("trajectory.wrenches", wrenches, (num_frames, 6), MAX_N_NM, "N and Nm")
+            settle(self, wrenches_n_nm=wrenches)
         self._check_objects(num_frames)
 
     @classmethod

@@ -62,17 +62,8 @@ def trajectory_from_npz(
 
 
 # What zipfile raises for damaged archives; RuntimeError: encrypted, ValueError: offsets before the file's beginning.
-_UNREADABLE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    struct.error,
-    EOFError,
-    OSError,
-    RuntimeError,
-    ValueError,
-    OverflowError,
-)
+_OF_ZIPFILE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error)
+_UNREADABLE = (*_OF_ZIPFILE, EOFError, OSError, RuntimeError, ValueError, OverflowError)
 
 
 class _ShortDirectory(io.BytesIO):
@@ -136,11 +127,7 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
 def _joint_velocities(
     num_frames: int, joint_positions_rad: npt.ArrayLike | None, timestamps_s: npt.ArrayLike | None
 ) -> Array:
-    """(T, J) rad/s, central differences of the positions; (T, 0) where there are none.
-
-    Raises:
-        InvalidInputError: if there are positions, but no times.
-    """
+    """(T, J) rad/s, central differences of the positions; (T, 0) where there are none."""
     if joint_positions_rad is None:
         return np.zeros((num_frames, 0))
     positions = bounded_array("trajectory.joint_positions", joint_positions_rad, (num_frames, None), MAX_RAD, "rad")
@@ -157,11 +144,7 @@ def _joint_velocities(
 
 
 def _gripper_open(widths_m: npt.ArrayLike, num_frames: int) -> npt.NDArray[np.bool_]:
-    """(T,) whether the fingers are further apart than the middle between their extremes.
-
-    Raises:
-        InvalidInputError: if they hardly move: whether they are open or closed is not known then.
-    """
+    """(T,) whether the fingers are further apart than the middle between their extremes, which must be apart."""
     widths = finite_array("trajectory.gripper_width", widths_m, (num_frames,))
     low, high = float(widths.min(initial=np.inf)), float(widths.max(initial=-np.inf))
     if high - low < MIN_GRIPPER_TRAVEL_M:

@@ -1,8 +1,12 @@
-"""A robot and a service of the tests' own."""
+"""A robot, a service and a person of the tests' own."""
 
+import httpx
 import numpy as np
 
+from roboprompt_client import cli
 from roboprompt_client.answers import PredictedActions
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
@@ -51,3 +55,46 @@ class Service:
 
 
 ANSWER = PredictedActions("p", ACTIONS, {"findings": []})
+
+
+def whole(*what, **how):
+    return run_task(*what, **how)
+
+
+def streamed(*what, **how):
+    return run_task(*what, stream=True, **how)
+
+
+def closed_loop(*what, **how):
+    return list(run_closed_loop(*what, **how))
+
+
+WAYS = (whole, streamed, closed_loop)
+
+
+def client_of(answer):
+    """A client whose requests are answered by a function, or all with one response."""
+    answers = (lambda _: answer) if isinstance(answer, httpx.Response) else answer
+    return RoboPromptClient(connection=httpx.Client(transport=httpx.MockTransport(answers), base_url="http://robots"))
+
+
+def type_command(monkeypatch, *words, answers=()):
+    """The exit status of `roboprompt-robot`, and what it asks; a person gives the answers and then leaves.
+
+    Args:
+        answers: texts, errors to raise, or functions that are called before their text is typed.
+    """
+    left, asked = list(answers), []
+
+    def type_next(question):
+        asked.append(question)
+        if not left:
+            raise EOFError
+        answer = left.pop(0)
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer() if callable(answer) else answer
+
+    monkeypatch.setattr("builtins.input", type_next)
+    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *map(str, words)])
+    return cli.main(), asked

@@ -4,7 +4,7 @@ Units and return values are theirs: franky metres and x y z w, UR metres and rot
 codes, LeRobot metres, rotation vectors and per cent.
 """
 
-from types import SimpleNamespace
+from types import SimpleNamespace as Named
 
 import numpy as np
 
@@ -77,23 +77,17 @@ def franky(body):
         def __init__(self, address, relative_dynamics_factor, realtime_config):
             assert 0 < relative_dynamics_factor <= 0.05
 
+        translation_velocity_limit, rotation_velocity_limit = Named(get=lambda: 1.7), Named(get=lambda: 2.5)
         has_errors = property(lambda self: answer(False))
-        current_joint_state = property(lambda self: answer(SimpleNamespace(position=READY_RAD, velocity=np.zeros(7))))
-        current_pose = property(
-            lambda self: answer(
-                SimpleNamespace(
-                    end_effector_pose=SimpleNamespace(translation=body.position_m, quaternion=body.quaternion)
-                )
-            )
-        )
-        state = property(
-            lambda self: answer(
-                SimpleNamespace(F_T_EE=SimpleNamespace(matrix=np.eye(4)), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5])
-            )
-        )
+        current_joint_state = property(lambda self: answer(Named(position=READY_RAD, velocity=np.zeros(7))))
 
-        translation_velocity_limit = SimpleNamespace(get=lambda: 1.7)
-        rotation_velocity_limit = SimpleNamespace(get=lambda: 2.5)
+        @property
+        def current_pose(self):
+            return answer(Named(end_effector_pose=Named(translation=body.position_m, quaternion=body.quaternion)))
+
+        @property
+        def state(self):
+            return answer(Named(F_T_EE=Named(matrix=np.eye(4)), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5]))
 
         def move(self, motion, asynchronous):
             assert asynchronous
@@ -138,10 +132,10 @@ def franky(body):
         def stop(self):
             pass
 
-    return SimpleNamespace(
+    return Named(
         Robot=Robot,
         Gripper=Gripper,
-        RealtimeConfig=SimpleNamespace(Enforce=0, Ignore=1),
+        RealtimeConfig=Named(Enforce=0, Ignore=1),
         Affine=lambda translation, quaternion: (translation, quaternion),
         CartesianMotion=lambda target: target,
         CartesianVelocityWaypoint=lambda twist, hold_target_duration=0: (*twist, hold_target_duration),
@@ -154,178 +148,122 @@ def franky(body):
 
 
 def rtde(body):
-    class Control:
-        def __init__(self, address):
-            self._progress = -1
+    """The modules control, receive and io."""
+    now = Named(progress=-1, before=-1)
 
-        def isConnected(self):  # noqa: N802
-            return not body.gone
+    def progress():
+        """Toggles between -1 and -2 with each operation that ends."""
+        if now.progress >= 0 and not body.poll():
+            now.progress = -3 - now.before
+        return now.progress
 
-        def isPoseWithinSafetyLimits(self, pose):  # noqa: N802
-            return bool(np.linalg.norm(pose[:3]) < 0.85)
+    def move(pose, speed, acceleration, asynchronous):
+        assert asynchronous
+        assert speed <= 0.1
+        now.before, now.progress = now.progress, 0
+        body.go(pose[:3], rotations.from_rotation_vector(pose[3:]))
+        return True
 
-        def getInverseKinematics(self, pose):  # noqa: N802
-            return [0.1] * 6
+    def servo(pose, speed, acceleration, time, lookahead_time, gain):
+        assert (0.03 <= lookahead_time <= 0.2, 100 <= gain <= 2000) == (True, True)
+        body.position_m, body.quaternion = np.array(pose[:3]), rotations.from_rotation_vector(pose[3:])
+        return True
 
-        def isJointsWithinSafetyLimits(self, joints):  # noqa: N802
-            return True
-
-        def getAsyncOperationProgress(self):  # noqa: N802
-            """Toggles between -1 and -2 with each operation that ends."""
-            if self._progress >= 0 and not body.poll():
-                self._progress = -3 - self._before
-            return self._progress
-
-        def moveL(self, pose, speed, acceleration, asynchronous):  # noqa: N802
-            assert asynchronous
-            assert speed <= 0.1
-            self._before, self._progress = self._progress, 0
-            body.go(pose[:3], rotations.from_rotation_vector(pose[3:]))
-            return True
-
-        def servoL(self, pose, speed, acceleration, time, lookahead_time, gain):  # noqa: N802
-            assert (0.03 <= lookahead_time <= 0.2, 100 <= gain <= 2000) == (True, True)
-            body.position_m, body.quaternion = np.array(pose[:3]), rotations.from_rotation_vector(pose[3:])
-            return True
-
-        def servoStop(self, deceleration):  # noqa: N802
-            return True
-
-        def stopL(self, deceleration):  # noqa: N802
-            body.halt()
-
-        def stopScript(self):  # noqa: N802
-            pass
-
-        def disconnect(self):
-            pass
-
-        def reconnect(self):
-            return not body.gone
-
-    class Receive:
-        def __init__(self, address):
-            pass
-
-        def isConnected(self):  # noqa: N802
-            return not body.gone
-
-        def getActualTCPPose(self):  # noqa: N802
-            return [*body.position_m, *rotations.to_rotation_vector(body.quaternion)]
-
-        def getActualQ(self):  # noqa: N802
-            return [0.1] * 6
-
-        def getActualTCPForce(self):  # noqa: N802
-            return [*body.force_n, 0.0, 0.0, 0.5]
-
-        def getActualQd(self):  # noqa: N802
-            return [0.0] * 6
-
-        def isEmergencyStopped(self):  # noqa: N802
-            return False
-
-        def isProtectiveStopped(self):  # noqa: N802
-            return False
-
-        def disconnect(self):
-            pass
-
-    class Outputs:
-        def __init__(self, address):
-            pass
-
-        def setToolDigitalOut(self, number, level):  # noqa: N802
-            return not body.jammed
-
+    control = Named(
+        isConnected=lambda: not body.gone,
+        isPoseWithinSafetyLimits=lambda pose: bool(np.linalg.norm(pose[:3]) < 0.85),
+        getInverseKinematics=lambda pose: [0.1] * 6,
+        isJointsWithinSafetyLimits=lambda joints: True,
+        getAsyncOperationProgress=progress,
+        moveL=move,
+        servoL=servo,
+        servoStop=lambda deceleration: True,
+        stopL=lambda deceleration: body.halt(),
+        stopScript=lambda: None,
+        disconnect=lambda: None,
+        reconnect=lambda: not body.gone,
+    )
+    receive = Named(
+        isConnected=lambda: not body.gone,
+        getActualTCPPose=lambda: [*body.position_m, *rotations.to_rotation_vector(body.quaternion)],
+        getActualQ=lambda: [0.1] * 6,
+        getActualQd=lambda: [0.0] * 6,
+        getActualTCPForce=lambda: [*body.force_n, 0.0, 0.0, 0.5],
+        isEmergencyStopped=lambda: False,
+        isProtectiveStopped=lambda: False,
+        disconnect=lambda: None,
+    )
+    outputs = Named(setToolDigitalOut=lambda number, level: not body.jammed)
     return (
-        SimpleNamespace(RTDEControlInterface=Control),
-        SimpleNamespace(RTDEReceiveInterface=Receive),
-        SimpleNamespace(RTDEIOInterface=Outputs),
+        Named(RTDEControlInterface=lambda address: control),
+        Named(RTDEReceiveInterface=lambda address: receive),
+        Named(RTDEIOInterface=lambda address: outputs),
     )
 
 
 def xarm(body):
+    """Codes instead of exceptions; without is_radian=True angles would be degrees."""
+    now = Named(state=4, mode=None)
     lost = 1  # a code other than 0
 
-    class XArmAPI:
-        """Codes instead of exceptions; without is_radian=True angles would be degrees."""
+    def get_position(is_radian):
+        pose = [*(1000 * body.position_m), *rotations.to_roll_pitch_yaw(body.quaternion)]
+        return (lost if body.gone else 0), pose
 
-        def __init__(self, address, is_radian):
-            assert is_radian
-            self._state = 4
+    def set_position(x, y, z, roll, pitch, yaw, speed, mvacc, is_radian, wait):
+        assert is_radian
+        assert not wait
+        if now.state == 4 or now.mode != 0:
+            return 9  # not ready to move
+        body.go(np.array([x, y, z]) / 1000, rotations.from_roll_pitch_yaw(roll, pitch, yaw))
+        return 0
 
-        def get_position(self, is_radian):
-            pose = [*(1000 * body.position_m), *rotations.to_roll_pitch_yaw(body.quaternion)]
-            return (lost if body.gone else 0), pose
+    def set_gripper_position(pulses, wait):
+        assert wait
+        body.grip(pulses / 10_000)
+        return 0
 
-        def get_joint_states(self, is_radian):
-            return 0, [[0.1] * 7, [0.0] * 7, [0.0] * 7]
+    def set_state(state):
+        now.state = state
+        if state == 4:
+            body.halt()
+        return 0
 
-        def get_gripper_position(self):
-            return 0, int(body.width_m * 10_000)
+    def set_mode(mode):
+        now.mode = mode
+        return 0
 
-        def get_err_warn_code(self):
-            return 0, [0, 0]
+    def vc_set_cartesian_velocity(speeds, is_radian, is_tool_coord, duration):
+        assert (is_radian, is_tool_coord) == (True, False)
+        if (now.mode, now.state) != (5, 0):
+            return 9
+        body.drift(np.array(speeds[:3]) / 1000, speeds[3:], duration)
+        return 0
 
-        def is_tcp_limit(self, pose, is_radian):
-            return 0, bool(np.linalg.norm(pose[:3]) > 700)
+    def opened(address, is_radian):
+        assert is_radian
+        return Named(
+            get_position=get_position,
+            get_joint_states=lambda is_radian: (0, [[0.1] * 7, [0.0] * 7, [0.0] * 7]),
+            get_gripper_position=lambda: (0, int(body.width_m * 10_000)),
+            get_err_warn_code=lambda: (0, [0, 0]),
+            get_state=lambda: ((lost if body.gone else 0), 1 if body.poll() else 2),
+            is_tcp_limit=lambda pose, is_radian: (0, bool(np.linalg.norm(pose[:3]) > 700)),
+            get_inverse_kinematics=lambda pose, input_is_radian, return_is_radian: (0, [0.1] * 7),
+            is_joint_limit=lambda joints, is_radian: (0, False),
+            set_position=set_position,
+            set_gripper_position=set_gripper_position,
+            set_state=set_state,
+            set_mode=set_mode,
+            vc_set_cartesian_velocity=vc_set_cartesian_velocity,
+            clean_error=lambda: 0,
+            clean_warn=lambda: 0,
+            motion_enable=lambda enable: 0,
+            set_gripper_enable=lambda enable: 0,
+            disconnect=lambda: None,
+        )
 
-        def get_inverse_kinematics(self, pose, input_is_radian, return_is_radian):
-            return 0, [0.1] * 7
-
-        def is_joint_limit(self, joints, is_radian):
-            return 0, False
-
-        def set_position(self, x, y, z, roll, pitch, yaw, speed, mvacc, is_radian, wait):
-            assert is_radian
-            assert not wait
-            if self._state == 4 or self._mode != 0:
-                return 9  # not ready to move
-            body.go(np.array([x, y, z]) / 1000, rotations.from_roll_pitch_yaw(roll, pitch, yaw))
-            return 0
-
-        def get_state(self):
-            return (lost if body.gone else 0), 1 if body.poll() else 2
-
-        def set_gripper_position(self, pulses, wait):
-            assert wait
-            body.grip(pulses / 10_000)
-            return 0
-
-        def set_state(self, state):
-            self._state = state
-            if state == 4:
-                body.halt()
-            return 0
-
-        def clean_error(self):
-            return 0
-
-        def clean_warn(self):
-            return 0
-
-        def motion_enable(self, enable):
-            return 0
-
-        def set_mode(self, mode):
-            self._mode = mode
-            return 0
-
-        def vc_set_cartesian_velocity(self, speeds, is_radian, is_tool_coord, duration):
-            assert (is_radian, is_tool_coord) == (True, False)
-            if (self._mode, self._state) != (5, 0):
-                return 9
-            body.drift(np.array(speeds[:3]) / 1000, speeds[3:], duration)
-            return 0
-
-        def set_gripper_enable(self, enable):
-            return 0
-
-        def disconnect(self):
-            pass
-
-    return XArmAPI
+    return Named(XArmAPI=opened)
 
 
 class LeRobot:
@@ -340,13 +278,9 @@ class LeRobot:
     def get_observation(self):
         if self._body.gone:
             raise ConnectionError("no status packet from motor 3")
-        named = dict(zip(("ee.x", "ee.y", "ee.z"), self._body.position_m, strict=True))
-        named |= dict(
-            zip(("ee.wx", "ee.wy", "ee.wz"), rotations.to_rotation_vector(self._body.quaternion), strict=True)
-        )
-        joints = {
-            f"{name}.pos": 5.0 for name in ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
-        }
+        pose = [*self._body.position_m, *rotations.to_rotation_vector(self._body.quaternion)]
+        named = dict(zip(("ee.x", "ee.y", "ee.z", "ee.wx", "ee.wy", "ee.wz"), pose, strict=True))
+        joints = dict.fromkeys(("pan.pos", "lift.pos", "elbow.pos", "flex.pos", "roll.pos"), 5.0)
         return {**named, **joints, "gripper.pos": 50.0, "ee.gripper_pos": 100 * self._body.width_m / OPEN_M}
 
     def send_action(self, action):
@@ -379,7 +313,7 @@ def open_ur(body, monkeypatch):
 
 
 def open_xarm(body, monkeypatch):
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: SimpleNamespace(XArmAPI=xarm(body)))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
     monkeypatch.setattr("roboprompt_client.arms.xarm.START_S", 0.0)
     return XArm("127.0.0.1")
 

@@ -9,9 +9,8 @@ from makers import DOWN, FIRST_M, MAKERS, Body
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.arrival import Tolerance
-from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import STEERED_S
+from roboprompt_client.arms.driver import STEERED_S, Calibration
+from roboprompt_client.arms.tolerance import Tolerance
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.trajectory import EndEffectorAction

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from arms import type_command
 from makers import Body, open_xarm
 
 pytest.importorskip("cv2", reason="the extra `calibrate` is not installed")
@@ -12,7 +13,6 @@ pytest.importorskip("scipy", reason="the extra `calibrate` is not installed")
 
 import cv2
 
-from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.calibration.board import CharucoBoard
 from roboprompt_client.calibration.bundle import Sighting, fit_cameras
@@ -148,21 +148,19 @@ def cell(tmp_path, monkeypatch):
     world = {name: Sees(arm, lambda hand, at=at: np.linalg.inv(at) @ hand @ HELD) for name, at in FIXED.items()}
     carried = Sees(arm, lambda hand: np.linalg.inv(hand @ IN_THE_HAND) @ LYING)
     arm.cameras = Rig([*(MountedCamera(*item) for item in world.items()), MountedCamera("wrist", carried, True)])
-    monkeypatch.setattr("roboprompt_client.look_command.open_robot", lambda name: arm)
-    monkeypatch.setattr("roboprompt_client.calibrate_command.SETTLE_S", 0.0)
+    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", lambda name: arm)
+    monkeypatch.setattr("roboprompt_client.commands.calibrate.SETTLE_S", 0.0)
     return tmp_path / "cell.json"
 
 
-def run(monkeypatch, cell, *more):
+def run(monkeypatch, cell, *more, answer):
     board = ["--square", "0.03", "--marker", "0.022"]
-    monkeypatch.setattr("sys.argv", ["roboprompt-robot", "calibrate", "--robot", str(cell), *board, *more])
-    return cli.main()
+    return type_command(monkeypatch, "calibrate", "--robot", cell, *board, *more, answers=[answer] * 99)[0]
 
 
 @pytest.mark.parametrize("carried", [False, True])
 def test_the_command_moves_the_hand_and_writes_the_cell_s_file(cell, monkeypatch, capsys, carried):
-    monkeypatch.setattr("builtins.input", lambda question: "y")
-    status = run(monkeypatch, cell, *(["--carried"] if carried else []))
+    status = run(monkeypatch, cell, *(["--carried"] if carried else []), answer="y")
     said = capsys.readouterr().out
     assert status == 0, said
     written = {camera["name"]: camera for camera in json.loads(cell.read_text())["cameras"]}
@@ -176,8 +174,7 @@ def test_the_command_moves_the_hand_and_writes_the_cell_s_file(cell, monkeypatch
 
 
 def test_nothing_is_moved_or_written_without_a_yes(cell, monkeypatch, capsys):
-    monkeypatch.setattr("builtins.input", lambda question: "n")
     before = cell.read_bytes()
-    assert run(monkeypatch, cell) == 1
+    assert run(monkeypatch, cell, answer="n") == 1
     assert "saw the board nowhere" in capsys.readouterr().err
     assert cell.read_bytes() == before

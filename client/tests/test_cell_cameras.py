@@ -9,12 +9,11 @@ import pytest
 from makers import Body, open_xarm
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.camera import checked_camera_pose
-from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.table import Table
+from roboprompt_client.cell import open_robot, rig_from_json, viewpoints_from_json
 from roboprompt_client.errors import CameraError, InvalidInputError, NotConfirmedError, UnsafeActionError
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 
@@ -123,7 +122,7 @@ def test_recorded_frames_are_read_in_their_order(folder):
 
 def test_a_live_folder_gives_no_old_frame(folder, monkeypatch):
     write_frame(folder, "0001", 10)
-    monkeypatch.setattr("roboprompt_client.cameras.files.MAX_WAIT_S", 0.2)
+    monkeypatch.setattr("roboprompt_client.cameras.opencv.MAX_WAIT_S", 0.2)
     cameras = rig_from_json(cell(), folder.parent)
     time.sleep(0.05)
     with pytest.raises(CameraError, match="'front': no frame came into"):

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import httpx
 import pytest
+from arms import client_of, type_command
 
 from roboprompt_client import cli
-from roboprompt_client.client import RoboPromptClient
 
 ACTION = {"position": [0.1, 0.2, 0.9], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
 BOUNDS = {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None}
@@ -63,7 +63,7 @@ class Service:
 
     def client(self, url):
         self.urls.append(url)
-        return RoboPromptClient(connection=httpx.Client(transport=httpx.MockTransport(self), base_url="http://robots"))
+        return client_of(self)
 
 
 @pytest.fixture
@@ -77,37 +77,15 @@ def service(monkeypatch, tmp_path):
     return service
 
 
-def run(monkeypatch, *words, answers=()):
-    """The exit status of the command, at a terminal where a person types `answers` and then leaves."""
-    typed, asked = list(answers), []
-
-    def type_next(question):
-        asked.append(question)
-        if not typed:
-            raise EOFError
-        return typed.pop(0)
-
-    monkeypatch.setattr("builtins.input", type_next)
-    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *words])
-    return cli.main(), asked
-
-
 RUN = ("run", "--robot", "my_cell:make", "--task", "pick", "--instruction", "pick up the cube")
 
 
-@pytest.mark.parametrize("words", [("--url", "http://robot-lab:8000", *RUN), (*RUN, "--url", "http://robot-lab:8000")])
-def test_the_url_stands_before_or_behind_the_command(service, monkeypatch, words):
-    assert run(monkeypatch, *words)[0] == 0
-    assert service.urls == ["http://robot-lab:8000"]
-
-
-def test_without_a_url_it_is_this_machine(service, monkeypatch):
-    run(monkeypatch, *RUN)
-    assert service.urls == ["http://127.0.0.1:8000"]
-
-
-def test_a_factory_in_the_current_folder_needs_no_python_path(service, monkeypatch, capsys):
-    assert run(monkeypatch, *RUN)[0] == 0
+@pytest.mark.parametrize(
+    "words", [("--url", "http://robot-lab:8000", *RUN), (*RUN, "--url", "http://robot-lab:8000"), RUN]
+)
+def test_a_factory_in_the_current_folder_runs_at_the_url_or_this_machine(service, monkeypatch, capsys, words):
+    assert type_command(monkeypatch, *words)[0] == 0
+    assert service.urls == ["http://robot-lab:8000" if "--url" in words else "http://127.0.0.1:8000"]
     assert json.loads(capsys.readouterr().out)["id"] == "p1"
 
 
@@ -122,35 +100,35 @@ def test_a_factory_in_the_current_folder_needs_no_python_path(service, monkeypat
     ],
 )
 def test_after_a_run_the_person_says_whether_it_worked(service, monkeypatch, answers, recorded):
-    status, asked = run(monkeypatch, *RUN, answers=answers)
+    status, asked = type_command(monkeypatch, *RUN, answers=answers)
     assert (status, len(asked)) == (0, len(answers))
     assert service.outcomes == [("/predictions/p1/outcome", recorded)]
 
 
 @pytest.mark.parametrize("words", [(), ("--closed-loop",)])
 def test_the_service_hears_of_a_run_and_may_stop_it(service, monkeypatch, capsys, words):
-    assert run(monkeypatch, *RUN, *words, answers=["y"])[0] == 0
+    assert type_command(monkeypatch, *RUN, *words, answers=["y"])[0] == 0
     assert {"PUT", "DELETE"} == set(service.runs)
     service.stops = True
-    assert run(monkeypatch, *RUN, *words, answers=["y"])[0] == 1
+    assert type_command(monkeypatch, *RUN, *words, answers=["y"])[0] == 1
     assert "a person stopped the robot" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("answers", [[""], []])
 def test_without_an_answer_no_outcome_is_recorded(service, monkeypatch, answers):
-    status, asked = run(monkeypatch, *RUN, answers=answers)
+    status, asked = type_command(monkeypatch, *RUN, answers=answers)
     assert (status, len(asked), service.outcomes) == (0, 1, [])
 
 
 def test_the_outcome_of_a_closed_loop_is_that_of_its_predictions(service, monkeypatch):
-    assert run(monkeypatch, *RUN, "--closed-loop", answers=["n it slipped"])[0] == 0
+    assert type_command(monkeypatch, *RUN, "--closed-loop", answers=["n it slipped"])[0] == 0
     recorded = {"success": False, "note": "it slipped"}
     assert service.outcomes == [(f"/predictions/{id_}/outcome", recorded) for id_ in ("p1", "p2")]
 
 
 def test_an_outcome_that_cannot_be_recorded_is_logged(service, monkeypatch, caplog):
     service.down = True
-    assert run(monkeypatch, *RUN, answers=["y"])[0] == 0
+    assert type_command(monkeypatch, *RUN, answers=["y"])[0] == 0
     assert "the outcome was not recorded: POST http://robots/predictions/p1/outcome: refused" in caplog.text
 
 
@@ -158,7 +136,7 @@ PLAN = ("run", "--robot", "my_cell:make", "--instruction", "pick up the cube twi
 
 
 def test_without_a_task_the_steps_of_the_instruction_are_carried_out(service, monkeypatch, capsys):
-    assert run(monkeypatch, *PLAN) == (0, [])
+    assert type_command(monkeypatch, *PLAN) == (0, [])
     assert [step["id"] for step in json.loads(capsys.readouterr().out)["steps"]] == ["p1", "p1"]
 
 
@@ -173,17 +151,17 @@ def test_without_a_task_the_steps_of_the_instruction_are_carried_out(service, mo
     ],
 )
 def test_a_person_is_asked_about_the_plan_each_action_and_each_outcome(service, monkeypatch, answers, status, outcomes):
-    assert run(monkeypatch, *PLAN, "--confirm", answers=answers)[0] == status
+    assert type_command(monkeypatch, *PLAN, "--confirm", answers=answers)[0] == status
     assert [document["success"] for _, document in service.outcomes] == outcomes
 
 
 def test_a_closed_loop_needs_a_task(service, monkeypatch, capsys):
-    assert run(monkeypatch, *PLAN, "--closed-loop")[0] == 1
+    assert type_command(monkeypatch, *PLAN, "--closed-loop")[0] == 1
     assert "--task: is left out beside --closed-loop" in capsys.readouterr().err
 
 
 def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
-    status, asked = run(monkeypatch, *RUN, "--confirm", answers=["no"])
+    status, asked = type_command(monkeypatch, *RUN, "--confirm", answers=["no"])
     assert (status, len(asked), service.outcomes) == (1, 1, [])
 
 
@@ -200,7 +178,7 @@ def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
 )
 def test_help_says_what_a_command_does(monkeypatch, capsys, command, said):
     with pytest.raises(SystemExit) as ended:
-        run(monkeypatch, *command, "--help")
+        type_command(monkeypatch, *command, "--help")
     assert ended.value.code == 0
     shown = capsys.readouterr().out
     assert said in " ".join(shown.split())
@@ -210,7 +188,7 @@ def test_help_says_what_a_command_does(monkeypatch, capsys, command, said):
 def test_a_file_that_is_not_there_is_said(service, monkeypatch, tmp_path, capsys):
     (tmp_path / "objects.json").write_text("[]")
     words = ("upload", "--task", "pick", "--instruction", "pick", "--objects", "objects.json", "none.npz")
-    assert run(monkeypatch, *words)[0] == 1
+    assert type_command(monkeypatch, *words)[0] == 1
     assert "trajectory: cannot be read" in capsys.readouterr().err
 
 

@@ -2,11 +2,11 @@
 
 import httpx
 import pytest
+from arms import client_of
 
-from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.connection import Connection, is_own_machine, without_proxy
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.connection import is_own_machine, without_proxy
 from roboprompt_client.errors import ServiceUnreachableError
-from roboprompt_client.requests import ask
 from roboprompt_client.robot import Observation
 
 
@@ -35,21 +35,24 @@ def test_another(url):
 
 
 STREAM = (
-    ': a comment\n\nevent: action\ndata: {"a": 1}\n\nid: 7\r\nevent: text\r\ndata: {"t":\r\ndata:  "é\u2028x"}\r\n\r\n'
+    ': a comment\n\nevent: action\ndata: {"position": [0, 0, 1], "quaternion_xyzw": [1, 0, 0, 0], '
+    '"gripper_open": true}\n\nevent: done\n\nid: 7\r\nevent: done\r\ndata: {"actions":\r\n'
+    'data:  [], "id": "é\u2028x"}\r\n\r\n'
 ).encode()
-EXPECTED = [("action", {"a": 1}), ("text", {"t": "é\u2028x"})]
 
 
-def events(pieces, kind="text/event-stream"):
-    """The events of an answer that arrives in these pieces."""
-    answer = httpx.MockTransport(lambda _: httpx.Response(200, content=iter(pieces), headers={"content-type": kind}))
-    return Connection(httpx.Client(transport=answer, base_url="http://robots")).events(ask("POST", "/predict"))
+def streamed(pieces, kind="text/event-stream"):
+    """What a prediction's stream gives that arrives in these pieces."""
+    answer = httpx.Response(200, content=iter(pieces), headers={"content-type": kind})
+    return client_of(answer).stream("t", "go", Observation())
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 1000])
 def test_however_the_bytes_arrive(size):
-    pieces = [STREAM[k : k + size] for k in range(0, len(STREAM), size)]
-    assert list(events(pieces)) == EXPECTED
+    action, whole = streamed([STREAM[k : k + size] for k in range(0, len(STREAM), size)])
+    assert (action.position_m[2], action.gripper_open) == (1.0, True)
+    assert isinstance(whole, PredictedActions)
+    assert whole.id == "é\u2028x"
 
 
 def test_an_event_comes_as_soon_as_it_is_complete():
@@ -60,29 +63,23 @@ def test_an_event_comes_as_soon_as_it_is_complete():
             arrived.append(k)
             yield STREAM[k : k + 4]
 
-    assert next(events(pieces())) == EXPECTED[0]
+    assert next(streamed(pieces())).gripper_open
     assert arrived[-1] <= STREAM.index(b"id: 7")
 
 
-def test_an_event_that_is_cut_off_is_none():
-    assert list(events([STREAM[:-2]])) == EXPECTED[:1]
-    assert list(events([b"event: done\n\n"])) == []
-
-
-@pytest.mark.parametrize("data", [b"data: [1]\n\n", b"data: {\n\n", b"data: \xff\n\n"])
-def test_data_that_are_no_json_object_are_an_error(data):
-    with pytest.raises(ServiceUnreachableError, match="no JSON object"):
-        list(events([data]))
+@pytest.mark.parametrize("rest", [b"", STREAM[:-2], b"event: done\n\n"])
+def test_an_answer_that_is_cut_off_is_none(rest):
+    with pytest.raises(ServiceUnreachableError, match="ended before it was complete"):
+        list(streamed([rest]))
 
 
 @pytest.mark.parametrize(
-    ("kind", "body"), [("text/html", b"<p>a proxy's page</p>"), ("text/event-stream", b"event: action\ndata: 3\n\n")]
+    ("kind", "body"),
+    [
+        ("text/html", b"<p>a proxy's page</p>"),
+        *(("text/event-stream", b"event: action\ndata: " + data + b"\n\n") for data in (b"3", b"[1]", b"{", b"\xff")),
+    ],
 )
 def test_a_service_that_streams_something_else_is_none(kind, body):
-    answer = httpx.MockTransport(lambda _: httpx.Response(200, content=body, headers={"content-type": kind}))
-    connection = httpx.Client(transport=answer, base_url="http://robots")
-    with (
-        RoboPromptClient(connection=connection) as client,
-        pytest.raises(ServiceUnreachableError, match=r"no JSON|Expected response header Content-Type"),
-    ):
-        list(client.stream("t", "go", Observation()))
+    with pytest.raises(ServiceUnreachableError, match=r"no JSON object|Expected response header Content-Type"):
+        list(streamed([body], kind))

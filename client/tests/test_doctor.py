@@ -2,9 +2,10 @@
 
 import httpx
 import pytest
+from arms import client_of, type_command
 
-from roboprompt_client import cli, doctor
-from roboprompt_client.client import RoboPromptClient
+from roboprompt_client import cli
+from roboprompt_client.commands import check
 from roboprompt_client.version import VERSION
 
 
@@ -16,10 +17,8 @@ def results(monkeypatch, capsys):
         def answer(request):
             return answers.get(request.url.path) or httpx.Response(403, json={"type": "/problems/forbidden"})
 
-        connection = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robot.test")
-        monkeypatch.setattr(cli, "RoboPromptClient", lambda _: RoboPromptClient(connection=connection))
-        monkeypatch.setattr("sys.argv", ["roboprompt-robot", "doctor", *words])
-        return cli.main(), capsys.readouterr().out
+        monkeypatch.setattr(cli, "RoboPromptClient", lambda _: client_of(answer))
+        return type_command(monkeypatch, "doctor", *words)[0], capsys.readouterr().out
 
     return run
 
@@ -51,8 +50,8 @@ def test_no_service_and_no_arm(results, tmp_path):
     assert "FAIL  arm: robot" in said
 
 
-@pytest.mark.parametrize("extra", doctor.EXTRAS)
+@pytest.mark.parametrize("extra", check.EXTRAS)
 def test_missing_package_of_an_extra(extra, monkeypatch):
-    monkeypatch.setattr(doctor, "find_spec", lambda _: None)
-    result = doctor.look_at_extra(extra)
+    monkeypatch.setattr(check, "find_spec", lambda _: None)
+    result = check.look_at_extra(extra)
     assert (result.passed, result.detail.endswith(f"pip install 'roboprompt-client[{extra}]'")) == (None, True)

@@ -1,37 +1,24 @@
 """A cell's file from answers and from what the arm measures."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from arms import type_command
 from makers import Body, xarm
 
-from roboprompt_client import cli
-from roboprompt_client.arms.cell import open_cell
+from roboprompt_client.cell import open_robot
 
 
 @pytest.fixture
 def body(monkeypatch):
     body = Body()
-    sdk = SimpleNamespace(XArmAPI=xarm(body))
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
     return body
 
 
 def run(monkeypatch, path, answers):
-    """Answers in their order; a function is done before Enter is pressed."""
-    left = list(answers)
-
-    def answer(question):
-        if not left:
-            raise EOFError
-        text = left.pop(0)
-        return text() if callable(text) else text
-
-    monkeypatch.setattr("builtins.input", answer)
-    monkeypatch.setattr("sys.argv", ["roboprompt-robot", "init", str(path)])
-    return cli.main()
+    return type_command(monkeypatch, "init", path, answers=answers)[0]
 
 
 def guided(body, position_m):
@@ -66,7 +53,7 @@ def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
     np.testing.assert_allclose(cell["limits"]["workspace"]["min"], [-0.21, 0.19, 0.59], atol=1e-6)
     np.testing.assert_allclose(cell["limits"]["workspace"]["max"], [0.41, 0.61, 1.11], atol=1e-6)
     assert 0.05 < cell["open_width_m"] < 0.1
-    assert open_cell(path).observe().objects[0].name == "cube"
+    assert open_robot(str(path)).observe().objects[0].name == "cube"
     said = capsys.readouterr().out
     assert "'nothing' is none of franka, ur, xarm" in said
     assert "'0.1 x' is not 3 numbers" in said
@@ -74,7 +61,7 @@ def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
 
 
 def test_cameras_that_are_plugged_in_are_asked_about(body, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("roboprompt_client.init_command.realsense_serials", lambda: ["41", "42", "43"])
+    monkeypatch.setattr("roboprompt_client.commands.init.realsense_serials", lambda: ["41", "42", "43"])
     path = tmp_path / "cell.json"
     answers = ["xarm", "192.168.1.5", "", "", "fr@nt", "front", "n", "", "wrist", "y", "n", "n"]
     assert run(monkeypatch, path, answers) == 0

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import httpx
 import numpy as np
 import pytest
+from arms import client_of, type_command
 from makers import Body, open_xarm
 from test_cell_cameras import VIEWPOINTS, Sensor
 
@@ -14,9 +15,8 @@ from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.rig import MountedCamera, Rig
-from roboprompt_client.cameras.sight import Sight, take_in
+from roboprompt_client.cameras.sight import Sight
 from roboprompt_client.cameras.table import Table
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.loop import run_closed_loop, run_task
 
@@ -49,21 +49,19 @@ def service(monkeypatch, tmp_path):
             )
         return httpx.Response(200, json={"checks": {}, "id": "p", "actions": [], "findings": []})
 
-    http = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robots")
-    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: RoboPromptClient(connection=http))
+    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
     arm = Arm(open_xarm(Body(), monkeypatch))
     arm.cameras = Rig(
         [MountedCamera("above", Sensor(), mount=OVERHEAD), MountedCamera("wrist", Sensor(), True, np.eye(4))]
     )
-    for module in ("look_command", "cli", "record_command"):
+    for module in ("commands.look", "cli", "commands.record"):
         monkeypatch.setattr(f"roboprompt_client.{module}.open_robot", lambda name: arm)
     (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm"}))
     return SimpleNamespace(sent=sent, state=state, arm=arm, cell=tmp_path / "cell.json")
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *map(str, words)])
-    return cli.main()
+def run(monkeypatch, *words, answers=()):
+    return type_command(monkeypatch, *words, answers=answers)[0]
 
 
 def paths(service):
@@ -156,9 +154,7 @@ def test_a_sentence_over_several_tasks_needs_the_names_of_what_is_in_view(servic
 
 
 def test_viewpoints_are_written_as_the_hand_was_guided(service, monkeypatch):
-    typed = ["", "", "q"]
-    monkeypatch.setattr("builtins.input", lambda question: typed.pop(0))
-    assert run(monkeypatch, "viewpoints", "--robot", service.cell) == 0
+    assert run(monkeypatch, "viewpoints", "--robot", service.cell, answers=["", "", "q"]) == 0
     first, second = json.loads(service.cell.read_text())["viewpoints"]
     assert first == second
     np.testing.assert_allclose(first["position"], service.arm.state().position_m, atol=1e-4)
@@ -179,9 +175,7 @@ def sight(*mounts):
         RgbdFrame(Camera(f"cam{k}", 600, 600, 319.5, 239.5, mount), np.zeros((480, 640, 3), np.uint8), depth_m)
         for k, mount in enumerate(mounts)
     ]
-    seen = take_in(None, frames, {})
-    assert isinstance(seen, Sight)
-    return seen
+    return Sight.of(None, frames, {})
 
 
 def turned(degrees):

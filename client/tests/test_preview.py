@@ -1,33 +1,75 @@
-"""A plan is shown with what is wrong with it before anything moves."""
+"""The geometry of a Franka arm; and a plan is shown with what is wrong with it before anything moves."""
 
 import numpy as np
 import pytest
-from arms import Service
+from arms import WAYS, Service
 
 from roboprompt_client import (
     EndEffectorAction,
     NotConfirmedError,
     PredictedActions,
     UnsafeActionError,
-    run_closed_loop,
-    run_task,
 )
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import ArmState, Calibration
 from roboprompt_client.arms.geometry import nearest_limit
-from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand
-from roboprompt_client.arms.preview import preview_plan, table
-from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry, flange, franka_hand
+from roboprompt_client.arms.preview import preview_plan
+from roboprompt_client.commands.terminal import Person, plan_table
+from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.terminal import Person
 
 DOWN = np.array([1.0, 0, 0, 0])
 BASE_M = np.array([-0.3, 0.0, 0.75])
 AT_BASE = Calibration(BASE_M, rotations.IDENTITY)
 READY = PandaGeometry().ready_rad
 NO_LIMITS = MotionLimits(hand_radius_m=0.0)
+
+
+def test_the_ready_pose():
+    """libfranka's examples start there; the flange is 0.3069 m ahead and 0.5903 m up."""
+    frame, _ = flange(READY)
+    np.testing.assert_allclose(frame[:3, 3], [0.3069, 0, 0.5903], atol=1e-4)
+    np.testing.assert_allclose(frame[:3, 2], [0, 0, -1], atol=1e-9)
+
+
+def test_the_jacobian_is_the_derivative():
+    joints = np.random.default_rng(0).uniform(*map(np.array, LIMITS_RAD["panda"]))
+    frame, jacobian = flange(joints)
+    for k in range(7):
+        step = np.eye(7)[k] * 1e-6
+        there, _ = flange(joints + step)
+        np.testing.assert_allclose((there[:3, 3] - frame[:3, 3]) / 1e-6, jacobian[:3, k], atol=1e-5)
+        turn = rotations.to_rotation_vector(rotations.from_matrix(there[:3, :3] @ frame[:3, :3].T))
+        np.testing.assert_allclose(turn / 1e-6, jacobian[3:, k], atol=1e-4)
+
+
+def test_a_reachable_pose_is_reached():
+    tip = np.eye(4)
+    tip[2, 3] = 0.1034
+    joints = PandaGeometry("fr3", tip).way(READY, np.array([0.45, 0.15, 0.2]), DOWN)
+    frame, _ = flange(joints)
+    np.testing.assert_allclose((frame @ tip)[:3, 3], [0.45, 0.15, 0.2], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("position_m", "message"),
+    [
+        ((1.2, 0, 0.4), "out of reach: 1.2"),
+        ((-0.5, 0.0, 0.3), r"joint \d would come to|out of reach"),
+        ((0.05, 0.0, 0.1), r"joint \d would come to|out of reach"),
+    ],
+)
+def test_what_is_out_of_reach_is_refused_before_it_moves(position_m, message):
+    with pytest.raises(MotionError, match=message):
+        PandaGeometry("fr3", np.eye(4)).way(READY, np.array(position_m), DOWN)
+
+
+def test_a_joint_s_limit_is_named():
+    turned = rotations.product(rotations.about_z(2.5), DOWN)
+    with pytest.raises(MotionError, match=r"joint 7 would come to .* after \d+ % of the way"):
+        PandaGeometry("fr3", np.eye(4)).way(READY, flange(READY)[0][:3, 3], turned)
 
 
 def to(x_m, y_m, z_m, quaternion=DOWN):
@@ -84,7 +126,7 @@ def test_without_joints_the_distance_is_held_against_the_reach():
 
 def test_the_table_has_a_row_for_each_action_and_warnings_below():
     plan = [to(0.45, 0, 0.2), to(1.2, 0, 0.4)]
-    lines = table(preview_plan(plan, AT_BASE, NO_LIMITS, geometry=PandaGeometry(), joints_rad=READY)).splitlines()
+    lines = plan_table(preview_plan(plan, AT_BASE, NO_LIMITS, geometry=PandaGeometry(), joints_rad=READY)).splitlines()
     assert lines[0].split("  ")[0] == "action"
     assert lines[1].startswith("1       0.150 0.000 0.950")
     assert " yes " in lines[1]
@@ -119,19 +161,7 @@ class Ready:
 BOX = Box((-0.05, -0.05, 0.8), (0.0, 0.05, 1.2))
 
 
-def whole(*what, **how):
-    return run_task(*what, **how)
-
-
-def streamed(*what, **how):
-    return run_task(*what, stream=True, **how)
-
-
-def closed_loop(*what, **how):
-    return list(run_closed_loop(*what, **how))
-
-
-@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+@pytest.mark.parametrize("run", WAYS)
 def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
     driver = Ready()
     arm = Arm(driver, calibration=AT_BASE, limits=MotionLimits(hand_radius_m=0.0))
@@ -144,7 +174,7 @@ def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
     assert driver.commands == ["halt"]
 
 
-@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+@pytest.mark.parametrize("run", WAYS)
 def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch):
     asked = []
     monkeypatch.setattr("builtins.input", lambda question: asked.append((question, capsys.readouterr().err)) or "no")

@@ -35,13 +35,6 @@ def test_a_pitch_of_90_degrees_is_some_rotation_that_comes_back(pitch_rad):
     assert same(rotations.from_roll_pitch_yaw(*rotations.to_roll_pitch_yaw(q)), q)
 
 
-def test_a_product_turns_by_the_second_and_then_by_the_first():
-    vector = RANDOM.normal(size=3)
-    for after, first in pairwise(SOME):
-        both = rotations.rotated(rotations.product(after, first), vector)
-        np.testing.assert_allclose(both, rotations.rotated(after, rotations.rotated(first, vector)), atol=1e-12)
-
-
 def test_known_turns():
     quarter = rotations.about_z(math.pi / 2)
     np.testing.assert_allclose(rotations.rotated(quarter, [1, 0, 0]), [0, 1, 0], atol=1e-15)

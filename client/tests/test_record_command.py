@@ -11,17 +11,16 @@ from types import SimpleNamespace
 import httpx
 import numpy as np
 import pytest
+from arms import client_of, type_command
 from makers import Body, open_xarm, xarm
 
 from roboprompt_client import cli
-from roboprompt_client.arm_check import ArmCheck
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import open_cell, open_robot
-from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.cell import open_robot
+from roboprompt_client.commands.check import ArmCheck
+from roboprompt_client.commands.record import offer_correction, record_live
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.live_recording import record_live
 from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.record_command import offer_correction
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -34,59 +33,41 @@ STORED = {
 
 
 @pytest.fixture
-def answers(monkeypatch, tmp_path):
-    """What the person types; the service answers 201 unless it is away."""
-    typed, state = [], {"away": False, "refuses": False}
+def service(monkeypatch, tmp_path):
+    """Answers 201 unless it is away or refuses."""
+    state = SimpleNamespace(away=False, refuses=False)
 
     def answer(request):
-        if state["away"]:
+        if state.away:
             raise httpx.ConnectError("refused")
-        if state["refuses"]:
+        if state.refuses:
             return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
         return httpx.Response(201, json=STORED)
 
-    def client(url):
-        return RoboPromptClient(
-            connection=httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robots")
-        )
-
-    def type_next(question):
-        step = typed.pop(0)
-        if isinstance(step, BaseException):
-            raise step
-        return step
-
-    monkeypatch.setattr(cli, "RoboPromptClient", client)
-    monkeypatch.setattr("builtins.input", type_next)
-    monkeypatch.setattr("roboprompt_client.spool.WAITS_S", ())
-    monkeypatch.setattr(
-        "roboprompt_client.record_command.open_robot", lambda name, **_: Arm(open_xarm(Body(), monkeypatch))
-    )
+    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
+    monkeypatch.setattr("roboprompt_client.recording.spool.WAITS_S", ())
+    opened = "roboprompt_client.commands.record.open_robot"
+    monkeypatch.setattr(opened, lambda name, **_: Arm(open_xarm(Body(), monkeypatch)))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
-    return typed, state
+    return state
 
 
-def run(monkeypatch, tmp_path, *more):
-    words = ["roboprompt-robot", "record", "--robot", "cell.json", "--task", "pick", "--instruction", "pick it up"]
-    words += ["--objects", str(tmp_path / "objects.json"), "--spool", str(tmp_path / "spool"), *more]
-    monkeypatch.setattr("sys.argv", words)
-    return cli.main()
+def run(monkeypatch, tmp_path, *more, answers=()):
+    words = ["record", "--robot", "cell.json", "--task", "pick", "--instruction", "pick it up"]
+    words += ["--objects", tmp_path / "objects.json", "--spool", tmp_path / "spool", *more]
+    return type_command(monkeypatch, *words, answers=answers)[0]
 
 
-def test_record_keep_and_upload(answers, monkeypatch, tmp_path, capsys):
-    typed, _ = answers
-    typed += ["", "", "q"]
-    assert run(monkeypatch, tmp_path) == 0
+def test_record_keep_and_upload(service, monkeypatch, tmp_path, capsys):
+    assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 0
     said = capsys.readouterr().out
     assert "7 joints" in said
     assert "stored as e1: 2 keyframes" in said
     assert "info long-rest: The hand stands still for 9 s." in said
 
 
-def test_record_and_throw_away(answers, monkeypatch, tmp_path):
-    typed, _ = answers
-    typed += ["", "x", "q"]
-    assert run(monkeypatch, tmp_path) == 0
+def test_record_and_throw_away(service, monkeypatch, tmp_path):
+    assert run(monkeypatch, tmp_path, answers=["", "x", "q"]) == 0
     assert list((tmp_path / "spool").iterdir()) == []
 
 
@@ -155,37 +136,31 @@ def test_a_hand_rests_a_fifth_of_a_second_after_the_last_key(keys, monkeypatch, 
         (["--teleop", "spacemouse"], "--teleop: no SpaceMouse is plugged in"),
     ],
 )
-def test_what_cannot_be_led_so_is_not_recorded(answers, monkeypatch, tmp_path, capsys, option, why):
-    typed, _ = answers
-    typed += ["", "q"]
-    monkeypatch.setattr("roboprompt_client.teleop.HIDRAW", tmp_path)
-    assert run(monkeypatch, tmp_path, *option) == 1
+def test_what_cannot_be_led_so_is_not_recorded(service, monkeypatch, tmp_path, capsys, option, why):
+    monkeypatch.setattr("roboprompt_client.recording.teleop.HIDRAW", tmp_path)
+    assert run(monkeypatch, tmp_path, *option, answers=["", "q"]) == 1
     assert why in capsys.readouterr().err
     assert list((tmp_path / "spool").iterdir()) == []
 
 
-def test_a_refused_recording_ends_with_1(answers, monkeypatch, tmp_path, capsys):
-    typed, state = answers
-    state["refuses"] = True
-    typed += ["", "", "q"]
-    assert run(monkeypatch, tmp_path) == 1
+def test_a_refused_recording_ends_with_1(service, monkeypatch, tmp_path, capsys):
+    service.refuses = True
+    assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 1
     assert "refused: cube: no such object" in capsys.readouterr().out
 
 
-def test_a_spool_that_cannot_be_made_is_said(answers, monkeypatch, tmp_path, capsys):
+def test_a_spool_that_cannot_be_made_is_said(service, monkeypatch, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert run(monkeypatch, tmp_path, "--spool", str(tmp_path / "file" / "spool")) == 1
     assert "--spool: " in capsys.readouterr().err
 
 
-def test_an_interrupted_recording_is_sent_later(answers, monkeypatch, tmp_path, capsys):
-    typed, state = answers
-    typed += ["", KeyboardInterrupt()]
-    assert run(monkeypatch, tmp_path) == 130
-    state["away"] = True
+def test_an_interrupted_recording_is_sent_later(service, monkeypatch, tmp_path, capsys):
+    assert run(monkeypatch, tmp_path, answers=["", KeyboardInterrupt()]) == 130
+    service.away = True
     assert run(monkeypatch, tmp_path, "--send-only") == 1
     assert "it waits in" in capsys.readouterr().out
-    state["away"] = False
+    service.away = False
     assert run(monkeypatch, tmp_path, "--send-only") == 0
     assert "stored as e1" in capsys.readouterr().out
 
@@ -250,8 +225,7 @@ def test_a_place_that_is_not_touched_is_left_out(arm):
 
 def test_a_cell_s_file(tmp_path, monkeypatch):
     cell, body = tmp_path / "cell.json", Body()
-    sdk = SimpleNamespace(XArmAPI=xarm(body))
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     document = {
         "arm": "xarm",
@@ -263,7 +237,7 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         "reach_m": 0.7,
     }
     cell.write_text(json.dumps(document))
-    arm = open_cell(cell)
+    arm = open_robot(str(cell))
     assert arm.observe().objects[0].name == "cube"
     assert arm.state().position_m[2] == pytest.approx(body.position_m[2] + 0.5)
     far = EndEffectorAction(np.array([0.71, 0, 0.5]), np.array([1.0, 0, 0, 0]), True)
@@ -285,23 +259,10 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         assert caught.value.field == field
 
 
-def test_a_failed_run_is_corrected_by_showing_it(answers, monkeypatch, tmp_path, capsys):
-    typed, _ = answers
-    typed += ["y", "\n"]
+@pytest.mark.parametrize(("answers", "stored"), [(["y", "\n"], True), (["n"], False), ([""], False)])
+def test_a_failed_run_is_corrected_by_showing_it(service, arm, monkeypatch, tmp_path, capsys, answers, stored):
     monkeypatch.chdir(tmp_path)
-    robot = open_robot_of(monkeypatch)
-    offer_correction(cli.RoboPromptClient("http://robots"), robot, "pick", "pick it up")
-    assert "stored as e1" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("answer", ["n", ""])
-def test_a_failed_run_is_left_alone_that_is_not_wanted(answers, monkeypatch, tmp_path, answer):
-    typed, _ = answers
-    typed += [answer]
-    monkeypatch.chdir(tmp_path)
-    offer_correction(cli.RoboPromptClient("http://robots"), open_robot_of(monkeypatch), "pick", "pick it up")
-    assert not (tmp_path / "recordings").exists()
-
-
-def open_robot_of(monkeypatch):
-    return Arm(open_xarm(Body(), monkeypatch))
+    monkeypatch.setattr("builtins.input", lambda question: answers.pop(0))
+    offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up")
+    assert ("stored as e1" in capsys.readouterr().out) is stored
+    assert (tmp_path / "recordings").exists() is stored

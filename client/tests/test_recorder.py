@@ -9,14 +9,14 @@ import time
 import httpx
 import numpy as np
 import pytest
+from arms import client_of
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recorder import Recorder, trajectory_from_journal
+from roboprompt_client.recording.recorder import Recorder, trajectory_from_journal
+from roboprompt_client.recording.spool import JOURNAL, Spool
 from roboprompt_client.robot import Observation
-from roboprompt_client.spool import JOURNAL, Spool
 from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_npz
 
@@ -125,7 +125,7 @@ class Service:
         return answer
 
     def client(self):
-        return RoboPromptClient(connection=httpx.Client(transport=httpx.MockTransport(self), base_url="http://robots"))
+        return client_of(self)
 
 
 @pytest.fixture
@@ -262,7 +262,7 @@ def test_what_others_may_write_is_not_sent(spooled):
 def test_what_another_user_wrote_is_not_sent(spooled, monkeypatch):
     spool, folder = spooled
     own = os.getuid()
-    monkeypatch.setattr("roboprompt_client.spool.os.getuid", lambda: own + 1)
+    monkeypatch.setattr("roboprompt_client.recording.spool.os.getuid", lambda: own + 1)
     send_nothing(spool, folder, "belongs to another user")
 
 

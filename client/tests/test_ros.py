@@ -11,9 +11,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.arrival import Tolerance
-from roboprompt_client.arms.cell import open_cell
 from roboprompt_client.arms.ros import Ros
+from roboprompt_client.arms.tolerance import Tolerance
+from roboprompt_client.cell import open_robot
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -132,7 +132,7 @@ def to(offset_m=(0.05, 0.03, -0.1), gripper_open=True):
 
 def test_a_cell_s_file_moves_it(robot, tmp_path):
     (tmp_path / "cell.json").write_text(json.dumps({"arm": "ros", "options": options(robot)}))
-    with open_cell(tmp_path / "cell.json") as arm:
+    with open_robot(str(tmp_path / "cell.json")) as arm:
         state = arm.state()
         np.testing.assert_allclose(state.position_m, HOME_M)
         np.testing.assert_allclose(state.joint_positions_rad, [0.1, 0.2])

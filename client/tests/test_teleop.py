@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.teleop import DIRECTIONS, HELD_S, HeldKeys, SpaceMouse, opened
+from roboprompt_client.recording.teleop import DIRECTIONS, HELD_S, HeldKeys, SpaceMouse, opened
 
 
 def test_every_direction_has_two_keys():
@@ -70,7 +70,7 @@ def test_of_many_reports_the_last_one_counts_and_an_old_one_moves_nothing(device
         send(2, 0, 0, FULL)
     send(2, 0, 0, 0)
     np.testing.assert_allclose(mouse.read("").direction, [1, 0, 0, 0, 0, 0])
-    monkeypatch.setattr("roboprompt_client.teleop.STALE_S", 0.0)
+    monkeypatch.setattr("roboprompt_client.recording.teleop.STALE_S", 0.0)
     assert not mouse.read("").direction.any()
 
 
@@ -83,7 +83,7 @@ def test_the_buttons_of_a_space_mouse_close_and_open_once(device):
 
 
 def test_a_space_mouse_is_found_by_its_maker(tmp_path, monkeypatch):
-    monkeypatch.setattr("roboprompt_client.teleop.HIDRAW", tmp_path)
+    monkeypatch.setattr("roboprompt_client.recording.teleop.HIDRAW", tmp_path)
     with pytest.raises(InvalidInputError, match="no SpaceMouse is plugged in"), opened("spacemouse"):
         pass
     for name, told in (("hidraw0", "0003:0000046D:0000C52B"), ("hidraw7", "0003:0000256F:0000C635")):

@@ -1,5 +1,7 @@
 """The values that a robot's program makes itself."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from roboprompt_client import (
     Observation,
     PredictedActions,
     RgbdFrame,
+    ServiceProblemError,
     Trajectory,
 )
 
@@ -70,3 +73,9 @@ def test_the_objects_of_a_prediction_say_how_they_were_found():
     (mug,) = PredictedActions("p", (), {"objects": [found]}).objects
     assert (mug.estimator, mug.confidence, mug.reason, mug.cameras) == ("cuboid", 0.518, found["reason"], ("front",))
     assert mug.quaternion_xyzw is None
+
+
+def test_a_problem_can_be_raised_by_a_worker_process():
+    problem = {"type": "/problems/model-busy", "title": "Busy", "detail": "ask later"}
+    again = pickle.loads(pickle.dumps(ServiceProblemError(503, problem)))
+    assert (again.status, again.problem, str(again)) == (503, problem, "503 Busy: ask later")

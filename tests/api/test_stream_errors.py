@@ -9,11 +9,12 @@ import pytest
 from starlette.requests import Request
 
 from app.api.routes import predict
+from app.pipeline.order.order import Order
 from app.services.predict.part_reply import PredictedAction
 from app.store.errors import StoreUnavailableError
 
 
-def events_of(error, monkeypatch, number=3):
+def events_of(error, number=3):
     actions = [PredictedAction.__new__(PredictedAction) for _ in range(number)]
     for action in actions:
         action.__dict__["document"] = {"position": [0, 0, 1]}
@@ -25,11 +26,10 @@ def events_of(error, monkeypatch, number=3):
 
     async def collect():
         request = Request({"type": "http", "method": "POST", "path": "/predict", "headers": []})
-        question = SimpleNamespace(findings=())
+        question = SimpleNamespace(findings=(), grounded=Order("press the button", ()))
         stream = predict._events(request, question, actions[0], answer(), predict._not_kept, AsyncExitStack())
         return b"".join([piece async for piece in stream]).decode()
 
-    monkeypatch.setattr(predict, "understood_document", lambda question: {})
     return asyncio.run(collect())
 
 
@@ -37,14 +37,14 @@ def last_event(text):
     return json.loads(text.rpartition("event: error")[2].partition("data: ")[2].strip())
 
 
-def test_actions_that_cannot_be_recorded_are_counted(monkeypatch):
-    text = events_of(StoreUnavailableError("database: disk is full"), monkeypatch)
+def test_actions_that_cannot_be_recorded_are_counted():
+    text = events_of(StoreUnavailableError("database: disk is full"))
     document = last_event(text)
     assert text.count("event: action") == 3
     assert (document["status"], document["actions_sent"], document["recorded"]) == (503, 3, False)
 
 
 @pytest.mark.parametrize("error", [OverflowError("too large"), ValueError("nan"), RuntimeError("x")])
-def test_an_unexpected_error_is_an_event_too(monkeypatch, error):
-    document = last_event(events_of(error, monkeypatch))
+def test_an_unexpected_error_is_an_event_too(error):
+    document = last_event(events_of(error))
     assert document["type"] == "/problems/internal-error"

@@ -3,7 +3,7 @@
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from app.api.schemas.poses import LearnBody, PosesBody
+from app.api.schemas.objects import LearnBody, PosesBody
 from app.api.schemas.requests import EpisodeMetadata, OutcomeBody, PredictBody
 from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
 from app.perception.markers.model import Marker, MarkersModel

@@ -4,7 +4,14 @@ from tests.attack.hostile import JSON, LIMITED, Attack, asked, posted
 from tests.attack.payloads import QUESTION
 
 LONG = "9" * 10_000
-HOST = "Host: 127.0.0.1\r\n"
+
+
+def streamed(name, value, status, field=None):
+    """A question with this value, to be answered as a stream."""
+    headers = {**JSON, "accept": "a/b, text/event-stream;q=0.9"}
+    return posted("/predict", {**QUESTION, name: value}, status, field, headers)
+
+
 ADDRESSES = {
     "cursor beyond 64 bits": asked(f"/episodes?cursor={2**63}", 422, "cursor"),
     "cursor of 10,000 digits": asked(f"/episodes?cursor={LONG}", 414),
@@ -39,54 +46,35 @@ ADDRESSES = {
     "a method that the address has not": Attack("PATCH", "/tasks", 405),
     "idempotency key of 10 kB": posted("/predict", QUESTION, 422, "idempotency-key", {**JSON, "idempotency-key": LONG}),
     "an Accept list of 10 kB": asked("/tasks/none", 404, None, accept=",".join(["a/b;q=0.1"] * 1000)),
-    "a stream of what is not valid": posted(
-        "/predict", {**QUESTION, "timeout_s": 1e-9}, 422, "timeout_s", {**JSON, "accept": "text/event-stream, */*"}
-    ),
-    "a stream of an unknown task": posted(
-        "/predict", {**QUESTION, "task": "none"}, 404, None, {**JSON, "accept": "a/b, text/event-stream;q=0.9"}
-    ),
+    "a stream of what is not valid": streamed("timeout_s", 1e-9, 422, "timeout_s"),
+    "a stream of an unknown task": streamed("task", "none", 404),
 }
 
 
-def request(line, headers="", body=b""):
-    """Bytes as they are sent."""
-    return f"{line}\r\n{HOST}{headers}\r\n".encode("latin-1") + body
+def post(headers, body=b"{}"):
+    """The bytes of a question with these header lines."""
+    lines = ["POST /predict HTTP/1.1", "Host: 127.0.0.1", "Content-Type: application/json", *headers.split("|"), "", ""]
+    return "\r\n".join(lines).encode("latin-1") + body
 
 
-POST = "POST /predict HTTP/1.1"
-TYPE = "Content-Type: application/json\r\n"
+CHUNKED = "Transfer-Encoding: chunked"
 # What is sent, and how the answer's status begins; None: there is no answer, as more must come.
 RAW = {
-    "a method nobody knows": (request("BREW /tasks HTTP/1.1"), "400"),
-    "a key with a control character": (
-        request(POST, f"{TYPE}Idempotency-Key: a\x01b\r\nContent-Length: 2\r\n", b"{}"),
-        "4",
-    ),
-    "a key with a null byte": (request(POST, f"{TYPE}Idempotency-Key: a\0b\r\nContent-Length: 2\r\n", b"{}"), "400"),
-    "a key twice": (
-        request(POST, f"{TYPE}Idempotency-Key: a\r\nIdempotency-Key: b\r\nContent-Length: 2\r\n", b"{}"),
-        "422",
-    ),
-    "a length below zero": (request(POST, f"{TYPE}Content-Length: -1\r\n", b"{}"), "400"),
-    "a length with a sign": (request(POST, f"{TYPE}Content-Length: +2\r\n", b"{}"), "400"),
-    "a length of 30 digits": (request(POST, f"{TYPE}Content-Length: {'9' * 30}\r\n", b"{}"), "400"),
-    "a length of a terabyte": (request(POST, f"{TYPE}Content-Length: {10**12}\r\n", b"{}"), "413"),
-    "two lengths": (request(POST, f"{TYPE}Content-Length: 2\r\nContent-Length: 3\r\n", b"{}"), "400"),
-    "a length and chunks": (
-        request(POST, f"{TYPE}Content-Length: 2\r\nTransfer-Encoding: chunked\r\n", b"0\r\n\r\n"),
-        "400",
-    ),
-    "a chunk of a size that is none": (request(POST, f"{TYPE}Transfer-Encoding: chunked\r\n", b"zz\r\n{}\r\n"), "400"),
-    "a chunk of a size beyond 64 bits": (
-        request(POST, f"{TYPE}Transfer-Encoding: chunked\r\n", b"f" * 17 + b"\r\n{}\r\n"),
-        "400",
-    ),
-    "chunks beyond a document's size": (
-        request(POST, f"{TYPE}Transfer-Encoding: chunked\r\n", (b"fffff\r\n" + b" " * 0xFFFFF + b"\r\n") * 33),
-        "413",
-    ),
-    "an encoding of transfer nobody knows": (request(POST, f"{TYPE}Transfer-Encoding: gzip\r\n", b"{}"), "4"),
-    "a length that is too short": (request(POST, f"{TYPE}Content-Length: 1\r\n", b"{}"), "400"),
-    "chunks without end": (request(POST, f"{TYPE}Transfer-Encoding: chunked\r\n", b"1\r\n \r\n" * 1000), None),
-    "a length that is too long": (request(POST, f"{TYPE}Content-Length: 3\r\n", b"{}"), None),
+    "a method nobody knows": (b"BREW /tasks HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "400"),
+    "a key with a control character": (post("Idempotency-Key: a\x01b|Content-Length: 2"), "4"),
+    "a key with a null byte": (post("Idempotency-Key: a\0b|Content-Length: 2"), "400"),
+    "a key twice": (post("Idempotency-Key: a|Idempotency-Key: b|Content-Length: 2"), "422"),
+    "a length below zero": (post("Content-Length: -1"), "400"),
+    "a length with a sign": (post("Content-Length: +2"), "400"),
+    "a length of 30 digits": (post(f"Content-Length: {'9' * 30}"), "400"),
+    "a length of a terabyte": (post(f"Content-Length: {10**12}"), "413"),
+    "two lengths": (post("Content-Length: 2|Content-Length: 3"), "400"),
+    "a length and chunks": (post(f"Content-Length: 2|{CHUNKED}", b"0\r\n\r\n"), "400"),
+    "a chunk of a size that is none": (post(CHUNKED, b"zz\r\n{}\r\n"), "400"),
+    "a chunk of a size beyond 64 bits": (post(CHUNKED, b"f" * 17 + b"\r\n{}\r\n"), "400"),
+    "chunks beyond a document's size": (post(CHUNKED, (b"fffff\r\n" + b" " * 0xFFFFF + b"\r\n") * 33), "413"),
+    "an encoding of transfer nobody knows": (post("Transfer-Encoding: gzip"), "4"),
+    "a length that is too short": (post("Content-Length: 1"), "400"),
+    "chunks without end": (post(CHUNKED, b"1\r\n \r\n" * 1000), None),
+    "a length that is too long": (post("Content-Length: 3"), None),
 }

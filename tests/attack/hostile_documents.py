@@ -11,17 +11,42 @@ from tests.attack.payloads import QUESTION
 
 BOX = '{"min": [0, 0, 0], "max": [0.1, 0.1, 0.1]}'
 TASK = f"/tasks/{LIMITED}"
+GZIP = {**JSON, "content-encoding": "gzip"}
+WHOLE = json.dumps(QUESTION).encode()
 
 
-def asking(text):
+def asking(text, status=400, field=None):
     """A question with more members, as JSON text."""
-    return json.dumps(QUESTION)[:-1].encode() + b", " + text + b"}"
+    return sent(WHOLE[:-1] + b", " + text + b"}", status, field)
 
 
-def packed(tail, members=1):
+def sent(body, status=400, field=None, headers=JSON):
+    """A question as these bytes."""
+    return posted("/predict", body, status, field, headers)
+
+
+def packed(tail, status=400, field=None, members=1):
     """A question in MessagePack with more members, as bytes that follow its own."""
     body = msgpack.packb(QUESTION)
-    return bytes([body[0] + members]) + body[1:] + tail
+    return posted("/predict", bytes([body[0] + members]) + body[1:] + tail, status, field, MSGPACK)
+
+
+def array(dtype, shape, data=b""):
+    """A question with an image that says it is such an array."""
+    image = {"__ndarray__": True, "dtype": dtype, "shape": shape, "data": data}
+    return posted("/predict", msgpack.packb({**QUESTION, "rgb_c": image}), 422, "rgb_c", MSGPACK)
+
+
+def extra(depth, status, field=None):
+    """An upload with lists so deep."""
+    body = b'{"metadata": {"extra": {"a": ' + b"[" * depth + b"]" * depth + b'}}, "trajectory": {}}'
+    return posted("/episodes", body, status, field)
+
+
+def behind_two_types(body, status):
+    """Settings whose first content type is not their last."""
+    types = [("content-type", "application/json"), ("content-type", "multipart/form-data")]
+    return Attack("PUT", TASK, status, None, body, types)
 
 
 LIMITS = {
@@ -74,103 +99,48 @@ LIMITS = {
 }
 
 BODIES = {
-    "lists 40,000 deep behind two content types": Attack(
-        "PUT",
-        TASK,
-        400,
-        None,
-        b"[" * 40_000 + b"]" * 40_000,
-        [("content-type", "application/json"), ("content-type", "multipart/form-data")],
-    ),
-    "330,000 lists behind two content types": Attack(
-        "PUT",
-        TASK,
-        413,
-        None,
-        b"[" + b"[]," * 330_000 + b"[]]",
-        [("content-type", "application/json"), ("content-type", "multipart/form-data")],
-    ),
+    "lists 40,000 deep behind two content types": behind_two_types(b"[" * 40_000 + b"]" * 40_000, 400),
+    "330,000 lists behind two content types": behind_two_types(b"[" + b"[]," * 330_000 + b"[]]", 413),
     "settings after a byte order mark": settings(b'\xef\xbb\xbf{"robot_base": [NaN, 0, 0]}', 422, "robot_base"),
-    "question after a byte order mark": posted("/predict", b"\xef\xbb\xbf" + json.dumps(QUESTION).encode(), 400),
+    "question after a byte order mark": sent(b"\xef\xbb\xbf" + WHOLE),
     "settings that are not UTF-8": settings(b'{"system_prompt": "\xff\xfe"}', 400),
-    "question that is not UTF-8": posted("/predict", asking(b'"model": "\xc3\x28"'), 400),
-    "UTF-8 of a surrogate": posted("/predict", asking(b'"model": "\xed\xa0\x80"'), 400),
-    "overlong UTF-8": posted("/predict", asking(b'"model": "\xc0\xaf"'), 400),
-    "the same member twice": posted("/predict", asking(b'"seed": 1, "seed": "x"'), 400),
-    "an integer of 4,000 digits": posted("/predict", asking(b'"seed": ' + b"9" * 4000), 422, "seed"),
-    "a float of 1,000 digits": posted(
-        "/predict", asking(b'"temperature": 2.' + b"0" * 999 + b"1e1"), 422, "temperature"
-    ),
-    "an exponent of 300 digits": posted("/predict", asking(b'"temperature": 1e' + b"9" * 300), 422, "temperature"),
-    "timeout of a nanosecond": posted("/predict", asking(b'"timeout_s": 1e-9'), 422, "timeout_s"),
-    "timeout of thirty years": posted("/predict", asking(b'"timeout_s": 1e9'), 422, "timeout_s"),
-    "timeout of NaN": posted("/predict", asking(b'"timeout_s": NaN'), 422, "timeout_s"),
-    "actions of minus zero": posted("/predict", asking(b'"max_actions": -0.0'), 422, "max_actions"),
-    "a comment": posted("/predict", b"/* */" + json.dumps(QUESTION).encode(), 400),
-    "two documents": posted("/predict", json.dumps(QUESTION).encode() * 2, 400),
-    "a comma too many": posted("/predict", json.dumps(QUESTION)[:-1].encode() + b",}", 400),
-    "lists 60 deep in extra": posted(
-        "/episodes",
-        b'{"metadata": {"extra": {"a": ' + b"[" * 60 + b"]" * 60 + b'}}, "trajectory": {}}',
-        422,
-        "task",
-    ),
-    "lists 70 deep in extra": posted(
-        "/episodes", b'{"metadata": {"extra": {"a": ' + b"[" * 70 + b"]" * 70 + b"}}}", 400
-    ),
-    "a document of one string": posted("/predict", b'"' + b"a" * 1000 + b'"', 400),
-    "no document": posted("/predict", b"", 400),
-    "JSON that says it is MessagePack": posted("/predict", json.dumps(QUESTION).encode(), 400, None, MSGPACK),
-    "MessagePack that says it is JSON": posted("/predict", msgpack.packb(QUESTION), 400),
-    "JSON that says it is text": posted("/predict", QUESTION, 415, None, {"content-type": "text/plain"}),
-    "JSON that does not say what it is": posted("/predict", QUESTION, 415, None, {}),
-    "a content type of 10 kB": posted("/predict", QUESTION, 415, None, {"content-type": "a/" + "b" * 10_000}),
-    "JSON in gzip": posted(
-        "/predict", gzip.compress(json.dumps(QUESTION).encode()), 400, None, {**JSON, "content-encoding": "gzip"}
-    ),
-    "a gzip bomb": posted(
-        "/episodes", gzip.compress(b" " * 20_000_000), 400, None, {**JSON, "content-encoding": "gzip"}
-    ),
-    "MessagePack with the same key twice": posted(
-        "/predict", packed(b"\xa4seed\x01\xa4seed\xa1x", 2), 400, None, MSGPACK
-    ),
-    "MessagePack with NaN": posted(
-        "/predict", packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan"))), 422, "temperature", MSGPACK
-    ),
-    "MessagePack with a timestamp": posted("/predict", packed(b"\xa4seed\xd6\xff\0\0\0\0"), 400, None, MSGPACK),
-    "MessagePack with text that is not UTF-8": posted("/predict", packed(b"\xa5model\xa2\xff\xfe"), 400, None, MSGPACK),
-    "MessagePack with a text that ends early": posted(
-        "/predict", packed(b"\xa5model\xdb\xff\xff\xff\xff"), 400, None, MSGPACK
-    ),
-    "MessagePack with bytes for text": posted("/predict", packed(b"\xa5model\xc4\x01a"), 422, "model", MSGPACK),
-    "MessagePack with an integer of 64 bits": posted(
-        "/predict", packed(b"\xa4seed\xcf" + b"\xff" * 8), 422, "seed", MSGPACK
-    ),
-    "MessagePack with a reserved byte": posted("/predict", packed(b"\xa4seed\xc1"), 400, None, MSGPACK),
-    "MessagePack followed by more": posted("/predict", msgpack.packb(QUESTION) + b"\0", 400, None, MSGPACK),
-    "MessagePack array of a negative shape": posted(
-        "/predict",
-        msgpack.packb({**QUESTION, "rgb_c": {"__ndarray__": True, "dtype": "|u1", "shape": [-1, 4, 3], "data": b""}}),
-        422,
-        "rgb_c",
-        MSGPACK,
-    ),
-    "MessagePack array of a shape beyond 64 bits": posted(
-        "/predict",
-        msgpack.packb(
-            {**QUESTION, "rgb_c": {"__ndarray__": True, "dtype": "|u1", "shape": [2**63, 2**63, 3], "data": b""}}
-        ),
-        422,
-        "rgb_c",
-        MSGPACK,
-    ),
-    "MessagePack array of objects": posted(
-        "/predict",
-        msgpack.packb({**QUESTION, "rgb_c": {"__ndarray__": True, "dtype": "O", "shape": [1], "data": b"\0" * 8}}),
-        422,
-        "rgb_c",
-        MSGPACK,
-    ),
+    "question that is not UTF-8": asking(b'"model": "\xc3\x28"'),
+    "UTF-8 of a surrogate": asking(b'"model": "\xed\xa0\x80"'),
+    "overlong UTF-8": asking(b'"model": "\xc0\xaf"'),
+    "the same member twice": asking(b'"seed": 1, "seed": "x"'),
+    "an integer of 4,000 digits": asking(b'"seed": ' + b"9" * 4000, 422, "seed"),
+    "a float of 1,000 digits": asking(b'"temperature": 2.' + b"0" * 999 + b"1e1", 422, "temperature"),
+    "an exponent of 300 digits": asking(b'"temperature": 1e' + b"9" * 300, 422, "temperature"),
+    "timeout of a nanosecond": asking(b'"timeout_s": 1e-9', 422, "timeout_s"),
+    "timeout of thirty years": asking(b'"timeout_s": 1e9', 422, "timeout_s"),
+    "timeout of NaN": asking(b'"timeout_s": NaN', 422, "timeout_s"),
+    "actions of minus zero": asking(b'"max_actions": -0.0', 422, "max_actions"),
+    "a comment": sent(b"/* */" + WHOLE),
+    "two documents": sent(WHOLE * 2),
+    "a comma too many": sent(WHOLE[:-1] + b",}"),
+    "lists 60 deep in extra": extra(60, 422, "task"),
+    "lists 70 deep in extra": extra(70, 400),
+    "a document of one string": sent(b'"' + b"a" * 1000 + b'"'),
+    "no document": sent(b""),
+    "JSON that says it is MessagePack": sent(WHOLE, headers=MSGPACK),
+    "MessagePack that says it is JSON": sent(msgpack.packb(QUESTION)),
+    "JSON that says it is text": sent(WHOLE, 415, headers={"content-type": "text/plain"}),
+    "JSON that does not say what it is": sent(WHOLE, 415, headers={}),
+    "a content type of 10 kB": sent(WHOLE, 415, headers={"content-type": "a/" + "b" * 10_000}),
+    "JSON in gzip": sent(gzip.compress(WHOLE), headers=GZIP),
+    "a gzip bomb": posted("/episodes", gzip.compress(b" " * 20_000_000), 400, None, GZIP),
+    "MessagePack with the same key twice": packed(b"\xa4seed\x01\xa4seed\xa1x", members=2),
+    "MessagePack with NaN": packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan")), 422, "temperature"),
+    "MessagePack with a timestamp": packed(b"\xa4seed\xd6\xff\0\0\0\0"),
+    "MessagePack with text that is not UTF-8": packed(b"\xa5model\xa2\xff\xfe"),
+    "MessagePack with a text that ends early": packed(b"\xa5model\xdb\xff\xff\xff\xff"),
+    "MessagePack with bytes for text": packed(b"\xa5model\xc4\x01a", 422, "model"),
+    "MessagePack with an integer of 64 bits": packed(b"\xa4seed\xcf" + b"\xff" * 8, 422, "seed"),
+    "MessagePack with a reserved byte": packed(b"\xa4seed\xc1"),
+    "MessagePack followed by more": sent(msgpack.packb(QUESTION) + b"\0", headers=MSGPACK),
+    "MessagePack array of a negative shape": array("|u1", [-1, 4, 3]),
+    "MessagePack array of a shape beyond 64 bits": array("|u1", [2**63, 2**63, 3]),
+    "MessagePack array of objects": array("O", [1], b"\0" * 8),
     "an outcome of a prediction that is none": Attack(
         "POST", "/predictions/%00/outcome", 404, None, b'{"success": true}', JSON
     ),

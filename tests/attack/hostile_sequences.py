@@ -20,6 +20,9 @@ TABLE_M = 0.78
 NEAR_M = 0.03
 RED, BLUE = "red cube", "blue cube"
 PICK_RED, PICK_BLUE = f"pick up the {RED}", f"pick up the {BLUE}"
+BUTTONS, PRESS = ("left button", "right button"), "press the button"
+LEFT, RIGHT = BUTTONS
+ARM = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
 
 
 def motion(targets, speed=0.5):
@@ -103,11 +106,16 @@ class Attack:
         headers = {"Idempotency-Key": key} if key else {}
         return self.http.post("/episodes", json={"metadata": metadata, "trajectory": given}, headers=headers)
 
-    def teach_picks(self, number=10, names=(RED, BLUE), words=PICK_RED, of=None, task=None):
-        """So many right picks of the first object, or of `of`."""
-        for _ in range(number):
+    def teach_each(self, words, shown, number=10, names=(RED, BLUE), **more):
+        """So many demonstrations of what `shown` says of the number and the places; the last places."""
+        for k in range(number):
             places = self.places(*names)
-            self.teach(words, places, pick(places[of or names[0]]), task=task)
+            self.teach(words, places, shown(k, places), **more)
+        return places
+
+    def teach_picks(self, number=10, names=(RED, BLUE), words=PICK_RED, of=None, **more):
+        """So many right picks of the first object, or of `of`; the last places."""
+        return self.teach_each(words, lambda k, places: pick(places[of or names[0]]), number, names, **more)
 
     def configure(self, **settings):
         """Set the task's settings; the answer."""
@@ -247,58 +255,42 @@ for _words, _right in (
 # Ways, hands and grippers
 
 
-def _of_two_ways(number, other, first=5, options=None):
+def _of_two_ways(name, shown=press, first=5, number=10, then=None, options=None, **more):
+    """The first recordings act at the left button, the others at the right one; something is done, and it is asked."""
+
     def tried(a):
-        for k in range(number):
-            places = a.places("left button", "right button")
-            side = "left button" if k < first else "right button"
-            a.teach("press the button", places, other(places[side]))
-        places = a.places("left button", "right button")
-        return a.ask("press the button", places, **(options or {})), None
+        a.teach_each(PRESS, lambda k, places: shown(places[LEFT if k < first else RIGHT]), number, BUTTONS, **more)
+        if then is not None:
+            then(a)
+        return a.ask(PRESS, a.places(*BUTTONS), **(options(a) if callable(options) else options or {})), None
 
-    return tried
+    return sequence(tried, name, f"Some act at the left button, some at the right: {name}.")
 
 
-for _name, _arguments in {
-    "without_a_switch": (10, press),
-    "with_a_switch": (10, pick),
-    "of_six_and_four": (10, press, 6),
-    "of_two_recordings": (2, press, 1),
-    "of_three_recordings": (3, press, 2),
-    "one_asked_for": (10, press, 5, {"num_demonstrations": 1}),
-    "one_asked_for_the_newest": (10, press, 5, {"num_demonstrations": 1, "selection": "recent"}),
-}.items():
-    sequence(_of_two_ways(*_arguments), f"two_ways_{_name}", "Some act at the left button, some at the right.")
-
-
-@sequence
-def two_ways_those_of_one_named(a):
-    """The request names three recordings that agree."""
-    _of_two_ways(10, press)(a)
-    places = a.places("left button", "right button")
-    return a.ask("press the button", places, episode_ids=a.episodes()[:3]), None
-
-
-@sequence
-def two_ways_in_the_task_s_own_number(a):
-    """The task is set to show one demonstration."""
-    _of_two_ways(10, press)(a)
-    a.configure(num_demonstrations=1)
-    return a.ask("press the button", a.places("left button", "right button")), None
+_of_two_ways("two_ways_without_a_switch")
+_of_two_ways("two_ways_with_a_switch", pick)
+_of_two_ways("two_ways_of_six_and_four", first=6)
+_of_two_ways("two_ways_of_two_recordings", first=1, number=2)
+_of_two_ways("two_ways_of_three_recordings", first=2, number=3)
+_of_two_ways("two_ways_one_asked_for", options={"num_demonstrations": 1})
+_of_two_ways("two_ways_one_asked_for_the_newest", options={"num_demonstrations": 1, "selection": "recent"})
+_of_two_ways("two_ways_those_of_one_named", options=lambda a: {"episode_ids": a.episodes()[:3]})
+_of_two_ways("two_ways_in_the_task_s_own_number", then=lambda a: a.configure(num_demonstrations=1))
+_of_two_ways("many_samples_of_one_reply", options={"num_samples": 16, "temperature": 2.0})
+_of_two_ways("the_nearest_of_contradicting_ones", options={"selection": "nearest", "num_demonstrations": 3})
+_of_two_ways(
+    "two_ways_with_a_switch_in_a_closed_loop", pick, tracked=True, options={"closed_loop": True, "end_effector": ARM}
+)
 
 
 @sequence
 def two_ways_after_deletion(a):
     """Of ten that agreed four were deleted, and four others uploaded."""
-    for _ in range(10):
-        places = a.places("left button", "right button")
-        a.teach("press the button", places, press(places["left button"]))
+    a.teach_each(PRESS, lambda k, places: press(places[LEFT]), 10, BUTTONS)
     for episode in a.episodes()[:4]:
         a.http.delete(f"/episodes/{episode}")
-    for _ in range(4):
-        places = a.places("left button", "right button")
-        a.teach("press the button", places, press(places["right button"]))
-    return a.ask("press the button", a.places("left button", "right button")), None
+    a.teach_each(PRESS, lambda k, places: press(places[RIGHT]), 4, BUTTONS)
+    return a.ask(PRESS, a.places(*BUTTONS)), None
 
 
 def inverted(trajectory):
@@ -342,8 +334,7 @@ def _recorded(
             a.teach(words, places, fault(trajectory) if wrong else trajectory, **more)
         if settings:
             a.configure(**settings)
-        arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
-        return a.ask(words, a.places(RED, BLUE), closed_loop=more.get("tracked", False), end_effector=arm), None
+        return a.ask(words, a.places(RED, BLUE), closed_loop=more.get("tracked", False), end_effector=ARM), None
 
     return sequence(tried, name, what)
 
@@ -397,9 +388,7 @@ def a_pick_then_another(a):
 def two_tasks_of_one_instruction_and_none_named(a):
     """One of them acts 12 cm beside the cube."""
     a.teach_picks()
-    for _ in range(10):
-        places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, pick(shift(places[RED], 0.12, 0.0, 0.0)), task=f"{a.task}o")
+    a.teach_each(PICK_RED, lambda k, places: pick(shift(places[RED], 0.12, 0.0, 0.0)), task=f"{a.task}o")
     return a.ask(PICK_RED, a.places(RED, BLUE), task=None), None
 
 
@@ -415,40 +404,22 @@ def ten_at_one_place(a):
     return a.ask(PICK_RED, {**places, RED: shift(places[RED], 0.0, 0.25, 0.0)}), None
 
 
-@sequence
-def two_that_always_stood_together(a):
-    """Lid and pot stood alike in all ten; asked is with the lid 18 cm elsewhere. Both are named."""
-    for _ in range(10):
+def _stood_together(name, words, lid_off_m, what):
+    def tried(a):
+        for _ in range(10):
+            places = a.places("pot")
+            places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
+            a.teach(words, places, press(places["lid"]))
         places = a.places("pot")
-        places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
-        a.teach("press the lid on the pot", places, press(places["lid"]))
-    places = a.places("pot")
-    places["lid"] = shift(places["pot"], 0.15, 0.0, 0.05)
-    return a.ask("press the lid on the pot", places), places["lid"]
+        places["lid"] = shift(places["pot"], *lid_off_m)
+        return a.ask(words, places), places["lid"]
+
+    return sequence(tried, name, f"Lid and pot stood alike in all ten; asked is with the lid elsewhere: {what}.")
 
 
-@sequence
-def two_that_always_stood_together_unnamed(a):
-    """The same, and no word names either."""
-    for _ in range(10):
-        places = a.places("pot")
-        places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
-        a.teach("press it shut", places, press(places["lid"]))
-    places = a.places("pot")
-    places["lid"] = shift(places["pot"], 0.15, 0.0, 0.05)
-    return a.ask("press it shut", places), places["lid"]
-
-
-@sequence
-def two_that_always_stood_together_moved_7_cm(a):
-    """No word names either, and the lid is 7 cm further."""
-    for _ in range(10):
-        places = a.places("pot")
-        places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
-        a.teach("press it shut", places, press(places["lid"]))
-    places = a.places("pot")
-    places["lid"] = shift(places["pot"], 0.0, 0.17, 0.05)
-    return a.ask("press it shut", places), places["lid"]
+_stood_together("two_that_always_stood_together", "press the lid on the pot", (0.15, 0.0, 0.05), "18 cm, both named")
+_stood_together("two_that_always_stood_together_unnamed", "press it shut", (0.15, 0.0, 0.05), "18 cm, none named")
+_stood_together("two_that_always_stood_together_moved_7_cm", "press it shut", (0.0, 0.17, 0.05), "7 cm, none named")
 
 
 def _seen_elsewhere(by_m, number):
@@ -471,44 +442,40 @@ for _name, _by_m, _number in (
     sequence(_seen_elsewhere(_by_m, _number), f"seen_{_name}", f"By {_number} recordings; seen {_by_m} m off.")
 
 
-@sequence
-def widened_by_one_upload(a):
-    """One upload 3 m away; asked is 2.5 m away."""
-    a.teach_picks()
-    far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
-    a.teach(PICK_RED, far, pick(far[RED]))
-    asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
-    return a.ask(PICK_RED, asked), None
+def _upload_far_away(a):
+    """3 m away and more; its answer."""
+    far = _moved(a.places(RED, BLUE), 2.5, 2.5)
+    return a.teach(PICK_RED, far, pick(far[RED]))
 
 
-@sequence
-def widened_by_the_first_upload(a):
-    """The first of three recordings is 3.5 m away; asked is 2.5 m away."""
-    far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
-    a.teach(PICK_RED, far, pick(far[RED]))
-    a.teach_picks(2)
-    asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
-    return a.ask(PICK_RED, asked), None
+def _moved(places, x_m, y_m):
+    return {name: shift(place, x_m, y_m, 0.0) for name, place in places.items()}
 
 
-@sequence
-def widened_by_one_upload_that_was_let_in(a):
-    """Somebody sets the workspace to `auto` after the one far upload."""
-    widened_by_one_upload(a)
-    a.configure(workspace="auto")
-    asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
-    return a.ask(PICK_RED, asked), None
+def _widened(name, what, *steps):
+    def tried(a):
+        for step in steps:
+            step(a)
+        return a.ask(PICK_RED, _moved(a.places(RED, BLUE), 1.8, 1.8)), None
+
+    return sequence(tried, name, f"{what}; asked is 2.5 m away.")
+
+
+_widened("widened_by_one_upload", "One upload 3 m away", Attack.teach_picks, _upload_far_away)
+_widened("widened_by_the_first_upload", "The first of three, 3.5 m away", _upload_far_away, lambda a: a.teach_picks(2))
+_widened(
+    "widened_by_one_upload_that_was_let_in",
+    "Somebody sets the workspace to `auto` after the one far upload",
+    *(Attack.teach_picks, _upload_far_away, lambda a: a.configure(workspace="auto")),
+)
 
 
 @sequence
 def widened_by_an_upload_that_was_deleted(a):
     """The same after the upload was deleted; the demonstrations that are left end 0.5 m from the base."""
     a.teach_picks()
-    far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
-    episode = a.teach(PICK_RED, far, pick(far[RED])).json()["id"]
-    a.http.delete(f"/episodes/{episode}")
-    asked = {name: shift(place, 0.0, 0.28, 0.0) for name, place in a.places(RED, BLUE).items()}
-    return a.ask(PICK_RED, {**asked, RED: (1.0, 0.6, TABLE_M)}), None
+    a.http.delete(f"/episodes/{_upload_far_away(a).json()['id']}")
+    return a.ask(PICK_RED, {**_moved(a.places(RED, BLUE), 0.0, 0.28), RED: (1.0, 0.6, TABLE_M)}), None
 
 
 @sequence
@@ -541,9 +508,7 @@ def an_object_that_was_always_there_is_missing(a):
 
 def _with_keyframes(shown, **keyframes):
     def tried(a):
-        for _ in range(10):
-            places = a.places(RED, BLUE)
-            a.teach(PICK_RED, places, shown(places[RED]))
+        a.teach_each(PICK_RED, lambda k, places: shown(places[RED]))
         a.configure(keyframes=keyframes)
         places = a.places(RED, BLUE)
         return a.ask(PICK_RED, places), places[RED]
@@ -557,45 +522,39 @@ _with_keyframes(press, rule="waypoints", tolerance_m=1.0, tolerance_deg=180.0)
 _with_keyframes(pick, rule="merged", delta_rad_s=1e9)
 
 
+def _teach_handles(a, most_deg):
+    """Picks at a handle 10 cm beside the cube's center, which turns with it."""
+    for _ in range(10):
+        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-most_deg, most_deg))
+        a.teach(PICK_RED, places, pick(_handle(places, np.radians(yaw))), yaws={RED: yaw})
+
+
+def _handle(places, yaw_rad):
+    return shift(places[RED], 0.1 * np.cos(yaw_rad), 0.1 * np.sin(yaw_rad), 0.0)
+
+
 @sequence
 def declared_round_after_teaching(a):
     """Grasps follow the cube's yaw by an offset; then the cube is declared round."""
-    for _ in range(10):
-        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-60, 60))
-        turn = np.radians(yaw)
-        handle = shift(places[RED], 0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0)
-        a.teach(PICK_RED, places, pick(handle), yaws={RED: yaw})
+    _teach_handles(a, 60)
     a.configure(yaw_symmetry_deg={RED: 0})
     places = a.places(RED, BLUE)
-    handle = shift(places[RED], 0.1 * np.cos(0.7), 0.1 * np.sin(0.7), 0.0)
-    return a.ask(PICK_RED, places, yaws={RED: float(np.degrees(0.7))}), handle
+    return a.ask(PICK_RED, places, yaws={RED: float(np.degrees(0.7))}), _handle(places, 0.7)
 
 
 @sequence
 def turned_beyond_what_was_shown(a):
-    """Taught within 10 degrees, asked at 100: a handle 10 cm beside the centre."""
-    for _ in range(10):
-        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-5, 5))
-        turn = np.radians(yaw)
-        a.teach(
-            PICK_RED, places, pick(shift(places[RED], 0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0)), yaws={RED: yaw}
-        )
+    """Taught within 5 degrees, asked at 100."""
+    _teach_handles(a, 5)
     places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places, yaws={RED: 100.0}), shift(places[RED], 0.1 * np.cos(1.745), 0.1 * np.sin(1.745), 0.0)
+    return a.ask(PICK_RED, places, yaws={RED: 100.0}), _handle(places, 1.745)
 
 
 @sequence
 def asked_without_a_rotation_that_was_shown(a):
-    """The same handle; the request leaves the rotation out."""
-    for _ in range(10):
-        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-60, 60))
-        turn = np.radians(yaw)
-        a.teach(
-            PICK_RED, places, pick(shift(places[RED], 0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0)), yaws={RED: yaw}
-        )
-    given = objects(a.places(RED, BLUE))
-    for item in given:
-        del item["quaternion_xyzw"]
+    """The request leaves the rotation out."""
+    _teach_handles(a, 60)
+    given = [{name: item[name] for name in ("name", "position")} for item in objects(a.places(RED, BLUE))]
     document = {"model": "nearest", "task": a.task, "instruction": PICK_RED, "objects": given}
     return a.http.post("/predict", json=document), None
 
@@ -641,9 +600,7 @@ def asked_again_after_the_task_was_taught_anew(a):
     a.ask(PICK_RED, places)
     for episode in a.episodes():
         a.http.delete(f"/episodes/{episode}")
-    for _ in range(10):
-        taught = a.places(RED, BLUE)
-        a.teach(PICK_RED, taught, pick(shift(taught[RED], 0.12, 0.0, 0.0)))
+    a.teach_each(PICK_RED, lambda k, taught: pick(shift(taught[RED], 0.12, 0.0, 0.0)))
     return a.ask(PICK_RED, places), shift(places[RED], 0.12, 0.0, 0.0)
 
 
@@ -661,9 +618,7 @@ def asked_after_all_was_deleted(a):
 @sequence
 def instruction_changed_between_two_objects(a):
     """Taught are picks of both cubes, each under the other's name, in half of the recordings."""
-    for k in range(10):
-        places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, pick(places[RED if k % 2 else BLUE]))
+    a.teach_each(PICK_RED, lambda k, places: pick(places[RED if k % 2 else BLUE]))
     return a.ask(PICK_RED, a.places(RED, BLUE)), None
 
 
@@ -682,9 +637,7 @@ def another_object_of_the_same_words(a):
 @sequence
 def put_the_other_way_round(a):
     """Taught is the red cube on the blue; asked the blue one on the red."""
-    for _ in range(10):
-        places = a.places(RED, BLUE)
-        a.teach(f"put the {RED} on the {BLUE}", places, put(places[RED], places[BLUE]))
+    a.teach_each(f"put the {RED} on the {BLUE}", lambda k, places: put(places[RED], places[BLUE]))
     places = a.places(RED, BLUE)
     return a.ask(f"put the {BLUE} on the {RED}", places), places[BLUE]
 
@@ -704,26 +657,9 @@ def frames_in_feet_in_half(a):
 @sequence
 def a_rate_of_a_hundred_thousand_hertz(a):
     """Recordings that took a thousandth of a second."""
-    for _ in range(10):
-        places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, pick(places[RED]), rate_hz=100_000.0)
+    a.teach_picks(rate_hz=100_000.0)
     places = a.places(RED, BLUE)
     return a.ask(PICK_RED, places), places[RED]
-
-
-@sequence
-def many_samples_of_one_reply(a):
-    """Sixteen samples over contradicting demonstrations."""
-    _of_two_ways(10, press)(a)
-    return a.ask("press the button", a.places("left button", "right button"), num_samples=16, temperature=2.0), None
-
-
-@sequence
-def the_nearest_of_contradicting_ones(a):
-    """Those nearest to the scene happen to agree."""
-    _of_two_ways(10, press)(a)
-    places = a.places("left button", "right button")
-    return a.ask("press the button", places, selection="nearest", num_demonstrations=3), None
 
 
 @sequence
@@ -745,25 +681,16 @@ def an_arm_at_the_end_of_the_world(a):
     return a.ask(PICK_RED, places, end_effector=far), places[RED]
 
 
-@sequence
-def two_ways_with_a_switch_in_a_closed_loop(a):
-    """Five recordings pick the left button, five the right one; asked is the first action alone."""
-    for k in range(10):
-        places = a.places("left button", "right button")
-        side = "left button" if k < 5 else "right button"
-        a.teach("take the button", places, pick(places[side]), tracked=True)
-    arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
-    places = a.places("left button", "right button")
-    return a.ask("take the button", places, closed_loop=True, end_effector=arm), None
-
-
 def _picks_of_the_left(a):
     """Ten recordings, in each of which the cube on the robot's left is picked up, whichever it is; a scene, and it."""
-    for _ in range(10):
-        places = a.places("cube 1", "cube 2")
-        a.teach("pick up the left cube", places, pick(max(places.values(), key=lambda place: place[1])))
-    places = a.places("cube 1", "cube 2")
-    return places, max(places.values(), key=lambda place: place[1])
+
+    def left(places):
+        return max(places.values(), key=lambda place: place[1])
+
+    cubes = ("cube 1", "cube 2")
+    a.teach_each("pick up the left cube", lambda k, places: pick(left(places)), names=cubes)
+    places = a.places(*cubes)
+    return places, left(places)
 
 
 @sequence
@@ -818,12 +745,9 @@ for _name, _arguments in {
 @sequence
 def objects_that_change_places_in_a_closed_loop(a):
     """At the second step each cube is where the other was."""
-    for _ in range(8):
-        places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, pick(places[RED]), tracked=True)
-    arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+    a.teach_picks(8, tracked=True)
     places = a.places(RED, BLUE)
-    first = a.ask(PICK_RED, places, closed_loop=True, end_effector=arm).json()["id"]
+    first = a.ask(PICK_RED, places, closed_loop=True, end_effector=ARM).json()["id"]
     return a.ask(PICK_RED, {RED: places[BLUE], BLUE: places[RED]}, closed_loop=True, after=first), None
 
 
@@ -844,18 +768,13 @@ def left_and_right_the_other_way_round(a):
 @sequence
 def the_scene_of_a_recording(a):
     """What is asked about stands where one recording had it, to the last digit."""
-    a.teach_picks(9)
-    places = a.places(RED, BLUE)
-    a.teach(PICK_RED, places, pick(places[RED]))
-    return a.ask(PICK_RED, places), None
+    return a.ask(PICK_RED, a.teach_picks()), None
 
 
 @sequence
 def words_of_half_of_the_recordings_edited(a):
     """Presses of the red cube are said to be of the blue one afterwards."""
-    for _ in range(10):
-        places = a.places(RED, BLUE)
-        a.teach(f"press the {RED}", places, press(places[RED]))
+    a.teach_each(f"press the {RED}", lambda k, places: press(places[RED]))
     for episode in a.episodes()[:5]:
         a.http.patch(f"/episodes/{episode}", json={"instruction": f"press the {BLUE}"})
     places = a.places(RED, BLUE)

@@ -7,7 +7,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from app.api.body_limits import MAX_UPLOAD_VALUES
+from app.api.middleware import MAX_UPLOAD_VALUES
 from app.api.problems import MAX_ERRORS
 from tests.attack import payloads
 from tests.attack.conftest import FULL

@@ -13,9 +13,8 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.services.api_keys import create_key
 from app.store import api_keys, audit
-from app.store.backup import back_up
+from app.store.backup import back_up, restore
 from app.store.errors import ConflictError, CorruptDataError
-from app.store.restore import restore
 from app.store.store import Store
 from tests.store.drafts import episode_draft, upload
 

@@ -10,6 +10,7 @@ import pytest
 
 from app.llm.base import CompletionRequest, ModelProfile, complete
 from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.sse import Server
 from app.perception.remote import PoseServer, PoseServerReplyError
 from app.pipeline.prompt import Prompt
 from roboprompt_client.client import RoboPromptClient
@@ -75,7 +76,7 @@ def test_llm(proxy, target):
     profile = ModelProfile("openai_compatible/x", "completion", grammar=False, representation="absolute")
 
     async def ask():
-        model = OpenAiCompatibleModel(profile, f"{url}/v1", "x", "secret-key")
+        model = OpenAiCompatibleModel(profile, Server(f"{url}/v1", "secret-key"), "x")
         try:
             return await complete(model, CompletionRequest(Prompt("system", "prefix", "query"), 10, 5.0))
         finally:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.attack.hostile_sequences import BLUE, PICK_RED, RED, SEQUENCES, Attack, moves_wrongly, pick
+from tests.attack.hostile_sequences import ARM, BLUE, PICK_RED, RED, SEQUENCES, Attack, moves_wrongly, pick
 
 # What still moves a robot wrongly with status 200 and no danger, with the reason; a sequence that no longer does leaves
 # this list.
@@ -40,9 +40,8 @@ def test_a_closed_loop_goes_on_to_its_end_and_each_step_has_the_doubts_about_dem
         of = BLUE if contradicting and k % 2 else RED
         attack.teach(PICK_RED, places, pick(places[of]), tracked=True)
     places, options = attack.places(RED, BLUE), {"closed_loop": True}
-    arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
     for number in (1, 1, 1, 0):  # approach, grasp, lift, done
-        answer = attack.ask(PICK_RED, places, end_effector=arm, **options)
+        answer = attack.ask(PICK_RED, places, end_effector=ARM, **options)
         assert answer.status_code == 200, answer.text
         document = answer.json()
         assert len(document["actions"]) == number

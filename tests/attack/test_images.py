@@ -10,7 +10,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from app.perception.image_headers import MAX_SCANS
+from app.perception.images import MAX_SCANS
 from tests.attack import payloads
 from tests.attack.conftest import FULL
 from tests.attack.watch import cpu_s, watched

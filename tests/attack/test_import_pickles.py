@@ -7,7 +7,7 @@ from app.datasets.apart import open_apart
 from app.datasets.bounds import Budget, DamagedError, ReadLimits
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
-from app.datasets.rlbench.low_dim import load_demo
+from app.datasets.rlbench_pickle import load_demo
 from tests.attack import hostile_pickles as pickles
 from tests.datasets import peract_folder as peract
 from tests.episodes import pick_trajectory

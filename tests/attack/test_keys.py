@@ -141,6 +141,7 @@ def test_another_key_gets_its_own_answer(tenants: Tenants, headers):
     assert (ask("robot")["id"], ask("rival")["id"]) == (first["id"], other["id"])
     assert ask("lab", max_actions=20)["prompt"] is not None  # other content is no conflict with another key's
     assert ask("robot", max_actions=20)["status"] == 409
+    assert tenants.clients["teacher"].get(f"/uploads/{sent['idempotency-key']}").status_code == 404
 
 
 def test_uploads_are_answered_by_key(tenants: Tenants):

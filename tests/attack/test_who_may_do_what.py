@@ -8,7 +8,7 @@ import msgpack
 import pytest
 
 from app.api.access_rules import COOKIE
-from tests.attack.tenants import Tenants, question, running_tenants, taught, with_pictures
+from tests.attack.tenants import Tenants, question, running_tenants, with_pictures
 
 HTML = {"accept": "text/html"}
 STREAM = {"accept": "text/event-stream"}
@@ -258,30 +258,6 @@ def test_a_cookie_beside_other_credentials_still_needs_an_origin(tenants: Tenant
         answer = httpx.put(f"{tenants.url}/tasks/forged", json={}, headers={**session, **more})
         assert (answer.status_code, "other websites" in answer.text) == (403, True), more
     assert tenants.clients["admin"].get("/tasks/forged").status_code == 404
-
-
-def test_the_answer_to_another_keys_request_cannot_be_fetched(tenants: Tenants):
-    """Neither by its key, nor through another path with the same one."""
-    sent = {"idempotency-key": "one for all"}
-    first = tenants.clients["robot"].post("/predict", json=question(), headers=sent).json()["id"]
-    for name in ("rival", "pick robot", "lab", "admin"):
-        answer = tenants.clients[name].post("/predict", json=question(), headers=sent)
-        assert (answer.status_code, answer.json()["id"] == first) == (200, False), name
-    assert tenants.clients["teacher"].get("/uploads/one for all").status_code == 404
-
-
-def test_an_upload_under_another_keys_idempotency_key_is_its_own(tenants: Tenants):
-    class Sender:
-        def __init__(self, name):
-            self.name = name
-
-        def post(self, path, **arguments):
-            return tenants.clients[self.name].post(path, headers={"idempotency-key": "same"}, **arguments)
-
-    first = taught(Sender("teacher"), "pick", instruction="pick up the cube")
-    other = taught(Sender("pick lab"), "pick", instruction="pick up the cube please")
-    assert (first.status_code, other.status_code) == (201, 201), other.text
-    assert first.json()["id"] != other.json()["id"]
 
 
 def test_problems_do_not_quote_keys(tenants: Tenants):

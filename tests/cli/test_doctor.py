@@ -1,29 +1,27 @@
 """Each row of `roboprompt doctor`, with what it looks at broken."""
 
-import json
 import shutil
 import socket
 import sqlite3
 import sys
-import threading
 from collections import namedtuple
 from contextlib import closing
 from datetime import UTC, datetime
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import application, doctor_machine, doctor_service
-from app.cli.extras import packages_of_extras
+from app.cli import application, doctor, doctor_machine
+from app.cli.shared import packages_of_extras
 from app.settings import Settings
 from app.store.store import Store
+from tests.e2e.processes import answering
 
 GIGABYTES = 10**6  # in kB
 
 
 @pytest.fixture
-def doctor(tmp_path, monkeypatch):
+def look(tmp_path, monkeypatch):
     """Runs the command in an empty folder, on a free port; what takes seconds is looked at by tests of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("app.cli.doctor_machine.opengl", lambda: doctor_machine.Row("OpenGL", "ok", "", required=False))
@@ -38,8 +36,8 @@ def doctor(tmp_path, monkeypatch):
     return run
 
 
-def test_a_machine_where_nothing_needed_is_missing(doctor, tmp_path):
-    run = doctor()
+def test_a_machine_where_nothing_needed_is_missing(look, tmp_path):
+    run = look()
     assert run.exit_code == 0, run.output
     assert "will be made" in run.output
     assert list(tmp_path.iterdir()) == []
@@ -55,15 +53,15 @@ def test_a_machine_where_nothing_needed_is_missing(doctor, tmp_path):
         ("ROBOPROMPT_DATA", "/proc/roboprompt", "--data FOLDER"),
     ],
 )
-def test_status_is_1_where_something_needed_fails(doctor, variable, value, said):
-    run = doctor(**{variable: value})
+def test_status_is_1_where_something_needed_fails(look, variable, value, said):
+    run = look(**{variable: value})
     assert run.exit_code == 1
     assert said in run.output
     assert "missing or wrong" in run.output
 
 
-def test_a_misspelt_setting_is_named_with_the_right_one(doctor):
-    run = doctor(ROBOPROMPT_DEFAULT_MODLE="x")
+def test_a_misspelt_setting_is_named_with_the_right_one(look):
+    run = look(ROBOPROMPT_DEFAULT_MODLE="x")
     assert run.exit_code == 0
     assert "did you mean ROBOPROMPT_DEFAULT_MODEL?" in run.output
 
@@ -74,33 +72,33 @@ def in_folder(tmp_path):
 
 def test_database(tmp_path):
     Store.open(tmp_path).close()
-    assert doctor_service.database(in_folder(tmp_path)).state == "ok"
+    assert doctor.database(in_folder(tmp_path)).state == "ok"
     with closing(sqlite3.connect(tmp_path / "roboprompt.db")) as database, database:
         database.execute("ALTER TABLE labels DROP COLUMN yaw_deg")
-    row = doctor_service.database(in_folder(tmp_path))
+    row = doctor.database(in_folder(tmp_path))
     assert (row.state, "1 differences" in row.seen) == ("wrong", True)
     with closing(sqlite3.connect(tmp_path / "roboprompt.db")) as database, database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
-    assert "at revision 9999" in doctor_service.database(in_folder(tmp_path)).seen
+    assert "at revision 9999" in doctor.database(in_folder(tmp_path)).seen
 
 
 def test_damaged_database(tmp_path):
     (tmp_path / "roboprompt.db").write_bytes(b"no database" * 1000)
-    assert doctor_service.database(in_folder(tmp_path)).state == "wrong"
+    assert doctor.database(in_folder(tmp_path)).state == "wrong"
 
 
 def test_data_folder_that_is_a_file_or_of_everybody(tmp_path):
     (tmp_path / "file").touch()
-    assert doctor_service.data_folder(tmp_path / "file").state == "wrong"
+    assert doctor.data_folder(tmp_path / "file").state == "wrong"
     (tmp_path / "shared").mkdir()
     (tmp_path / "shared").chmod(0o1777)
-    assert "open to others" in doctor_service.data_folder(tmp_path / "shared").seen
+    assert "open to others" in doctor.data_folder(tmp_path / "shared").seen
 
 
 def test_full_disk(tmp_path, monkeypatch):
     usage = namedtuple("Usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**12, 10**12 - 10**8, 10**8))
-    row = doctor_service.disk(tmp_path / "not" / "there")
+    row = doctor.disk(tmp_path / "not" / "there")
     assert (row.state, row.seen) == ("wrong", "0.1 GB free")
 
 
@@ -112,15 +110,15 @@ def test_full_disk(tmp_path, monkeypatch):
     ],
 )
 def test_llama_cpp_that_does_not_load(code, remedy):
-    row = doctor_service.library([sys.executable, "-c", code])
+    row = doctor.library([sys.executable, "-c", code])
     assert (row.state, row.remedy) == ("wrong", remedy)
 
 
 def test_extra_that_the_settings_need(monkeypatch):
     assert {"sim", "postgres", "s3"} <= set(packages_of_extras())
-    monkeypatch.setattr(doctor_service, "is_installed", lambda package: package != "obstore")
+    monkeypatch.setattr(doctor, "is_installed", lambda package: package != "obstore")
     for settings, required in ((Settings(), False), (Settings(blobs_url="s3://bucket"), True)):
-        (row,) = (row for row in doctor_service.extras(settings) if row.state != "ok")
+        (row,) = (row for row in doctor.extras(settings) if row.state != "ok")
         assert (row.name, row.required, row.remedy) == ("extra s3", required, "pip install 'roboprompt[s3]'")
 
 
@@ -138,27 +136,11 @@ def test_clock_before_the_release():
     assert doctor_machine.clock(datetime(1970, 1, 1, tzinfo=UTC)).state == "wrong"
 
 
-class Ours(BaseHTTPRequestHandler):
-    """What GET /healthz answers."""
-
-    def do_GET(self):
-        self.send_response(200)
-        self.end_headers()
-        self.wfile.write(json.dumps({"status": "ok", "checks": {}}).encode())
-
-    def log_message(self, *_):
-        pass
-
-
-def test_port_of_a_service_and_of_another_program():
-    with HTTPServer(("127.0.0.1", 0), Ours) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        assert doctor_machine.listening(server.server_port).state == "ok"
-        server.shutdown()
-    with HTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as other:
-        threading.Thread(target=other.serve_forever, daemon=True).start()
-        assert doctor_machine.listening(other.server_port).state == "wrong"
-        other.shutdown()
+@pytest.mark.parametrize(("answer", "state"), [((200, b'{"status": "ok", "checks": {}}'), "ok"), ((501, b""), "wrong")])
+def test_port_of_a_service_and_of_another_program(answer, state):
+    status, content = answer
+    with answering(lambda *_: (status, "application/json", content)) as url:
+        assert doctor_machine.listening(int(url.rpartition(":")[2])).state == state
 
 
 def test_opengl_that_is_switched_off(monkeypatch):

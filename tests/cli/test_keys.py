@@ -7,7 +7,7 @@ import typer
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.cli.keys import expiry
+from app.cli.administration import expiry
 from app.store import api_keys
 from app.store.store import Store
 

@@ -2,18 +2,18 @@
 
 import json
 import sqlite3
-import threading
+import subprocess
+import sys
 from contextlib import closing
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from app.cli import application
+from app.cli import COMMANDS, application, load
 from app.evaluation.server import free_port
 from roboprompt_client import cli as script
 from roboprompt_client.version import VERSION
+from tests.e2e.processes import answering
 
 
 def said(run):
@@ -68,30 +68,11 @@ def test_a_demo_is_not_taught_on_top_of_an_earlier_one(tmp_path):
     assert "holds what an earlier demo taught" in said(run)
 
 
-class Stranger(BaseHTTPRequestHandler):
-    """Some other server: pages for whoever asks, or a JSON document that is not the service's."""
-
-    def do_GET(self):
-        kind, body = self.server.answer
-        self.send_response(200)
-        self.send_header("Content-Type", kind)
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *arguments):
-        """Nothing to say."""
-
-
 @pytest.fixture(params=[("text/html", b"<h1>It works!</h1>"), ("application/json", b'{"jobs": []}')])
 def stranger(request):
-    server = HTTPServer(("127.0.0.1", 0), Stranger)
-    server.answer = request.param
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    """Some other server: pages for whoever asks, or a JSON document that is not the service's."""
+    with answering(lambda *_: (200, *request.param)) as url:
+        yield url
 
 
 def commands(url, folder):
@@ -181,6 +162,15 @@ def test_version():
     assert (run.exit_code, run.output) == (0, f"roboprompt {VERSION}\n")
 
 
+def test_the_list_imports_no_command():
+    code = "import sys; from app.cli import application as run; run(['--help'], standalone_mode=False)"
+    code += "; print('app.cli.serve' in sys.modules)"
+    listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert listed.endswith("False\n")
+    for name in COMMANDS:
+        assert name in listed
+
+
 def test_one_name_for_the_address():
     for command in ("import", "export", "teach-objects", "eval"):
         help_text = CliRunner().invoke(application, [command, "--help"]).output
@@ -195,8 +185,8 @@ def test_nothing_is_hidden():
         for inner in getattr(command, "commands", {}).values():
             yield from commands_below(inner)
 
-    everything = list(commands_below(typer.main.get_command(application)))
-    assert len(everything) > 10
+    everything = [found for name in COMMANDS for found in commands_below(load(name))]
+    assert len(everything) > 20
     assert not [item.name for item in everything if item.hidden]
     assert not [item.name for command in everything for item in command.params if getattr(item, "hidden", False)]
 

@@ -1,4 +1,4 @@
-"""A service that a test may kill, and an LLM that takes its time."""
+"""A service that a test may kill, servers of a test's own, and an LLM that takes its time."""
 
 import json
 import time
@@ -10,6 +10,8 @@ import httpx
 
 from app.evaluation.server import WITHOUT_KEYS, free_port
 from tests.forked import Forked
+
+EVENTS = "text/event-stream"
 
 
 @contextmanager
@@ -49,37 +51,61 @@ def wait_until_alive(process, url, timeout_s=60):
 
 
 @contextmanager
-def slow_llm(reply, pause_s):
-    """An OpenAI-compatible server that says `reply`, row by row; yields the service's settings for it."""
+def answering(answer):
+    """A server on loopback; yields its URL.
+
+    Args:
+        answer: of a request's handler and body the status, content type, and text or bytes, or pieces of text.
+    """
 
     class Handler(BaseHTTPRequestHandler):
-        def do_POST(self):
-            self.rfile.read(int(self.headers["Content-Length"]))
-            self.send_response(200)
-            self.send_header("Content-Type", "text/event-stream")
+        def do_GET(self):
+            status, kind, content = answer(self, self.rfile.read(int(self.headers.get("Content-Length", 0))))
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
             self.end_headers()
-            for piece in reply.replace("], ", "], \0").split("\0"):
-                self.say({"choices": [{"text": piece, "finish_reason": None}]})
-                time.sleep(pause_s)
-            self.say({"choices": [{"text": "", "finish_reason": "stop"}]})
-            self.wfile.write(b"data: [DONE]\n\n")
-
-        def say(self, document):
-            self.wfile.write(f"data: {json.dumps(document)}\n\n".encode())
-            self.wfile.flush()
-
-        def handle(self):
+            pieces = [content] if isinstance(content, str | bytes) else content
             with suppress(ConnectionError):  # who asked is gone, as the test wants it
-                super().handle()
+                for piece in pieces:
+                    self.wfile.write(piece.encode() if isinstance(piece, str) else piece)
+                    self.wfile.flush()
+
+        do_POST = do_GET  # noqa: N815
 
         def log_message(self, *arguments):
             pass
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()
-        yield {
-            "ROBOPROMPT_COMPATIBLE_BASE_URL": f"http://127.0.0.1:{server.server_port}/v1",
-            "ROBOPROMPT_COMPATIBLE_STYLE": "completion",
-            "ROBOPROMPT_DEFAULT_MODEL": "openai_compatible/slow",
-        }
+        yield f"http://127.0.0.1:{server.server_port}"
         server.shutdown()
+
+
+@contextmanager
+def llm_saying(pieces, name):
+    """An OpenAI-compatible server that says what `pieces()` yields; yields the service's settings for it."""
+
+    def events():
+        for piece in pieces():
+            yield f"data: {json.dumps({'choices': [{'text': piece, 'finish_reason': None}]})}\n\n"
+        yield f"data: {json.dumps({'choices': [{'text': '', 'finish_reason': 'stop'}]})}\n\ndata: [DONE]\n\n"
+
+    with answering(lambda *_: (200, EVENTS, events())) as url:
+        yield {
+            "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{url}/v1",
+            "ROBOPROMPT_COMPATIBLE_STYLE": "completion",
+            "ROBOPROMPT_DEFAULT_MODEL": f"openai_compatible/{name}",
+        }
+
+
+@contextmanager
+def slow_llm(reply, pause_s):
+    """One that says `reply`, row by row."""
+
+    def rows():
+        for piece in reply.replace("], ", "], \0").split("\0"):
+            yield piece
+            time.sleep(pause_s)
+
+    with llm_saying(rows, "slow") as settings:
+        yield settings

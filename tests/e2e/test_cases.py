@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.cli.cases import compare
+from app.cli.check import compare
 from tests.e2e.processes import running_server
 from tests.episodes import metadata, upload
 

@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.episodes import arrays, camera, hand_arrays, metadata, multipart, npz, pick_trajectory, png, upload
+from tests.episodes import arrays, camera, hand_arrays, metadata, multipart, npz, pick_trajectory, png, refused, upload
 
 PLACE_M = (0.123, 0.077, 0.785)
+CUBOID = {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}
 
 
 def test_upload_answers_with_keyframes_bins_and_texts(http):
@@ -43,8 +44,7 @@ def test_fields_of_a_form_in_which_no_image_was_chosen_are_left_out(http, unfill
     }
     response = http.post("/episodes", files=files)
     assert response.status_code == 201, response.text
-    empty = http.post("/episodes", files=files | {"rgb_front": ("front.png", b"")})
-    assert (empty.status_code, empty.json()["errors"][0]["field"]) == (422, "rgb_front")
+    refused(http.post("/episodes", files=files | {"rgb_front": ("front.png", b"")}), "rgb_front")
 
 
 def test_json_upload_equals_multipart(http):
@@ -81,9 +81,8 @@ def test_masks_give_positions(http):
 
 
 def test_unseen_object_is_named(http):
-    response = http.post("/episodes", files=masked_episode("masked2", objects=[{"name": "cube", "mask_ids": [9]}]))
-    assert response.status_code == 422
-    assert response.json()["errors"][0]["field"] == "objects[cube]"
+    files = masked_episode("masked2", objects=[{"name": "cube", "mask_ids": [9]}])
+    refused(http.post("/episodes", files=files), "objects[cube]")
 
 
 def test_images_come_back(http):
@@ -145,12 +144,14 @@ def test_settings_that_do_not_fit_change_nothing(http):
         ({"pose_estimator": "crystal_ball"}, "pose_estimator"),
         ({"yaw_symmetry_deg": {"cube": 70}}, "yaw_symmetry_deg.cube"),
         ({"color": "red"}, "color"),
+        ({"motion_limits": {"max_step_m": 0}}, "motion_limits.max_step_m"),
+        ({"object_models": {"red cube": {"estimator": "crystal ball"}}}, "object_models[red cube].estimator"),
+        ({"object_models": {"re{d": CUBOID}}, "object_models"),
+        ({"object_models": {"red cube": "red"}}, "object_models.red cube"),
     ],
 )
 def test_bad_settings_are_refused(http, settings, field):
-    response = http.put("/tasks/settings", json=settings)
-    assert response.status_code == 422
-    assert response.json()["errors"][0]["field"] == field
+    refused(http.put("/tasks/settings", json=settings), field)
     assert http.get("/tasks/settings").status_code == 404
 
 

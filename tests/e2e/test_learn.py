@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from app.api.schemas.poses import LearnedOut
+from app.api.schemas.objects import LearnedOut
 from tests import forked
 from tests.e2e.vision import BLUE_MODEL, MODELS, NAMES, PLACES, assert_found, episode, frames, seen
 from tests.episodes import upload

@@ -4,8 +4,6 @@ import json
 import subprocess
 import sys
 import threading
-from contextlib import suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import count
 
 import httpx
@@ -14,7 +12,7 @@ import pytest
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError
 from roboprompt_client.loop import run_task
-from tests.e2e.processes import killable_server
+from tests.e2e.processes import killable_server, llm_saying
 from tests.e2e.test_safety import NEAR, PICK, QUERY_M, located, teach
 from tests.e2e.test_stream import Arm, seen
 
@@ -26,39 +24,10 @@ OPTIONS = {"representation": "absolute", "prompt_format": "paper", "unsupported"
 
 
 class HeldLlm:
-    """An OpenAI-compatible server that says each row when the test lets it."""
+    """Says each row when the test lets it."""
 
     def __init__(self):
         self.reset()
-        outer = self
-
-        class Handler(BaseHTTPRequestHandler):
-            def do_POST(self):
-                self.rfile.read(int(self.headers["Content-Length"]))
-                self.send_response(200)
-                self.send_header("Content-Type", "text/event-stream")
-                self.end_headers()
-                for k, row in enumerate(outer.rows):
-                    outer.asked.release()
-                    assert outer.go.acquire(timeout=60)
-                    self.say(("[" if k == 0 else ", ") + json.dumps(row) + ("]" if k == len(outer.rows) - 1 else ""))
-                self.say("", "stop")
-                self.wfile.write(b"data: [DONE]\n\n")
-
-            def say(self, text, reason=None):
-                document = {"choices": [{"text": text, "finish_reason": reason}]}
-                self.wfile.write(f"data: {json.dumps(document)}\n\n".encode())
-                self.wfile.flush()
-
-            def handle(self):
-                with suppress(ConnectionError):  # the service hung up on it
-                    super().handle()
-
-            def log_message(self, *arguments):
-                pass
-
-        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
     def reset(self):
         self.go, self.asked, self.rows = threading.Semaphore(0), threading.Semaphore(0), ROWS
@@ -67,19 +36,21 @@ class HeldLlm:
         """Let it say so many rows more."""
         self.go.release(number)
 
+    def pieces(self):
+        for k, row in enumerate(self.rows):
+            self.asked.release()
+            assert self.go.acquire(timeout=60)
+            yield ("[" if k == 0 else ", ") + json.dumps(row) + ("]" if k == len(self.rows) - 1 else "")
+
 
 @pytest.fixture(scope="module")
 def held(tmp_path_factory):
     llm = HeldLlm()
-    settings = {
-        "ROBOPROMPT_COMPATIBLE_BASE_URL": f"http://127.0.0.1:{llm.server.server_port}/v1",
-        "ROBOPROMPT_COMPATIBLE_STYLE": "completion",
-        "ROBOPROMPT_DEFAULT_MODEL": "openai_compatible/held",
-    }
-    with killable_server(tmp_path_factory.mktemp("held"), settings) as (_, url):
+    with (
+        llm_saying(llm.pieces, "held") as settings,
+        killable_server(tmp_path_factory.mktemp("held"), settings) as (_, url),
+    ):
         yield llm, url
-    llm.server.shutdown()
-    llm.server.server_close()
 
 
 @pytest.fixture
@@ -221,18 +192,7 @@ def test_the_script_tells_where_the_arm_is(service, tmp_path):
     objects = tmp_path / "objects.json"
     objects.write_text(json.dumps([{"name": "cube", "position": QUERY_M.tolist()}]))
     arm = ["--end-effector", *map(str, (*NEAR.position_m, *NEAR.quaternion_xyzw))]
-    command = [
-        sys.executable,
-        "-m",
-        "roboprompt_client",
-        "--url",
-        client.url,
-        "predict",
-        "--task",
-        task,
-        "--instruction",
-        PICK,
-    ]
+    command = [sys.executable, "-m", "roboprompt_client", "--url", client.url, "predict", "--task", task]
     command += ["--instruction", PICK, "--objects", str(objects)]
     with_arm, without = (
         subprocess.run([*command, *more], capture_output=True, text=True, timeout=60, check=False) for more in (arm, [])

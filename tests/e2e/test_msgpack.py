@@ -10,6 +10,7 @@ from roboprompt_client.encoding import packed_request
 from roboprompt_client.npy import packed_array
 from roboprompt_client.robot import Observation
 from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, assert_found, frames, seen, teach
+from tests.episodes import refused
 from tests.perception.solid_scene import cube
 
 SCENE = (cube("red", 0.02, 0.05, 0.2), cube("blue", 0.12, -0.10, -0.4))
@@ -49,44 +50,26 @@ def test_client_sends_it(url, task):
     assert_found(predicted.response["objects"], SCENE)
 
 
-ARRAY = {"__ndarray__": True, "data": bytes(12), "dtype": "|u1", "shape": [2, 2, 3]}
-
-
-def image(**fault):
-    return msgpack.packb({"rgb_front": {**ARRAY, **fault}})
-
-
+# tests/attack/hostile_documents.py has more that is no MessagePack.
 FAULTS = {
-    "no msgpack": (b"\xc1", 400, None),
-    "cut off": (msgpack.packb({"task": "packed"})[:-3], 400, None),
-    "more than one": (msgpack.packb({}) * 2, 400, None),
-    "no map": (msgpack.packb([1, 2]), 400, None),
-    "a list that claims to be long": (b"\x81\xa4task\xdd\xff\xff\xff\xff", 400, None),
-    "deep": (b"\x81\xa4task" + b"\x91" * 100_000 + b"\x01", 400, None),
-    "an extension type": (msgpack.packb({"task": msgpack.ExtType(5, b"x")}), 400, None),
-    "a number as key": (b"\x81\x01\x02", 400, None),
-    "a key twice": (b"\x82\xa4seed\x01\xa4seed\x02", 400, None),
-    "bytes in the document": (msgpack.packb({"task": b"packed"}), 422, "task"),
-    "a claim of more than there is": (image(shape=[2**20, 2**20, 3]), 422, "rgb_front"),
-    "objects": (image(dtype="|O"), 422, "rgb_front"),
-    "an image that is text": (msgpack.packb({"rgb_front": "file.png"}), 422, "rgb_front"),
+    "no map": (msgpack.packb([1, 2]), 400),
+    "a list that claims to be long": (b"\x81\xa4task\xdd\xff\xff\xff\xff", 400),
+    "deep": (b"\x81\xa4task" + b"\x91" * 100_000 + b"\x01", 400),
+    "a number as key": (b"\x81\x01\x02", 400),
+    "an image that is text": (msgpack.packb({"rgb_front": "file.png"}), 422),
 }
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_faults_are_named(http, fault):
-    body, status, field = FAULTS[fault]
+def test_faults_are_problems(http, fault):
+    body, status = FAULTS[fault]
     response = send(http, body)
     assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
-    if field:
-        assert response.json()["errors"][0]["field"] == field
 
 
 def test_an_array_of_another_kind_is_refused_by_what_reads_it(http, task):
     whole_numbers = packed_array(np.zeros((4, 4), np.int64))
-    response = send(http, msgpack.packb({**document(task), "depth_front": whole_numbers}))
-    assert response.status_code == 422
-    assert response.json()["errors"][0]["field"] == "depth_front"
+    refused(send(http, msgpack.packb({**document(task), "depth_front": whole_numbers})), "depth_front")
 
 
 def test_uploads_do_not_take_it(http):

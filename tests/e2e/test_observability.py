@@ -2,13 +2,12 @@
 
 import gzip
 import json
-import threading
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import httpx
 import pytest
 from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 
+from tests.e2e.processes import answering
 from tests.reliability.service import QUESTION, TASK, serving, upload_files
 
 
@@ -17,23 +16,15 @@ def collector():
     """(URL, the spans that it was sent)."""
     spans = []
 
-    class Collector(BaseHTTPRequestHandler):
-        def do_POST(self):
-            body = self.rfile.read(int(self.headers["content-length"]))
-            if self.headers.get("content-encoding") == "gzip":
-                body = gzip.decompress(body)
-            request = ExportTraceServiceRequest.FromString(body)
-            spans.extend(s for r in request.resource_spans for scope in r.scope_spans for s in scope.spans)
-            self.send_response(200)
-            self.end_headers()
+    def collect(request, body):
+        if request.headers.get("content-encoding") == "gzip":
+            body = gzip.decompress(body)
+        traced = ExportTraceServiceRequest.FromString(body)
+        spans.extend(s for r in traced.resource_spans for scope in r.scope_spans for s in scope.spans)
+        return 200, "application/x-protobuf", b""
 
-        def log_message(self, *_):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Collector) as server:
-        threading.Thread(target=server.serve_forever).start()
-        yield f"http://127.0.0.1:{server.server_port}", spans
-        server.shutdown()
+    with answering(collect) as url:
+        yield url, spans
 
 
 @pytest.fixture(scope="module")

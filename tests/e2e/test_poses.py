@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from app.api.schemas.poses import PosesOut
+from app.api.schemas.objects import PosesOut
 from app.evaluation.server import free_port, running_server
 from tests.e2e.vision import BLUE_MODEL, MODELS, NAMES, PLACES, RED_MODEL, assert_found, episode, frames, seen
 from tests.perception.solid_scene import cube

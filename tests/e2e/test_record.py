@@ -12,8 +12,8 @@ import typer
 from app.cli.record import _opened, _upload
 from app.evaluation.server import free_port
 from roboprompt_client import cli
+from roboprompt_client.recording.spool import Spool
 from roboprompt_client.robot import Observation
-from roboprompt_client.spool import Spool
 from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.e2e.processes import running_server
@@ -95,7 +95,7 @@ def test_without_a_terminal_there_are_no_keys(url):
 
 
 def test_what_the_service_does_not_take_is_kept_and_uploaded_later(url, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("roboprompt_client.spool.WAITS_S", ())
+    monkeypatch.setattr("roboprompt_client.recording.spool.WAITS_S", ())
     spool, recorded = Spool(tmp_path), pick_trajectory((0.25, 0.05, 0.9))
     seen = Observation((ObjectPose("cube", [0.25, 0.05, 0.9], [0, 0, 0, 1]),))
     how = {"control_frequency_hz": 10.0, "extra": {"seed": 4}}

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, refused, upload
 
 PLACE_M = (0.1, 0.1, 0.78)
 GOOD = arrays(pick_trajectory(PLACE_M))
@@ -73,11 +73,7 @@ def test_upload_refused(http, task, case):
     body = multipart(document, change.get("npz", npz(**GOOD)), **change.get("images", {}))
     count = http.get(f"/tasks/{task}").json()["num_episodes"]
     response = http.post("/episodes", files=body)
-    problem = response.json()
-    assert response.status_code == 422, problem
-    assert response.headers["content-type"] == "application/problem+json"
-    assert problem["errors"][0]["field"] == field, problem
-    assert problem["errors"][0]["message"]
+    assert refused(response, field)["message"]
     assert http.get(f"/tasks/{task}").json()["num_episodes"] == count
 
 
@@ -98,16 +94,13 @@ PREDICT = {"task": "refusals", "instruction": "pick up the cube", "objects": [{"
         ({"model": "nobody/knows"}, 422, "embedded/gemma-3-270m"),
         ({"objects": [{"name": "ball", "position": [0, 0, 1]}]}, 422, "missing: cube"),
         ({"objects": []}, 422, "objects"),
-        ({"objects": [{"name": "cube", "position": [True, 0, 1]}]}, 422, "objects[0].position[0]"),
         ({"objects": [{"name": "cube", "position": ["0.1", 0, 1]}]}, 422, "objects[0].position[0]"),
         ({"representation": "poetry"}, 422, "absolute"),
         ({"num_demonstrations": 0}, 422, "num_demonstrations"),
         ({"episode_ids": ["nothing"]}, 404, "nothing"),
-        ({"num_demonstrations": True}, 422, "num_demonstrations"),
-        ({"max_actions": True}, 422, "max_actions"),
-        ({"seed": "5"}, 422, "seed"),
-        ({"dry_run": 1}, 422, "dry_run"),
         ({"timeout_s": 1e999}, 422, "timeout_s"),
+        ({"unsupported": "perhaps"}, 422, "unsupported"),
+        ({"num_samples": 2, "closed_loop": True}, 422, "num_samples"),
     ],
 )
 def test_predict_refused(http, task, change, status, said):
@@ -123,8 +116,8 @@ def test_rotation_that_the_demonstrations_have_is_missing(http):
     rotated = {"name": "cube", "position": PLACE_M, "quaternion_xyzw": [0, 0, 0, 1]}
     document = {**metadata("rotated", {"cube": PLACE_M}), "objects": [rotated]}
     assert http.post("/episodes", files=multipart(document, npz(**GOOD))).status_code == 201
-    response = http.post("/predict", json={**PREDICT, "task": "rotated", "model": "regression"})
-    assert (response.status_code, response.json()["errors"][0]["field"]) == (422, "objects[cube].quaternion_xyzw")
+    asked = {**PREDICT, "task": "rotated", "model": "regression"}
+    refused(http.post("/predict", json=asked), "objects[cube].quaternion_xyzw")
 
 
 def test_task_without_demonstrations(http):
@@ -159,6 +152,10 @@ def test_bodies_that_cannot_be_read(http, path, content, content_type, status):
     response = http.post(path, content=content, headers={"content-type": content_type})
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
+
+
+def test_settings_that_are_no_json(http):
+    assert http.put("/tasks/none", content=b"{", headers={"content-type": "application/json"}).status_code == 422
 
 
 HALF = r'"\ud800"'  # of a surrogate pair: JSON can write it, UTF-8 cannot
@@ -196,5 +193,4 @@ def test_unknown_address_and_method(http):
 def test_jpeg_that_is_cut_off(http, task):
     jpeg = cv2.imencode(".jpg", RGB)[1].tobytes()[:-40]
     document = {**metadata(task, {"cube": PLACE_M}), "cameras": [camera()]}
-    response = http.post("/episodes", files=multipart(document, npz(**GOOD), rgb_front=jpeg))
-    assert (response.status_code, response.json()["errors"][0]["field"]) == (422, "rgb_front")
+    refused(http.post("/episodes", files=multipart(document, npz(**GOOD), rgb_front=jpeg)), "rgb_front")

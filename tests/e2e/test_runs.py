@@ -19,7 +19,7 @@ from roboprompt_client.loop import run_task
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import ObjectPose
 from tests.e2e.processes import killable_server
-from tests.episodes import upload
+from tests.episodes import refused, upload
 
 PLACES_M = [(0.1 + 0.05 * k, 0.02 * k, 0.78) for k in range(3)]
 SCOPES = {"robot": ["predict"], "rival": ["predict"], "operator": ["read", "operate"], "reader": ["read"]}
@@ -107,7 +107,7 @@ def test_who_may_do_what(people, run, who, method, path, status):
     [
         ({"action": 0}, "action"),
         ({"action": True}, "action"),
-        ({"end_effector": {"position": [0, 0], "quaternion_xyzw": [1, 0, 0, 0]}}, "end_effector.position"),
+        ({"end_effector": {"position": [0, 0], "quaternion_xyzw": [1, 0, 0, 0]}}, "end_effector.position[2]"),
         ({"joint_positions": [0.0] * 17}, "joint_positions"),
         ({"gripper_open": 1}, "gripper_open"),
         ({"task": ""}, "task"),
@@ -115,9 +115,7 @@ def test_who_may_do_what(people, run, who, method, path, status):
     ],
 )
 def test_what_cannot_be_is_refused(people, run, change, field):
-    response = people["robot"].put(run, json=SAID | change)
-    assert response.status_code == 422
-    assert response.json()["errors"][0]["field"].startswith(field)
+    refused(people["robot"].put(run, json=SAID | change), field)
 
 
 def test_an_unknown_task_and_an_id_that_is_none(people):

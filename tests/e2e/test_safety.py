@@ -5,10 +5,9 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
+from contextlib import contextmanager
 from dataclasses import replace
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError, UnsafeActionError
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
-from tests.e2e.processes import killable_server, slow_llm
+from tests.e2e.processes import EVENTS, answering, killable_server, slow_llm
 from tests.e2e.test_stream import Arm, seen, tracked
 from tests.episodes import pick_trajectory
 
@@ -145,23 +144,6 @@ def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taug
     with pytest.raises(ServiceProblemError, match=r"action 2: position is 0\.15"):
         run_task(client, arm, taught, PICK, stream=True, **REGRESSION)
     assert [entry == "stop" for entry in arm.log] == [False, False, True]
-
-
-@pytest.mark.parametrize(
-    ("limits", "field"),
-    [
-        ({"keep_out": [{"min": [0, 0, 0], "max": [0, 1, 1]}]}, "motion_limits.keep_out[0]"),
-        ({"max_step_m": 0}, "motion_limits.max_step_m"),
-        ({"max_step_rotation_deg": 200}, "motion_limits.max_step_rotation_deg"),
-        ({"hand_radius_m": -0.01}, "motion_limits.hand_radius_m"),
-        ({"hand_radius_m": None}, "motion_limits.hand_radius_m"),
-        ({"max_speed": 1}, "motion_limits.max_speed"),
-    ],
-)
-def test_limits_that_make_no_sense_are_refused(client, limits, field):
-    with pytest.raises(ServiceProblemError) as caught:
-        client.configure_task("senseless", motion_limits=limits)
-    assert caught.value.problem["errors"][0]["field"] == field
 
 
 def test_the_robots_own_limits_hold_whatever_the_service_says(client, taught):
@@ -305,29 +287,20 @@ def test_the_script_keeps_to_a_workspace_of_its_own(scripted, tmp_path):
     assert BREACH in said
 
 
-class _Babbling(BaseHTTPRequestHandler):
-    """Gives one action, then what the test says."""
+@contextmanager
+def babbling(then="", **limits):
+    """A client of a service that gives one action, then says what the test wants."""
+    bounds = {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None, **limits}
+    task = {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}, "motion_limits": bounds}
+    action = {"position": [0.1, 0.1, 0.8], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
+    found = 'event: findings\ndata: {"findings": []}\n\n'
+    streamed = f"{found}event: action\ndata: {json.dumps(action)}\n\n{then}\n\n"
 
-    def do_GET(self):
-        document = {
-            "workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]},
-            "motion_limits": {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None, **self.server.limits},
-        }
-        self._answer("application/json", json.dumps(document))
+    def answer(request, _):
+        return (200, EVENTS, streamed) if request.command == "POST" else (200, "application/json", json.dumps(task))
 
-    def do_POST(self):
-        action = {"position": [0.1, 0.1, 0.8], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
-        found = 'event: findings\ndata: {"findings": []}\n\n'
-        self._answer("text/event-stream", f"{found}event: action\ndata: {json.dumps(action)}\n\n{self.server.then}\n\n")
-
-    def _answer(self, kind, text):
-        self.send_response(200)
-        self.send_header("Content-Type", kind)
-        self.end_headers()
-        self.wfile.write(text.encode())
-
-    def log_message(self, *arguments):
-        pass
+    with answering(answer) as url, RoboPromptClient(url) as client:
+        yield client
 
 
 @pytest.mark.parametrize(
@@ -344,13 +317,9 @@ class _Babbling(BaseHTTPRequestHandler):
     ],
 )
 def test_a_service_that_babbles_stops_the_robot(then, error):
-    with ThreadingHTTPServer(("127.0.0.1", 0), _Babbling) as server:
-        server.then, server.limits = then, {}
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        arm = Arm()
-        with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client, pytest.raises(error):
-            run_task(client, arm, "pick", PICK, stream=True)
-        server.shutdown()
+    arm = Arm()
+    with babbling(then) as client, pytest.raises(error):
+        run_task(client, arm, "pick", PICK, stream=True)
     assert [entry == "stop" for entry in arm.log] == [False, True]
 
 
@@ -358,12 +327,8 @@ def test_a_service_that_babbles_stops_the_robot(then, error):
     "limits", [{"max_step_m": float("nan")}, {"max_step_m": -1}, {"hand_radius_m": float("inf")}, {"keep_out": [{}]}]
 )
 def test_a_service_whose_limits_bound_nothing_stops_the_robot_before_it_is_asked(limits):
-    with ThreadingHTTPServer(("127.0.0.1", 0), _Babbling) as server:
-        server.then, server.limits = "", limits
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        arm = LocatedArm()
-        refused = pytest.raises(InvalidInputError, match=f"motion_limits.{next(iter(limits))}")
-        with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client, refused:
-            run_task(client, arm, "pick", PICK, stream=True)
-        server.shutdown()
+    arm = LocatedArm()
+    refused = pytest.raises(InvalidInputError, match=f"motion_limits.{next(iter(limits))}")
+    with babbling(**limits) as client, refused:
+        run_task(client, arm, "pick", PICK, stream=True)
     assert arm.log == ["stop"]

@@ -1,16 +1,13 @@
 """Secrets that the service is given come out nowhere: not in answers, logs, prompts, metrics or files."""
 
 import json
-import threading
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import httpx
 import pytest
 
 from app.services.api_keys import create_key
 from app.store.store import Store
-from tests.e2e.processes import killable_server
+from tests.e2e.processes import answering, killable_server
 from tests.episodes import metadata, upload
 
 PLANTED = {
@@ -22,26 +19,10 @@ MODELS = ("openai/gpt-4o", "anthropic/claude-sonnet-4-5", "openai_compatible/any
 PLACE_M = (0.1, 0.1, 0.78)
 
 
-@contextmanager
-def gossip():
-    """A provider whose errors repeat every header that it was sent."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self):
-            body = json.dumps({"error": {"message": f"I was sent {dict(self.headers)}", "type": "auth"}}).encode()
-            self.send_response(401)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, *arguments):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}/v1"
-        server.shutdown()
+def gossip(request, _):
+    """What a provider answers whose errors repeat every header that it was sent."""
+    error = {"message": f"I was sent {dict(request.headers)}", "type": "auth"}
+    return 401, "application/json", json.dumps({"error": error})
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +33,8 @@ def provoked(tmp_path_factory):
     token = create_key(store, "robot", ["admin"])
     store.close()
     answers = []
-    with gossip() as address:
-        urls = {name.replace("API_KEY", "BASE_URL"): address for name in PLANTED}
+    with answering(gossip) as address:
+        urls = {name.replace("API_KEY", "BASE_URL"): f"{address}/v1" for name in PLANTED}
         settings = {**PLANTED, **urls, "ROBOPROMPT_AUTH": "on", "ROBOPROMPT_RATE_LIMIT_PER_S": "0"}
         settings |= {"ROBOPROMPT_RECORD_LLM": str(data / "recorded")}
         key = {"authorization": f"Bearer {token}"}

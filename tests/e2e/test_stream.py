@@ -1,9 +1,7 @@
 """Actions that come while the real LLM still writes, and a robot that moves by them."""
 
 import json
-import threading
 from dataclasses import replace
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import httpx
 import numpy as np
@@ -17,7 +15,7 @@ from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
-from tests.e2e.processes import running_server
+from tests.e2e.processes import EVENTS, answering, running_server
 from tests.episodes import pick_trajectory
 
 PLACES_M = np.random.default_rng(3).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (10, 3)).round(4)
@@ -139,31 +137,14 @@ def test_a_reply_that_goes_wrong_in_the_middle_stops_the_robot(tmp_path):
         assert (kept["status"], kept["actions"]) == ("parse_error", None)
 
 
-class _Dying(BaseHTTPRequestHandler):
-    """Gives one action and is gone."""
-
-    def do_POST(self):
-        action = {"position": [0.1, 0.1, 0.8], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
-        self.send_response(200)
-        self.send_header("Content-Type", "text/event-stream")
-        self.end_headers()
-        self.wfile.write(b'event: findings\ndata: {"findings": []}\n\n')
-        self.wfile.write(f"event: action\ndata: {json.dumps(action)}\n\n".encode())
-
-    def log_message(self, *arguments):
-        pass
-
-
 def test_a_service_that_dies_in_the_middle_stops_the_robot():
-    with ThreadingHTTPServer(("127.0.0.1", 0), _Dying) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        arm = Arm()
-        with (
-            RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client,
-            pytest.raises(ServiceUnreachableError, match="ended before it was complete"),
-        ):
-            run_task(client, arm, "pick", INSTRUCTION, stream=True, limits=MotionLimits())
-        server.shutdown()
+    """It gives one action and is gone."""
+    action = {"position": [0.1, 0.1, 0.8], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
+    said = f'event: findings\ndata: {{"findings": []}}\n\nevent: action\ndata: {json.dumps(action)}\n\n'
+    arm = Arm()
+    ended = pytest.raises(ServiceUnreachableError, match="ended before it was complete")
+    with answering(lambda *_: (200, EVENTS, said)) as url, RoboPromptClient(url) as client, ended:
+        run_task(client, arm, "pick", INSTRUCTION, stream=True, limits=MotionLimits())
     assert [isinstance(entry, EndEffectorAction) for entry in arm.log] == [True, False]
 
 

@@ -68,29 +68,6 @@ def test_a_box_that_somebody_set_stays(http):
     assert follows["max"][0] >= 1.5
 
 
-def test_of_nested_settings_only_what_is_named_changes(http):
-    def put(**changes):
-        response = http.put("/tasks/nested", json=changes)
-        assert response.status_code == 200, response.text
-        return response.json()
-
-    put(keyframes={"rule": "waypoints", "tolerance_m": 0.02}, motion_limits={"max_step_m": 0.5})
-    put(keyframes={"tolerance_deg": 10})
-    document = put(motion_limits={"max_step_rotation_deg": 45})
-    assert document["keyframes"] == {
-        "rule": "waypoints", "delta_rad_s": 0.1, "interval": 5, "tolerance_m": 0.02, "tolerance_deg": 10,
-    }  # fmt: skip
-    assert document["motion_limits"] == {
-        "keep_out": [],
-        "max_step_m": 0.5,
-        "max_step_rotation_deg": 45,
-        "hand_radius_m": 0.05,
-    }
-    put(workspace={"min": [-1, -1, 0], "max": [1, 1, 1]})
-    box = put(workspace={"max": [1, 1, 2]})["workspace"]
-    assert box == {"preset": None, "min": [-1, -1, 0], "max": [1, 1, 2]}
-
-
 def test_each_rule_can_be_chosen_for_what_is_stored(http, table):
     document = metadata("rules", {"cube": TABLE_M[0]})
     sent = http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory(TABLE_M[0])))))

@@ -68,12 +68,6 @@ def test_who_allows_it_is_told_of_the_danger(far):
     assert stored["findings"] == answer["findings"]
 
 
-def test_other_values_are_refused(far):
-    response = ask(far, unsupported="perhaps")
-    assert response.status_code == 422
-    assert response.json()["errors"][0]["field"] == "unsupported"
-
-
 def test_a_stream_ends_before_the_unsupported_action(far):
     """What went out before cannot be taken back: there is no second try."""
     text = ask(far, {"accept": "text/event-stream"}).text

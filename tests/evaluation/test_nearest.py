@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.baselines.nearest import replayed
 from app.evaluation.results import TaughtEpisode
+from app.evaluation.trials import replayed
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose, Trajectory, object_json
 
@@ -21,7 +21,7 @@ def taught(number, instruction, pose):
     down = np.tile([1.0, 0, 0, 0], (6, 1))
     trajectory = Trajectory(np.ones((6, 7)), positions, down, np.ones(6))
     scene = SceneView("stack_cube", number, instruction, (pose,), (), {})
-    recorded = RecordedDemonstration(scene, trajectory, 20.0, 2, True, "", ())
+    recorded = RecordedDemonstration(scene, trajectory, 20.0, True, "")
     keyframes = [{"index": index} for index in KEYFRAMES]
     return TaughtEpisode(recorded, {"objects": [object_json(pose)], "keyframes": keyframes})
 

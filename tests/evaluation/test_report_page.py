@@ -11,7 +11,7 @@ from PIL import Image
 
 from app.evaluation.illustrate import MAX_FAILURES
 from app.evaluation.methods import Method
-from app.evaluation.report import write_report
+from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation, TaskEvaluation, TaughtEpisode, Trial
 from app.evaluation.sweeps import REPLAY
 from app.sim.demonstrate import record_demonstration, rollout, view_scene

@@ -135,13 +135,6 @@ def test_a_simple_name_takes_the_models():
     ]
 
 
-def test_an_unknown_method_is_refused_with_those_there_are():
-    with pytest.raises(
-        InvalidInputError, match=r"'best' is neither .* 'default', .* 'nearest demonstration', .* 'replay'"
-    ):
-        chosen(SWEEPS["main"].with_models(()), ["best"], ())
-
-
 def test_noise_is_for_those_that_see_poses():
     noisy = with_noise(SWEEPS["main"].methods, 1.5, "test")
     assert [(method.noise, method.taught_noise) for method in noisy] == [(1.5, 0.0)] * 4 + [(0.0, 0.0)]
@@ -156,13 +149,3 @@ def test_where_a_sweeps_own_noise_is():
     assert [method.noise for method in own] == [method.noise for method in SWEEPS["noise"].methods]
     assert len(variants(own)) == 1
     assert with_noise(SWEEPS["noise"].methods, None, "both") == SWEEPS["noise"].methods
-
-
-def test_noise_over_noise_is_refused():
-    with pytest.raises(InvalidInputError, match=r"'noise x 0\.5' has a noise of 0\.5 of its own"):
-        with_noise(SWEEPS["noise"].methods, 1.0, "both")
-
-
-def test_images_have_no_noise():
-    with pytest.raises(InvalidInputError, match="noise is added to given poses"):
-        with_poses(with_noise(SWEEPS["main"].methods, 1.0, "test"), "vision")

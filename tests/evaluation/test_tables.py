@@ -7,7 +7,7 @@ from rich.console import Console
 from app.evaluation.methods import Method
 from app.evaluation.plots import write_plots
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation
-from app.evaluation.scores import results_of
+from app.evaluation.scores import reached, results_of
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, results_table, sweep_summary, terminal_table
 from tests.evaluation.trials import ANSWER, trial
@@ -153,3 +153,22 @@ def test_plots_without_any_trial(tmp_path):
     crashed = TaskEvaluation("stack_cube", (), (), (Crash("stack_cube", 1, "uniform 5", "gone"),))
     methods = SWEEPS["keyframes"].with_models(())
     assert {path.stem for path in write_plots(evaluation(crashed, methods=methods), tmp_path)} == {"success"}
+
+
+def driven(*misses):
+    """An evaluation whose driver missed its poses by so much."""
+    done = [trial("push_button", 100_000 + k, "default", succeeded=True) for k in range(len(misses))]
+    trials = [replace(one, execution=replace(one.execution, misses=of)) for one, of in zip(done, misses, strict=True)]
+    unexecuted = replace(done[0], execution=None, error="no list of actions")
+    return Evaluation("", (Method("default"),), (TaskEvaluation("push_button", (), (*trials, unexecuted)),), 1.0)
+
+
+def test_every_action_counts_once():
+    found = reached(driven(((0.001, 0.2), (0.004, 0.1)), ((0.002, 0.6),)))
+    assert (found.poses, found.median_mm, found.worst_mm) == (3, pytest.approx(2.0), pytest.approx(4.0))
+    assert (found.median_deg, found.worst_deg) == (0.2, 0.6)
+    assert str(found) == "3 poses reached: off by 2 mm in the median, 4 mm at worst (0.2 and 0.6 degrees)"
+
+
+def test_the_direct_simulation_reaches_by_itself():
+    assert reached(driven((), ())) is None

@@ -22,5 +22,5 @@ ANSWER = {
 def trial(task, seed, method, succeeded, answer=None):
     scene = SceneView(task, seed, "put the cube on the plate", OBJECTS, (), {})
     failure = "" if succeeded else "every action was carried out, but the task is not solved"
-    execution = RolloutResult(task, seed, 1, succeeded, failure, ())
+    execution = RolloutResult(1, succeeded, failure)
     return Trial(task, seed, method, scene, answer, execution=execution, execute_s=0.4, actions=(ACTION,))

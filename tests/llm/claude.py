@@ -2,14 +2,15 @@
 
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import ModelProfile
+from app.llm.sse import Server
 
 KEY = "sk-ant-very-secret"
 
 
 def claude_at(base_url, model="claude-haiku-5-5", key=KEY):
     profile = ModelProfile(f"anthropic/{model}", "chat", grammar=False, representation="absolute")
-    variables = {"key_variable": "ROBOPROMPT_ANTHROPIC_API_KEY", "url_variable": "ROBOPROMPT_ANTHROPIC_BASE_URL"}
-    return AnthropicModel(profile, base_url, model, key, **variables)
+    server = Server(base_url, key, "ROBOPROMPT_ANTHROPIC_API_KEY", "ROBOPROMPT_ANTHROPIC_BASE_URL")
+    return AnthropicModel(profile, server, model)
 
 
 def started(input_tokens=25, read=0, written=0):

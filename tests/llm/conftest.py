@@ -9,6 +9,12 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 
 
+@pytest.fixture
+def anyio_backend():
+    """Of tests that are coroutines, each in an event loop of its own."""
+    return "asyncio"
+
+
 @pytest.fixture(scope="session")
 def run():
     """Runs a coroutine; all of a session's in one event loop, to which started models belong."""
@@ -40,6 +46,5 @@ def llama_server(settings):
     path = find_trimmed_weights("gemma-3-270m", settings)()
     options = LlamaOptions(str(path), slots=2, context_tokens=2048, threads=1)
     process = LlamaProcess(options)
-    process.api_key = options.api_key
-    yield process
+    yield process.server
     process.stop()

@@ -146,7 +146,7 @@ def test_two_processes_do_not_add_the_same_at_once(index, cache):
 def tiny(monkeypatch, cache):
     """A model of the tiny release among those that have names."""
     known = {**KNOWN, "tiny": KnownModel("tiny, for tests", chat=True, timeout_s=300.0, release=RELEASE)}
-    for place in ("app.llm.llama.known_models", "app.llm.llama.weights", "app.llm.backends"):
+    for place in ("app.llm.llama.known_models", "app.llm.llama.weights", "app.llm.backends", "app.cli.models"):
         monkeypatch.setattr(f"{place}.KNOWN", known)
     monkeypatch.setenv("ROBOPROMPT_CACHE_FOLDER", str(cache))
     return LlmSettings(cache_folder=cache)

@@ -26,7 +26,7 @@ PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",))
 
 @pytest.fixture(scope="module")
 def claude(llama_server, run):
-    model = claude_at(llama_server.base_url, "claude-haiku-4-5", llama_server.api_key)
+    model = claude_at(llama_server.base_url, "claude-haiku-4-5", llama_server.key)
     yield model
     run(model.aclose())
 

@@ -1,4 +1,3 @@
-import asyncio
 import time
 from dataclasses import replace
 
@@ -9,35 +8,23 @@ from app.llm.computed import ScriptedModel
 from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking
 
-
-def test_a_script_replies_in_turn_and_raises_its_errors():
-    async def run():
-        model = ScriptedModel(["one two", ModelResponseError("no")])
-        request = asking(Prompt("s", "p ", "q"))
-        assert await complete(model, request) == Completion("one two", Usage(3, 0, 2))
-        with pytest.raises(ModelResponseError, match="no"):
-            await complete(model, request)
-        assert (await complete(model, request)).text == "one two"
-
-    asyncio.run(run())
+pytestmark = pytest.mark.anyio
 
 
-def test_a_script_may_be_a_function_of_the_request():
-    async def run():
-        seen = []
-        request = asking(Prompt("s", "p ", "q"))
-        model = ScriptedModel(lambda asked: seen.append(asked) or asked.prompt.query)
-        assert [(await complete(model, request)).text for _ in range(3)] == ["q"] * 3
-        assert seen == [replace(request, piecewise=False)] * 3
-
-    asyncio.run(run())
+async def test_a_script_replies_in_turn_and_raises_its_errors():
+    model = ScriptedModel(["one two", ModelResponseError("no")])
+    request = asking(Prompt("s", "p ", "q"))
+    assert await complete(model, request) == Completion("one two", Usage(3, 0, 2))
+    with pytest.raises(ModelResponseError, match="no"):
+        await complete(model, request)
+    assert (await complete(model, request)).text == "one two"
 
 
-def test_a_script_can_be_a_function_and_slow():
-    async def run():
-        model = ScriptedModel(lambda request: request.prompt.query.upper(), delay_s=0.02)
-        started = time.perf_counter()
-        assert (await complete(model, asking(Prompt("", "", "a b c")))).text == "A B C"
-        assert time.perf_counter() - started >= 0.06
-
-    asyncio.run(run())
+async def test_a_script_may_be_a_function_of_the_request_and_slow():
+    seen = []
+    request = asking(Prompt("s", "p ", "q"))
+    model = ScriptedModel(lambda asked: seen.append(asked) or asked.prompt.query, delay_s=0.02)
+    started = time.perf_counter()
+    assert [(await complete(model, request)).text for _ in range(3)] == ["q"] * 3
+    assert time.perf_counter() - started >= 0.06
+    assert seen == [replace(request, piecewise=False)] * 3

@@ -1,6 +1,7 @@
 """What every backend promises, held against each that can run here."""
 
 import asyncio
+import json
 import re
 from contextlib import aclosing
 from dataclasses import replace
@@ -19,7 +20,9 @@ from app.llm.base import (
     complete,
 )
 from app.llm.computed import ScriptedModel
-from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
+from app.llm.openai_compatible import LLAMA_CPP, SERVERS, OpenAiCompatibleModel
+from app.pipeline.prompt import Prompt
+from app.pipeline.representation.absolute import Column, list_schema
 from tests.llm.texts import ENDLESS, REPLY, absolute_prompt, as_asked, asking, object_frame_prompt
 
 LLMS = ("embedded", "completion", "chat")
@@ -29,10 +32,7 @@ LLMS = ("embedded", "completion", "chat")
 def models(gemma, llama_server, run):
     profiles = {style: ModelProfile(style, style, grammar=True, representation="object_frame") for style in LLMS[1:]}
     made = {
-        style: OpenAiCompatibleModel(
-            profile, llama_server.base_url, "gemma", llama_server.api_key, quirks=LLAMA_CPP, trust_env=False
-        )
-        for style, profile in profiles.items()
+        style: OpenAiCompatibleModel(profile, llama_server, "gemma", LLAMA_CPP) for style, profile in profiles.items()
     }
     made |= {
         "embedded": gemma,
@@ -120,7 +120,7 @@ def test_the_papers_format_is_answered(model, run):
 @pytest.mark.parametrize("backend", ["completion", "chat"])
 def test_a_closed_model_refuses(backend, llama_server, run):
     profile = ModelProfile(backend, backend, grammar=True, representation="absolute")
-    model = OpenAiCompatibleModel(profile, llama_server.base_url, "gemma", llama_server.api_key)
+    model = OpenAiCompatibleModel(profile, llama_server, "gemma")
     run(model.aclose())
     with pytest.raises(ModelUnavailableError, match="is closed"):
         run(complete(model, asking(object_frame_prompt())))
@@ -142,3 +142,16 @@ def test_what_is_wanted_whole_comes_in_one_piece(model, run):
     whole = replace(asking(object_frame_prompt(), max_tokens=5), piecewise=False)
     (completion,) = run(pieces_of(model, whole))
     assert completion == replace(run(complete(model, whole)), usage=completion.usage)
+
+
+def test_a_chat_reply_keeps_to_a_schema(llama_server, run):
+    """llama.cpp takes `response_format` just as Ollama does."""
+    profile = ModelProfile("chat", "chat", grammar=False, representation="absolute")
+    schema = list_schema([Column("number", 3, 9)] * 4, fewest=2, most=3)
+    prompt = Prompt("", "", "Tell me about lists in Python.", (), None, schema)
+    model = OpenAiCompatibleModel(profile, llama_server, "gemma", SERVERS["ollama"])
+    text = run(complete(model, asking(prompt))).text
+    run(model.aclose())
+    rows = json.loads(text)
+    assert 2 <= len(rows) <= 3, text
+    assert all(len(row) == 4 and all(3 <= number <= 9 for number in row) for row in rows), text

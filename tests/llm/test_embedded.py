@@ -11,23 +11,26 @@ import httpx
 import pytest
 
 from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError, Reading, complete
-from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.weights import find_trimmed_weights
+from app.llm.llm_settings import LlmSettings
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from app.pipeline.prompt import Prompt
 from tests.llm.processes import child_pids
 from tests.llm.texts import ENDLESS, asking, object_frame_prompt
 
+pytestmark = pytest.mark.anyio
+
 PROFILE = ModelProfile("embedded/gemma", "completion", grammar=True, representation="object_frame")
 LONG_PROMPT = Prompt("", "a b c d " * 450, "")
-OPTIONS = EmbeddedOptions(threads=1, slots=2, context_tokens=512)
+OPTIONS = LlmSettings(embedded_threads=1, embedded_slots=2, embedded_context_tokens=512)
 
 
 @asynccontextmanager
-async def started(settings):
-    """A model of its own, and the processes that it starts."""
-    model = EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
+async def started(settings, profile=PROFILE):
+    """A model of its own."""
+    model = EmbeddedModel(profile, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
     try:
         yield model
     finally:
@@ -45,109 +48,79 @@ async def longest_pause(while_running):
     return longest / (time.perf_counter() - begun)
 
 
-def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings, capfd):
+async def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings, capfd):
     others = child_pids()
-
-    async def run():
-        async with started(settings) as model:
-            assert child_pids() == others
-            request = asking(object_frame_prompt(num_demonstrations=1), max_tokens=2)
-            pause = await longest_pause(
-                asyncio.wait_for(asyncio.gather(model.warm_up(), *(complete(model, request) for _ in range(3))), 120)
-            )
-            assert len(child_pids() - others) == 1
-            return pause
-
-    assert asyncio.run(run()) < 0.5
+    async with started(settings) as model:
+        assert child_pids() == others
+        request = asking(object_frame_prompt(num_demonstrations=1), max_tokens=2)
+        first = asyncio.gather(model.warm_up(), *(complete(model, request) for _ in range(3)))
+        assert await longest_pause(asyncio.wait_for(first, 120)) < 0.5
+        assert len(child_pids() - others) == 1
     assert child_pids() == others
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_chat_model_is_asked_with_a_template_and_keeps_to_the_grammar(settings):
-    profile = replace(PROFILE, style="chat")
-
-    async def run():
-        model = EmbeddedModel(profile, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
-        try:
-            prompt = replace(object_frame_prompt(grammar='root ::= "none"'), system="You are a robot.")
-            return await complete(model, asking(prompt, max_tokens=8))
-        finally:
-            await model.aclose()
-
-    assert asyncio.run(run()).text == "none"
+async def test_a_chat_model_is_asked_with_a_template_and_keeps_to_the_grammar(settings):
+    prompt = replace(object_frame_prompt(grammar='root ::= "none"'), system="You are a robot.")
+    async with started(settings, replace(PROFILE, style="chat")) as model:
+        assert (await complete(model, asking(prompt, max_tokens=8))).text == "none"
 
 
-def test_giving_up_on_the_start_does_not_stop_it_for_others(settings):
-    async def run():
-        async with started(settings) as model:
-            impatient = asyncio.create_task(model.warm_up())
-            patient = asyncio.create_task(model.warm_up())
-            await asyncio.sleep(0.1)
-            impatient.cancel()
-            await patient
-
-    asyncio.run(run())
+async def test_giving_up_on_the_start_does_not_stop_it_for_others(settings):
+    async with started(settings) as model:
+        impatient = asyncio.create_task(model.warm_up())
+        patient = asyncio.create_task(model.warm_up())
+        await asyncio.sleep(0.1)
+        impatient.cancel()
+        await patient
 
 
-def test_a_model_whose_process_died_is_started_anew(settings):
+async def test_a_model_whose_process_died_is_started_anew(settings):
     others = child_pids()
 
-    async def run():
-        async with started(settings) as model:
-            await model.warm_up()
-            (pid,) = child_pids() - others
-            pieces = model.stream(asking(object_frame_prompt(num_demonstrations=1, grammar=ENDLESS), max_tokens=400))
-            await anext(pieces)
-            os.kill(pid, 9)
-            with pytest.raises(ModelResponseError, match="cannot be read"):
-                _ = [piece async for piece in pieces]
-            assert (await complete(model, asking(object_frame_prompt(), max_tokens=2))).text
-            assert child_pids() - others != {pid}
-
-    asyncio.run(run())
+    async with started(settings) as model:
+        await model.warm_up()
+        (pid,) = child_pids() - others
+        pieces = model.stream(asking(object_frame_prompt(num_demonstrations=1, grammar=ENDLESS), max_tokens=400))
+        await anext(pieces)
+        os.kill(pid, 9)
+        with pytest.raises(ModelResponseError, match="cannot be read"):
+            _ = [piece async for piece in pieces]
+        assert (await complete(model, asking(object_frame_prompt(), max_tokens=2))).text
+        assert child_pids() - others != {pid}
 
 
-def test_closing_ends_the_process_and_refuses_what_comes_later(settings):
+async def test_closing_ends_the_process_and_refuses_what_comes_later(settings):
     others = child_pids()
 
-    async def run():
-        async with started(settings) as model:
-            await model.warm_up()
-            assert child_pids() != others
-            await model.aclose()
-            assert child_pids() == others
-            with pytest.raises(ModelUnavailableError, match="embedded/gemma is closed"):
-                await complete(model, asking(object_frame_prompt()))
-
-    asyncio.run(run())
+    async with started(settings) as model:
+        await model.warm_up()
+        assert child_pids() != others
+        await model.aclose()
+        assert child_pids() == others
+        with pytest.raises(ModelUnavailableError, match="embedded/gemma is closed"):
+            await complete(model, asking(object_frame_prompt()))
 
 
-def test_closing_during_the_start_leaves_nothing(settings):
+async def test_closing_during_the_start_leaves_nothing(settings):
     others = child_pids()
-
-    async def run():
-        async with started(settings) as model:
-            start = asyncio.create_task(model.warm_up())
-            await asyncio.sleep(0.1)
-            await model.aclose()
-            await start
-
-    asyncio.run(run())
+    async with started(settings) as model:
+        start = asyncio.create_task(model.warm_up())
+        await asyncio.sleep(0.1)
+        await model.aclose()
+        await start
     assert child_pids() == others
 
 
-def test_weights_that_llama_cpp_cannot_read_are_named(tmp_path):
+async def test_weights_that_llama_cpp_cannot_read_are_named(tmp_path):
     path = tmp_path / "broken.gguf"
     path.write_bytes(b"GGUF" + bytes(1000))
 
-    async def run():
-        model = EmbeddedModel(PROFILE, lambda: path, OPTIONS)
-        for _ in range(2):  # the second is a start of its own
-            with pytest.raises(ModelUnavailableError, match=r"llama\.cpp cannot serve .*broken\.gguf"):
-                await model.warm_up()
-        await model.aclose()
-
-    asyncio.run(run())
+    model = EmbeddedModel(PROFILE, lambda: path, OPTIONS)
+    for _ in range(2):  # the second is a start of its own
+        with pytest.raises(ModelUnavailableError, match=r"llama\.cpp cannot serve .*broken\.gguf"):
+            await model.warm_up()
+    await model.aclose()
 
 
 def test_a_prompt_beyond_the_context_says_how_long_it_is_and_may_be(gemma, run):
@@ -182,8 +155,8 @@ def test_more_tasks_than_slots_keep_their_prefixes(gemma, run):
 async def client_of(llama_server):
     """A model of the server, and a function that tells how many of its slots are at work."""
     profile = ModelProfile("cancelled", "completion", grammar=True, representation="object_frame")
-    key = llama_server.api_key
-    model = OpenAiCompatibleModel(profile, llama_server.base_url, "x", key, quirks=LLAMA_CPP, trust_env=False)
+    key = llama_server.key
+    model = OpenAiCompatibleModel(profile, llama_server, "x", LLAMA_CPP)
     url = llama_server.base_url.replace("/v1", "/slots")
 
     async def num_busy():
@@ -202,38 +175,30 @@ async def client_of(llama_server):
         pytest.param(asking(LONG_PROMPT), "i j k l ", id="reading", marks=pytest.mark.long),
     ],
 )
-def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other_words):
+async def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other_words):
     """1500 tokens take 30 s to write, LONG_PROMPT takes 7 s to read; a piece of it takes half a second.
 
     How fast a machine is at the time shows in how long it reads a third as much as LONG_PROMPT.
     """
 
-    async def run():
-        async with client_of(llama_server) as (model, num_busy):
-            began = time.monotonic()
-            await complete(model, asking(Prompt("", other_words * 150, ""), max_tokens=1))
-            third_s = time.monotonic() - began
-            answer = asyncio.create_task(complete(model, request_))
-            while not await num_busy():
-                await asyncio.sleep(0.02)
-            answer.cancel()
-            cancelled = time.monotonic()
-            while await num_busy():
-                await asyncio.sleep(0.02)
-            return (time.monotonic() - cancelled) / third_s
-
-    assert asyncio.run(run()) < 2
-
-
-def test_strangers_on_the_machine_are_refused(llama_server):
-    answer = httpx.post(f"{llama_server.base_url}/completions", json={"prompt": "a"}, trust_env=False)
-    assert answer.status_code == 401
+    async with client_of(llama_server) as (model, num_busy):
+        began = time.monotonic()
+        await complete(model, asking(Prompt("", other_words * 150, ""), max_tokens=1))
+        third_s = time.monotonic() - began
+        answer = asyncio.create_task(complete(model, request_))
+        while not await num_busy():
+            await asyncio.sleep(0.02)
+        answer.cancel()
+        cancelled = time.monotonic()
+        while await num_busy():
+            await asyncio.sleep(0.02)
+        assert (time.monotonic() - cancelled) / third_s < 2
 
 
 def test_the_server_ends_with_its_parents_input(settings):
     path = find_trimmed_weights("gemma-3-270m", settings)()
     process = LlamaProcess(LlamaOptions(str(path), slots=1, context_tokens=512, threads=1))
-    host, port = process.base_url.removeprefix("http://").removesuffix("/v1").split(":")
+    host, port = process.server.base_url.removeprefix("http://").removesuffix("/v1").split(":")
     assert process.running
     started = time.monotonic()
     process.stop()

@@ -4,7 +4,9 @@ from dataclasses import replace
 import pytest
 
 from app.llm.base import ModelBusyError, ModelUnavailableError
-from app.llm.guard import Circuit, Limits, Places
+from app.llm.resilient import Circuit, Limits, Places
+
+pytestmark = pytest.mark.anyio
 
 LIMITS = Limits(concurrent=2, queued=1, failures=3, pause_s=10.0)
 
@@ -98,44 +100,38 @@ def test_a_circuit_without_a_limit_never_opens(clock):
     assert not circuit.is_open
 
 
-def test_places_are_given_in_turn_and_a_full_queue_refuses():
-    async def run():
-        places, order, leave = Places("openai", LIMITS), [], asyncio.Event()
+async def test_places_are_given_in_turn_and_a_full_queue_refuses():
+    places, order, leave = Places("openai", LIMITS), [], asyncio.Event()
 
-        async def visit(number):
-            async with places.one():
-                order.append(number)
-                await leave.wait()
+    async def visit(number):
+        async with places.one():
+            order.append(number)
+            await leave.wait()
 
-        visits = [asyncio.create_task(visit(number)) for number in range(3)]
-        await asyncio.sleep(0)
-        assert order == [0, 1]
-        with pytest.raises(ModelBusyError, match="openai is busy: 2 requests are under way and 1 wait") as caught:
-            await visit(3)
-        assert caught.value.retry_after_s == 1.0
-        leave.set()
-        await asyncio.gather(*visits)
-        await visit(4)
-        assert order == [0, 1, 2, 4]
-
-    asyncio.run(run())
+    visits = [asyncio.create_task(visit(number)) for number in range(3)]
+    await asyncio.sleep(0)
+    assert order == [0, 1]
+    with pytest.raises(ModelBusyError, match="openai is busy: 2 requests are under way and 1 wait") as caught:
+        await visit(3)
+    assert caught.value.retry_after_s == 1.0
+    leave.set()
+    await asyncio.gather(*visits)
+    await visit(4)
+    assert order == [0, 1, 2, 4]
 
 
-def test_who_leaves_the_queue_makes_room():
-    async def run():
-        places, leave = Places("openai", LIMITS), asyncio.Event()
+async def test_who_leaves_the_queue_makes_room():
+    places, leave = Places("openai", LIMITS), asyncio.Event()
 
-        async def visit():
-            async with places.one():
-                await leave.wait()
+    async def visit():
+        async with places.one():
+            await leave.wait()
 
-        *inside, waiting = [asyncio.create_task(visit()) for _ in range(3)]
-        await asyncio.sleep(0)
-        waiting.cancel()
-        await asyncio.wait([waiting])
-        inside.append(asyncio.create_task(visit()))
-        await asyncio.sleep(0)
-        leave.set()
-        await asyncio.gather(*inside)
-
-    asyncio.run(run())
+    *inside, waiting = [asyncio.create_task(visit()) for _ in range(3)]
+    await asyncio.sleep(0)
+    waiting.cancel()
+    await asyncio.wait([waiting])
+    inside.append(asyncio.create_task(visit()))
+    await asyncio.sleep(0)
+    leave.set()
+    await asyncio.gather(*inside)

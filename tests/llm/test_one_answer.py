@@ -11,13 +11,14 @@ import httpx
 import pytest
 
 from app.llm.base import complete
-from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.weights import find_trimmed_weights
+from app.llm.llm_settings import LlmSettings
 from app.pipeline.prompt import Prompt
 from tests.llm.test_embedded import PROFILE
 from tests.llm.texts import asking, object_frame_prompt
 
-OPTIONS = EmbeddedOptions(threads=1, slots=4, context_tokens=1024)
+OPTIONS = LlmSettings(embedded_threads=1, embedded_slots=4, embedded_context_tokens=1024)
 NUM_FRESH_STARTS = 3
 NUM_OTHERS = 7
 LONG = 12  # demonstrations, some 600 tokens
@@ -93,7 +94,8 @@ def test_asked_again_and_after_another_question_of_the_task(model, run, question
 
 
 def test_after_other_tasks_took_the_slots(model, run, question, answer):
-    others = [asking(object_frame_prompt(100 + task, task, 1), max_tokens=5) for task in range(OPTIONS.slots + 2)]
+    tasks = range(OPTIONS.embedded_slots + 2)
+    others = [asking(object_frame_prompt(100 + task, task, 1), max_tokens=5) for task in tasks]
     run(at_once(model, others))
     assert run(in_turn(model, [question])) == [answer]
 
@@ -108,7 +110,7 @@ def test_among_others(model, run, question, answer):
 def next_tokens(llama_server, prompt, **options):
     """The text that follows, one token unless `options` say otherwise, and the most probable tokens after it."""
     body = {"prompt": prompt, "n_predict": 1, "temperature": 0, "n_probs": 20, **options}
-    key = {"Authorization": f"Bearer {llama_server.api_key}"}
+    key = {"Authorization": f"Bearer {llama_server.key}"}
     url = llama_server.base_url.replace("/v1", "/completion")
     answer = httpx.post(url, json=body, headers=key, timeout=120, trust_env=False).raise_for_status().json()
     last = answer["completion_probabilities"][-1]

@@ -97,6 +97,7 @@ def test_raw_text_has_the_system_prompt_first_if_there_is_one():
         request_body(asking(Prompt(system, "a>1, ", "b>")), "m", "completion", LLAMA_CPP) for system in ("", "Be.")
     ]
     assert [body["prompt"] for body in bodies] == ["a>1, b>", "Be.\na>1, b>"]
+    assert all(body["cache_prompt"] for body in bodies)
     assert all("messages" not in body and "stop" not in body and "grammar" not in body for body in bodies)
 
 

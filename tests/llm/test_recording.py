@@ -23,7 +23,7 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from tests.llm import claude
 from tests.llm.loopback import in_turn, loopback, status, streamed
-from tests.llm.texts import absolute_prompt, asking, object_frame_prompt
+from tests.llm.texts import asking
 
 PROFILE = ModelProfile("own/model", "chat", grammar=True, representation="absolute", description="Ünïcode")
 REQUEST = asking(Prompt("Be brief.", "a>1, ", "b>", stop=("\n",), grammar='root ::= "1"'))
@@ -178,24 +178,10 @@ def test_a_paid_run_is_repeated_offline_without_a_key(tmp_path):
         offered = {item.profile.name: item for item in registry.profiles()}
         assert offered["anthropic/claude-haiku-5-5"].available
         assert "nothing is recorded of openai/gpt-4o" in offered["openai/gpt-4o"].reason
+        assert not await registry.warm_up("anthropic/claude-haiku-5-5")
         return await pieces_of(registry.get("anthropic/claude-haiku-5-5"))
 
     pieces = asyncio.run(paid())
     assert pieces == [TextDelta("4"), TextDelta("2"), Completion("42", Usage(705, 0, 15))]
     assert asyncio.run(repeated()) == pieces
     assert not any(claude.KEY in path.read_text() for path in tmp_path.iterdir())
-
-
-@pytest.mark.long
-def test_an_embedded_models_replies_are_repeated_without_it(settings, tmp_path, run):
-    async def both():
-        recording = ModelRegistry(settings.model_copy(update={"record_llm": tmp_path}), BUILT_IN)
-        requests = [asking(object_frame_prompt()), asking(absolute_prompt(), max_tokens=8)]
-        asked = [await pieces_of(recording.get(), request) for request in requests]
-        await recording.aclose()
-        replayed = ModelRegistry(LlmSettings(replay_llm=tmp_path, cache_folder=tmp_path / "none"), BUILT_IN)
-        await replayed.warm_up()
-        assert [await pieces_of(replayed.get(), request) for request in requests] == asked
-        assert not (tmp_path / "none").exists()
-
-    run(both())

@@ -25,6 +25,8 @@ from tests.llm.loopback import after, loopback, status
 from tests.llm.processes import child_pids
 from tests.llm.texts import asking, object_frame_prompt
 
+pytestmark = pytest.mark.anyio
+
 
 @pytest.fixture
 def make_registry(tmp_path):
@@ -74,7 +76,7 @@ def test_every_variable_that_a_message_names_is_a_setting():
     assert variable("openai_api_key") == "ROBOPROMPT_OPENAI_API_KEY"
     sources = [path.read_text() for path in Path(backends.__file__).parent.rglob("*.py")]
     named = {name for source in sources for name in re.findall(r"variable\([\"'](\w+)", source)}
-    assert {"openai_api_key", "packages_folder"} <= named
+    assert {"packages_folder", "scripted_replies"} <= named
     assert named <= set(LlmSettings.model_fields)
 
 
@@ -110,82 +112,65 @@ def test_profiles_suit_the_models(make_registry):
     assert registry.get("regression").profile.representation == "absolute"
 
 
-def test_a_llama_cpp_server_that_continues_text_is_asked_like_an_embedded_model(make_registry):
-    server = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
-    profile = make_registry(**server, compatible_server="llama_cpp").get("openai_compatible/x").profile
-    assert (profile.grammar, profile.representation, profile.system_prompt) == (True, "object_frame", "none")
-    profile = make_registry(**server).get("openai_compatible/x").profile
-    assert (profile.grammar, profile.representation, profile.system_prompt) == (False, "absolute", "none")
-
-
-@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "old_vllm", "sglang"])
+@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "old_vllm", "sglang", "other"])
 def test_a_server_that_takes_grammars_is_asked_like_an_embedded_model(make_registry, server):
     address = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
     profile = make_registry(**address, compatible_server=server).get("openai_compatible/x").profile
-    assert (profile.grammar, profile.representation) == (True, "object_frame")
+    expected = (False, "absolute") if server == "other" else (True, "object_frame")
+    assert (profile.grammar, profile.representation, profile.system_prompt) == (*expected, "none")
 
 
 PROMPT = object_frame_prompt()
 
 
-def test_models_of_one_account_share_its_limits(make_registry):
-    async def run():
-        async with loopback(after(0.2, status(400))) as (base_url, server):
-            registry = make_registry(
-                openai_api_key="k", openai_base_url=base_url, llm_concurrent_requests=1, llm_queued_requests=0
-            )
-            names = ("openai/gpt-4o", "openai/gpt-4o-mini")
-            asked = [complete(registry.get(name), asking(PROMPT)) for name in names]
-            first, second = await asyncio.gather(*asked, return_exceptions=True)
-            await registry.aclose()
-            return type(first), type(second), str(second), len(server.requests)
-
-    said = "openai is busy: 1 requests are under way and 0 wait"
-    assert asyncio.run(run()) == (ModelResponseError, ModelBusyError, said, 1)
-
-
-def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry):
-    async def run():
-        async with loopback(status(500)) as (base_url, server):
-            registry = make_registry(
-                anthropic_api_key="k", anthropic_base_url=base_url, llm_retries=1, llm_backoff_s=0.0, llm_failures=4
-            )
-            model = registry.get("anthropic/claude-haiku-5-5")
-            for _ in range(2):
-                with pytest.raises(ModelResponseError, match="HTTP 500"):
-                    await complete(model, asking(PROMPT))
-            other = registry.get("anthropic/claude-opus-5-5")
-            with pytest.raises(ModelUnavailableError, match="anthropic failed 4 times in a row"):
-                await complete(other, asking(PROMPT))
-            await registry.aclose()
-            return len(server.requests)
-
-    assert asyncio.run(run()) == 4
-
-
-def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
-    async def run():
-        registry = make_registry(embedded_threads=1, embedded_slots=1, llm_queued_requests=1)
-        asked = [complete(registry.get(), asking(PROMPT, max_tokens=1)) for _ in range(3)]
-        *answered, refused = await asyncio.gather(*asked, return_exceptions=True)
+async def test_models_of_one_account_share_its_limits(make_registry):
+    async with loopback(after(0.2, status(400))) as (base_url, server):
+        registry = make_registry(
+            openai_api_key="k", openai_base_url=base_url, llm_concurrent_requests=1, llm_queued_requests=0
+        )
+        asked = [complete(registry.get(f"openai/{name}"), asking(PROMPT)) for name in ("gpt-4o", "gpt-4o-mini")]
+        first, second = await asyncio.gather(*asked, return_exceptions=True)
         await registry.aclose()
-        return [item.usage.completion_tokens for item in answered], type(refused)
+    assert isinstance(first, ModelResponseError)
+    assert isinstance(second, ModelBusyError)
+    assert str(second) == "openai is busy: 1 requests are under way and 0 wait"
+    assert len(server.requests) == 1
 
-    assert asyncio.run(run()) == ([1, 1], ModelBusyError)
 
-
-def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):
-    async def run():
-        registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
-        before = child_pids()
-        await registry.warm_up()
-        (pid,) = child_pids() - before
-        os.kill(pid, signal.SIGKILL)
-        answer = await complete(registry.get(), asking(PROMPT, max_tokens=1))
+async def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry):
+    async with loopback(status(500)) as (base_url, server):
+        registry = make_registry(
+            anthropic_api_key="k", anthropic_base_url=base_url, llm_retries=1, llm_backoff_s=0.0, llm_failures=4
+        )
+        model = registry.get("anthropic/claude-haiku-5-5")
+        for _ in range(2):
+            with pytest.raises(ModelResponseError, match="HTTP 500"):
+                await complete(model, asking(PROMPT))
+        other = registry.get("anthropic/claude-opus-5-5")
+        with pytest.raises(ModelUnavailableError, match="anthropic failed 4 times in a row"):
+            await complete(other, asking(PROMPT))
         await registry.aclose()
-        return answer
+        assert len(server.requests) == 4
 
-    assert asyncio.run(run()).usage.completion_tokens == 1
+
+async def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
+    registry = make_registry(embedded_threads=1, embedded_slots=1, llm_queued_requests=1)
+    asked = [complete(registry.get(), asking(PROMPT, max_tokens=1)) for _ in range(3)]
+    *answered, refused = await asyncio.gather(*asked, return_exceptions=True)
+    await registry.aclose()
+    assert ([item.usage.completion_tokens for item in answered], type(refused)) == ([1, 1], ModelBusyError)
+
+
+async def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):
+    registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
+    before = child_pids()
+    assert not await registry.warm_up("regression")
+    assert await registry.warm_up()
+    (pid,) = child_pids() - before
+    os.kill(pid, signal.SIGKILL)
+    answer = await complete(registry.get(), asking(PROMPT, max_tokens=1))
+    await registry.aclose()
+    assert answer.usage.completion_tokens == 1
 
 
 def test_all_models_are_closed_together():
@@ -216,7 +201,7 @@ def test_names_from_requests_fill_neither_the_memory_nor_the_places(make_registr
     assert registry.get("openai/1") is not second
 
 
-def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed(make_registry):
+async def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed():
     class Closable(ScriptedModel):
         closed = False
 
@@ -229,23 +214,18 @@ def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed(make_registry)
         made[model] = Closable([model])
         return made[model]
 
-    async def run():
-        registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
-        default = registry.get()
-        async with AsyncExitStack() as used:
-            for number in range(MAX_MODELS):
-                await used.enter_async_context(registry.using(f"own/{number}"))
-            with pytest.raises(ModelBusyError, match="32 other models are in use"):
-                registry.get("own/one-more")
-            assert registry.get() is default
-        async with registry.using("own/0"), registry.using("own/one-more"):
-            closed = {name for name, model in made.items() if model.closed}
-        await registry.aclose()
-        return closed, all(model.closed for model in made.values())
-
-    closed, at_the_end = asyncio.run(run())
-    assert closed == {"1"}
-    assert at_the_end
+    registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
+    default = registry.get()
+    async with AsyncExitStack() as used:
+        for number in range(MAX_MODELS):
+            await used.enter_async_context(registry.using(f"own/{number}"))
+        with pytest.raises(ModelBusyError, match="32 other models are in use"):
+            registry.get("own/one-more")
+        assert registry.get() is default
+    async with registry.using("own/0"), registry.using("own/one-more"):
+        assert {name for name, model in made.items() if model.closed} == {"1"}
+    await registry.aclose()
+    assert all(model.closed for model in made.values())
 
 
 def test_a_profile_keeps_nothing_and_what_is_offered_has_a_place_of_its_own(make_registry):
@@ -272,15 +252,3 @@ def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):
     assert found["openai"] is BUILT_IN["openai"]
     registry = ModelRegistry(LlmSettings(), found)
     assert asyncio.run(complete(registry.get("own/hello"), asking(object_frame_prompt()))).text == "hello"
-
-
-def test_warming_up_starts_what_needs_a_start(make_registry):
-    async def run():
-        registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
-        await registry.warm_up("regression")
-        await registry.warm_up()
-        answer = await complete(registry.get(), asking(object_frame_prompt(), max_tokens=1, timeout_s=30))
-        await registry.aclose()
-        return answer
-
-    assert asyncio.run(run()).usage.completion_tokens == 1

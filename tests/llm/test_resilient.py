@@ -20,20 +20,18 @@ from app.llm.base import (
     complete,
 )
 from app.llm.computed import ScriptedModel
-from app.llm.guard import Guard, Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.resilient import ResilientModel
+from app.llm.resilient import Guard, Limits, ResilientModel, within_deadline
+from app.llm.sse import Server
 from app.pipeline.prompt import Prompt
-from tests.llm import claude
-from tests.llm.claude import claude_at
 from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text
-from tests.llm.texts import asking
+from tests.llm.texts import as_asked, asking
+
+pytestmark = pytest.mark.anyio
 
 PROMPT = Prompt("Be brief.", "a>1, ", "b>")
 LIMITS = Limits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
 OK = streamed(text("4"), text("2", "stop"), "[DONE]")
-OVERLOADED = streamed(claude.failed("overloaded_error", "Full"))
-CLAUDE_OK = streamed(claude.started(), claude.said("42"), claude.ended(), claude.STOP)
 
 
 class Provider:
@@ -62,7 +60,7 @@ class Provider:
 async def provider_at(answer, limits=LIMITS):
     async with loopback(answer) as (base_url, server):
         profile = ModelProfile("some/model", "completion", grammar=False, representation="absolute")
-        provider = Provider(OpenAiCompatibleModel(profile, base_url, "little", "k", trust_env=False), limits)
+        provider = Provider(OpenAiCompatibleModel(profile, Server(base_url, "k", trust_env=False), "little"), limits)
         try:
             yield provider, server
         finally:
@@ -83,18 +81,7 @@ def ask(answer, limits=LIMITS, **options):
     return asyncio.run(run())
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [
-        status(429),
-        status(500),
-        status(503),
-        status(529),
-        hang_up,
-        streamed(),
-        streamed(end=b"400\r\ndata: {"),
-    ],
-)
+@pytest.mark.parametrize("fault", [status(429), status(500), hang_up, streamed()])
 def test_what_may_pass_is_tried_again(fault):
     outcome, num_asked, waits_s = ask(in_turn(fault, fault, OK))
     assert outcome == Completion("42")
@@ -105,15 +92,10 @@ def test_what_may_pass_is_tried_again(fault):
 @pytest.mark.parametrize(
     ("fault", "error_type"),
     [
-        (status(400, b'{"error": {"message": "bad"}}'), ModelResponseError),
+        (status(400), ModelResponseError),
         (status(401), ModelUnavailableError),
-        (status(404), ModelUnavailableError),
-        (status(429, b'{"error": {"code": "insufficient_quota"}}'), ModelUnavailableError),
-        (status(200, b'{"choices": []}'), ModelResponseError),
         (streamed("garbage"), ModelResponseError),
-        (status(500, b"a" * 10 * 2**20), ModelResponseError),
     ],
-    ids=["400", "401", "404", "no money", "content type", "garbage", "10 MB"],
 )
 def test_what_will_not_pass_is_not_tried_again(fault, error_type):
     outcome, num_asked, waits_s = ask(in_turn(fault, OK))
@@ -167,33 +149,19 @@ def test_waits_grow_to_a_limit():
     assert max(waits_s) <= resilient.MAX_BACKOFF_S
 
 
-def test_nothing_is_tried_again_once_a_piece_has_come():
-    async def run():
-        async with provider_at(in_turn(streamed(text("4"), end=b"400\r\ndata: {"), OK)) as (provider, server):
-            async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
-                assert await anext(pieces) == TextDelta("4")
-                with pytest.raises(ModelResponseError, match="cannot be read"):
-                    await anext(pieces)
-            assert len(server.requests) == 1
-
-    asyncio.run(run())
+async def test_nothing_is_tried_again_once_a_piece_has_come():
+    async with provider_at(in_turn(streamed(text("4"), end=b"400\r\ndata: {"), OK)) as (provider, server):
+        async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
+            assert await anext(pieces) == TextDelta("4")
+            with pytest.raises(ModelResponseError, match="cannot be read"):
+                await anext(pieces)
+        assert len(server.requests) == 1
 
 
 def test_a_whole_reply_that_breaks_off_is_asked_for_anew():
     broken = streamed(text("4"), end=b"400\r\ndata: {")
     outcome, num_asked, _ = ask(in_turn(broken, OK))
     assert (outcome, num_asked) == (Completion("42"), 2)
-
-
-def test_claude_is_tried_again_as_well():
-    async def run():
-        async with loopback(in_turn(status(529), OVERLOADED, CLAUDE_OK)) as (base_url, server):
-            provider = Provider(claude_at(base_url))
-            completion = await provider.ask()
-            await provider.model.aclose()
-            return completion.text, len(server.requests)
-
-    assert asyncio.run(run()) == ("42", 3)
 
 
 def test_a_refused_connection_is_tried_again_and_then_named():
@@ -203,7 +171,7 @@ def test_a_refused_connection_is_tried_again_and_then_named():
         async def run():
             profile = ModelProfile("some/model", "chat", grammar=False, representation="absolute")
             address = f"http://127.0.0.1:{taken.getsockname()[1]}/v1"
-            provider = Provider(OpenAiCompatibleModel(profile, address, "x", trust_env=False))
+            provider = Provider(OpenAiCompatibleModel(profile, Server(address, trust_env=False), "x"))
             with pytest.raises(ModelUnavailableError, match="cannot reach some/model"):
                 await provider.ask()
             return len(provider.waits_s)
@@ -214,145 +182,115 @@ def test_a_refused_connection_is_tried_again_and_then_named():
 @pytest.mark.parametrize(
     "slow", [after(30, OK), streamed(*[text("a")] * 100, delay_s=0.05)], ids=["first byte", "drip"]
 )
-def test_a_slow_server_meets_the_deadline_and_is_left(slow):
-    async def run():
-        async with provider_at(slow) as (provider, server):
-            with pytest.raises(ModelTimeoutError, match=r"within 0\.2 s"):
-                await provider.ask(timeout_s=0.2)
-            await asyncio.wait_for(server.gone.wait(), 2)
-            assert len(server.requests) == 1
-
-    asyncio.run(run())
+async def test_a_slow_server_meets_the_deadline_and_is_left(slow):
+    async with provider_at(slow) as (provider, server):
+        with pytest.raises(ModelTimeoutError, match=r"within 0\.2 s"):
+            await provider.ask(timeout_s=0.2)
+        await asyncio.wait_for(server.gone.wait(), 2)
+        assert len(server.requests) == 1
 
 
-def test_a_dead_provider_is_left_alone_until_the_pause_is_over():
-    async def run():
-        async with provider_at(in_turn(*[status(500)] * 5, OK)) as (provider, server):
-            for _ in range(2):
-                with pytest.raises(ModelResponseError, match="HTTP 500"):
-                    await provider.ask()
-            assert len(server.requests) == 5  # the circuit opened before the sixth try
-            with pytest.raises(ModelUnavailableError, match=r"some failed 5 times in a row .* another 10 s.*HTTP 500"):
+async def test_a_dead_provider_is_left_alone_until_the_pause_is_over():
+    async with provider_at(in_turn(*[status(500)] * 5, OK)) as (provider, server):
+        for _ in range(2):
+            with pytest.raises(ModelResponseError, match="HTTP 500"):
                 await provider.ask()
-            assert len(server.requests) == 5
-            provider.now_s += 10
-            assert (await provider.ask()).text == "42"
-            assert (await provider.ask()).text == "42"
+        assert len(server.requests) == 5  # the circuit opened before the sixth try
+        with pytest.raises(ModelUnavailableError, match=r"some failed 5 times in a row .* another 10 s.*HTTP 500"):
+            await provider.ask()
+        assert len(server.requests) == 5
+        provider.now_s += 10
+        assert (await provider.ask()).text == "42"
+        assert (await provider.ask()).text == "42"
 
-    asyncio.run(run())
 
-
-def test_an_answer_between_failures_keeps_the_circuit_closed():
-    async def run():
-        failures = [status(500)] * 4
-        async with provider_at(in_turn(*failures, OK, *failures, OK), Limits(1, 0, failures=5, pause_s=10.0)) as (
-            provider,
-            server,
-        ):
-            for outcome in [False] * 4 + [True] + [False] * 4 + [True]:
-                try:
-                    assert ((await provider.ask()).text == "42") == outcome
-                except ModelResponseError:
-                    assert not outcome
-            assert len(server.requests) == 10
-
-    asyncio.run(run())
+async def test_an_answer_between_failures_keeps_the_circuit_closed():
+    failures = [status(500)] * 4
+    async with provider_at(in_turn(*failures, OK, *failures, OK), Limits(1, 0, failures=5, pause_s=10.0)) as (
+        provider,
+        server,
+    ):
+        for outcome in [False] * 4 + [True] + [False] * 4 + [True]:
+            try:
+                assert ((await provider.ask()).text == "42") == outcome
+            except ModelResponseError:
+                assert not outcome
+        assert len(server.requests) == 10
 
 
 @pytest.mark.parametrize("answer", [status(429), status(400)])
-def test_a_provider_that_refuses_is_not_dead(answer):
-    async def run():
-        async with provider_at(answer) as (provider, _):
-            for _ in range(6):
-                with pytest.raises((ModelBusyError, ModelResponseError)):
-                    await provider.ask()
-
-    asyncio.run(run())
+async def test_a_provider_that_refuses_is_not_dead(answer):
+    async with provider_at(answer) as (provider, _):
+        for _ in range(6):
+            with pytest.raises((ModelBusyError, ModelResponseError)):
+                await provider.ask()
 
 
 @pytest.mark.parametrize(("patience_s", "opens"), [(0.05, True), (10.0, False)])
-def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
+async def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
     monkeypatch.setattr(resilient, "PATIENCE_S", patience_s)
 
-    async def run():
-        async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
-            for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
-                with pytest.raises(error):
-                    await provider.ask(timeout_s=0.1)
-
-    asyncio.run(run())
-
-
-def test_robots_at_once_take_turns_and_too_many_are_refused():
-    async def run():
-        most, now = 0, 0
-
-        async def answer(writer):
-            nonlocal most, now
-            now += 1
-            most = max(most, now)
-            await asyncio.sleep(0.05)
-            await OK(writer)
-            now -= 1
-
-        async with provider_at(answer, Limits(concurrent=2, queued=3)) as (provider, server):
-            outcomes = await asyncio.gather(*(provider.ask() for _ in range(8)), return_exceptions=True)
-            assert outcomes[:5] == [Completion("42")] * 5
-            assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
-            assert (most, len(server.requests)) == (2, 5)
-            assert (await provider.ask()).text == "42"
-
-    asyncio.run(run())
-
-
-def test_waiting_for_a_place_counts_against_the_deadline():
-    async def run():
-        async with provider_at(after(0.5, OK), Limits(concurrent=1, queued=1)) as (provider, server):
-            first = asyncio.create_task(provider.ask())
-            await asyncio.sleep(0)
-            with pytest.raises(ModelTimeoutError, match=r"some/model did not answer within 0\.1 s"):
+    async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
+        for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
+            with pytest.raises(error):
                 await provider.ask(timeout_s=0.1)
-            assert (await first).text == "42"
-            assert len(server.requests) == 1
-
-    asyncio.run(run())
 
 
-def test_an_abandoned_reply_frees_its_place():
-    async def run():
-        async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), Limits(1, 0)) as (provider, _):
-            async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
-                await anext(pieces)
-            assert (await provider.ask()).text == "42"
-
-    asyncio.run(run())
-
-
-def test_many_requests_against_a_flaky_server_are_all_answered():
-    """A fifth of the answers fail; with ten tries none of a hundred requests does."""
-    rng = random.Random(7)
+async def test_robots_at_once_take_turns_and_too_many_are_refused():
+    most, now = 0, 0
 
     async def answer(writer):
-        await rng.choice([OK, OK, OK, OK, OK, OK, OK, OK, status(500), hang_up])(writer)
+        nonlocal most, now
+        now += 1
+        most = max(most, now)
+        await asyncio.sleep(0.05)
+        await OK(writer)
+        now -= 1
 
-    async def run():
-        async with provider_at(answer, Limits(8, 100, retries=9, backoff_s=0.1)) as (provider, server):
-            outcomes = await asyncio.gather(*(provider.ask() for _ in range(100)))
-            return outcomes, len(server.requests)
-
-    outcomes, num_asked = asyncio.run(run())
-    assert outcomes == [Completion("42")] * 100
-    assert 110 < num_asked < 150
+    async with provider_at(answer, Limits(concurrent=2, queued=3)) as (provider, server):
+        outcomes = await asyncio.gather(*(provider.ask() for _ in range(8)), return_exceptions=True)
+        assert outcomes[:5] == [Completion("42")] * 5
+        assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
+        assert (most, len(server.requests)) == (2, 5)
+        assert (await provider.ask()).text == "42"
 
 
-def test_models_that_share_a_guard_share_its_places():
-    async def run():
-        guard = Guard("some", Limits(concurrent=1, queued=0))
-        slow, other = (ResilientModel(ScriptedModel(["a b"], delay_s=0.05), guard) for _ in range(2))
-        first = asyncio.create_task(complete(slow, asking(PROMPT)))
-        await asyncio.sleep(0.01)
-        with pytest.raises(ModelBusyError):
-            await complete(other, asking(PROMPT))
-        assert (await first).text == "a b"
+async def test_waiting_for_a_place_counts_against_the_deadline():
+    async with provider_at(after(0.5, OK), Limits(concurrent=1, queued=1)) as (provider, server):
+        first = asyncio.create_task(provider.ask())
+        await asyncio.sleep(0)
+        with pytest.raises(ModelTimeoutError, match=r"some/model did not answer within 0\.1 s"):
+            await provider.ask(timeout_s=0.1)
+        assert (await first).text == "42"
+        assert len(server.requests) == 1
 
-    asyncio.run(run())
+
+async def test_an_abandoned_reply_frees_its_place():
+    async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), Limits(1, 0)) as (provider, _):
+        async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
+            await anext(pieces)
+        assert (await provider.ask()).text == "42"
+
+
+async def test_the_deadline_counts_while_the_consumer_thinks():
+    model = as_asked(ScriptedModel(["a b c d"], delay_s=0.05))
+    pieces = model.stream(asking(Prompt("", "", ""), timeout_s=0.2))
+    await anext(pieces)
+    await asyncio.sleep(0.3)
+    with pytest.raises(ModelTimeoutError):
+        await anext(pieces)
+
+
+def test_a_timeout_closes_what_it_waits_for():
+    closed = []
+
+    async def endless():
+        try:
+            await asyncio.sleep(60)
+            yield TextDelta("late")
+        finally:
+            closed.append(True)
+
+    with pytest.raises(ModelTimeoutError, match=r"slow did not answer within 0\.05 s"):
+        asyncio.run(anext(within_deadline(endless(), 0.05, "slow")))
+    assert closed == [True]

@@ -29,8 +29,7 @@ def trimmed_path(settings):
 def whole_server(settings):
     options = LlamaOptions(str(find_weights("gemma-3-270m", settings)()), slots=2, context_tokens=2048, threads=1)
     process = LlamaProcess(options)
-    process.api_key = options.api_key
-    yield process
+    yield process.server
     process.stop()
 
 
@@ -105,7 +104,7 @@ def test_the_whole_model_is_asked_where_the_operator_wants_it(settings):
 def pieces(server, text):
     """The texts of the tokens that a prompt is read as."""
     url = server.base_url.replace("/v1", "/tokenize")
-    headers = {"Authorization": f"Bearer {server.api_key}"}
+    headers = {"Authorization": f"Bearer {server.key}"}
     body = {"content": text, "with_pieces": True}
     answer = httpx.post(url, json=body, headers=headers, timeout=60, trust_env=False).raise_for_status()
     return [token["piece"] for token in answer.json()["tokens"]]
@@ -133,7 +132,7 @@ def test_replies_are_the_same(llama_server, whole_server):
     body = {"prompt": prompt.user, "n_predict": 60, "temperature": 0, "grammar": prompt.grammar, "stop": ["\n"]}
 
     def reply(server):
-        headers = {"Authorization": f"Bearer {server.api_key}"}
+        headers = {"Authorization": f"Bearer {server.key}"}
         url = server.base_url.replace("/v1", "/completion")
         return httpx.post(url, json=body, headers=headers, timeout=120, trust_env=False).raise_for_status().json()
 

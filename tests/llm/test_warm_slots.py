@@ -4,8 +4,10 @@ import asyncio
 
 import pytest
 
-from app.llm.llama import warm_slots
-from app.llm.llama.warm_slots import WarmSlots
+from app.llm.llama import embedded
+from app.llm.llama.embedded import WarmSlots
+
+pytestmark = pytest.mark.anyio
 
 
 class Requests:
@@ -45,84 +47,66 @@ async def settled():
 
 @pytest.fixture
 def patience(monkeypatch):
-    monkeypatch.setattr(warm_slots, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(embedded, "PATIENCE_S", 0.1)
 
 
-def test_one_after_the_other_in_the_order_of_coming():
-    async def scenario():
-        requests = Requests()
-        for name in "123":
-            await requests.begin(name)
-        assert requests.inside == ["1"]
-        await requests.end("1")
-        assert requests.inside == ["2"]
-        await requests.end("2")
-        assert requests.inside == ["3"]
-        await requests.end("3")
-        await requests.begin("4")
-        assert requests.inside == ["4"]
-
-    asyncio.run(scenario())
+async def test_one_after_the_other_in_the_order_of_coming():
+    requests = Requests()
+    for name in "123":
+        await requests.begin(name)
+    assert requests.inside == ["1"]
+    await requests.end("1")
+    assert requests.inside == ["2"]
+    await requests.end("2")
+    assert requests.inside == ["3"]
+    await requests.end("3")
+    await requests.begin("4")
+    assert requests.inside == ["4"]
 
 
-def test_other_prefixes_and_requests_without_one_do_not_wait():
-    async def scenario():
-        requests = Requests()
-        for name, prefix in zip("12345", ["a", "b", "", "", "a"], strict=True):
-            await requests.begin(name, prefix)
-        assert requests.inside == ["1", "2", "3", "4"]
-
-    asyncio.run(scenario())
+async def test_other_prefixes_and_requests_without_one_do_not_wait():
+    requests = Requests()
+    for name, prefix in zip("12345", ["a", "b", "", "", "a"], strict=True):
+        await requests.begin(name, prefix)
+    assert requests.inside == ["1", "2", "3", "4"]
 
 
-def test_who_waited_long_takes_a_further_slot_while_there_is_one(patience):
-    async def scenario():
-        requests = Requests(slots=2)
-        for name in "123":
-            await requests.begin(name)
-        assert requests.inside == ["1"]
-        await asyncio.sleep(0.2)
-        assert requests.inside == ["1", "2"]
-        await requests.end("2")
-        assert requests.inside == ["1", "3"]
-        await requests.end("3")
-        await requests.begin("4")
-        assert requests.inside == ["1", "4"]  # two slots know the prefix by now
-
-    asyncio.run(scenario())
+async def test_who_waited_long_takes_a_further_slot_while_there_is_one(patience):
+    requests = Requests(slots=2)
+    for name in "123":
+        await requests.begin(name)
+    assert requests.inside == ["1"]
+    await asyncio.sleep(0.2)
+    assert requests.inside == ["1", "2"]
+    await requests.end("2")
+    assert requests.inside == ["1", "3"]
+    await requests.end("3")
+    await requests.begin("4")
+    assert requests.inside == ["1", "4"]  # two slots know the prefix by now
 
 
-def test_who_gives_up_is_passed_over():
-    async def scenario():
-        requests = Requests()
-        for name in "123":
-            await requests.begin(name)
-        await requests.cancel("2")
-        await requests.cancel("1")
-        assert "3" in requests.inside
-
-    asyncio.run(scenario())
+async def test_who_gives_up_is_passed_over():
+    requests = Requests()
+    for name in "123":
+        await requests.begin(name)
+    await requests.cancel("2")
+    await requests.cancel("1")
+    assert "3" in requests.inside
 
 
-def test_a_turn_that_comes_as_its_request_is_cancelled_goes_to_the_next():
-    async def scenario():
-        requests = Requests()
-        for name in "123":
-            await requests.begin(name)
-        requests._ends["1"].set()
-        await asyncio.sleep(0)  # the first leaves and hands over
-        await requests.cancel("2")
-        assert requests.inside == ["3"]
-
-    asyncio.run(scenario())
+async def test_a_turn_that_comes_as_its_request_is_cancelled_goes_to_the_next():
+    requests = Requests()
+    for name in "123":
+        await requests.begin(name)
+    requests._ends["1"].set()
+    await asyncio.sleep(0)  # the first leaves and hands over
+    await requests.cancel("2")
+    assert requests.inside == ["3"]
 
 
-def test_only_as_many_prefixes_as_slots_are_remembered():
-    async def scenario():
-        slots = WarmSlots(2)
-        for prefix in "abcd":
-            async with slots.turn(prefix):
-                pass
-        return list(slots._lanes)
-
-    assert asyncio.run(scenario()) == ["c", "d"]
+async def test_only_as_many_prefixes_as_slots_are_remembered():
+    slots = WarmSlots(2)
+    for prefix in "abcd":
+        async with slots.turn(prefix):
+            pass
+    assert list(slots._lanes) == ["c", "d"]

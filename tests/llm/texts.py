@@ -3,8 +3,7 @@
 import random
 
 from app.llm.base import CompletionRequest
-from app.llm.guard import NO_LIMITS, Guard
-from app.llm.resilient import ResilientModel
+from app.llm.resilient import NO_LIMITS, Guard, ResilientModel
 from app.pipeline.prompt import Prompt
 
 GRAMMAR = """root ::= " 1 " ("red cube" | "blue cube") " w: " d " " d " " d " " r " " r " " r " " [01] "\n"

@@ -5,8 +5,16 @@ import numpy as np
 import pytest
 from npy_files import HOSTILE, npy
 
-from app.perception import image_headers
-from app.perception.images import decode_depth, decode_rgb, num_pixels
+from app.perception.images import (
+    MAX_CHUNKS,
+    MAX_SCANS,
+    decode_depth,
+    decode_rgb,
+    jpeg_size,
+    num_pixels,
+    num_scans,
+    pixels_only,
+)
 from roboprompt_client.errors import InvalidInputError
 from tests.attack.payloads import START_OF_SCAN, many_scans, png_chunk, png_with
 
@@ -21,23 +29,23 @@ PNG = cv2.imencode(".png", RGB)[1].tobytes()
 def test_size_and_scans_of_jpegs(flags, seed):
     image = np.random.default_rng(seed).integers(0, 256, (100 + seed, 90, 3), np.uint8)
     data = cv2.imencode(".jpg", image, flags)[1].tobytes()
-    assert image_headers.jpeg_size(data) == (90, 100 + seed)
-    assert image_headers.num_scans(data) == (10 if cv2.IMWRITE_JPEG_PROGRESSIVE in flags else 1)
+    assert jpeg_size(data) == (90, 100 + seed)
+    assert num_scans(data) == (10 if cv2.IMWRITE_JPEG_PROGRESSIVE in flags else 1)
 
 
 def test_a_thumbnail_in_a_segment_counts_neither_as_size_nor_as_scan():
     thumbnail = cv2.imencode(".jpg", RGB[:8, :8])[1].tobytes()
     segment = b"\xff\xe1" + (len(thumbnail) + 8).to_bytes(2) + b"Exif\0\0" + thumbnail
     data = BASELINE[:2] + segment * 30 + BASELINE[2:]
-    assert (image_headers.jpeg_size(data), image_headers.num_scans(data)) == ((60, 40), 1)
+    assert (jpeg_size(data), num_scans(data)) == ((60, 40), 1)
     assert decode_rgb("rgb", data).shape == RGB.shape
 
 
-@pytest.mark.parametrize("number", [image_headers.MAX_SCANS, image_headers.MAX_SCANS + 1])
+@pytest.mark.parametrize("number", [MAX_SCANS, MAX_SCANS + 1])
 def test_scans_are_bounded(number):
     data = many_scans(64, 48, number)
     assert data.count(START_OF_SCAN) == number
-    if number <= image_headers.MAX_SCANS:
+    if number <= MAX_SCANS:
         assert decode_rgb("rgb", data).shape == (48, 64, 3)
     else:
         with pytest.raises(InvalidInputError, match=r"has 19 scans .*at most 18"):
@@ -47,7 +55,7 @@ def test_scans_are_bounded(number):
 @pytest.mark.parametrize("kind", [b"tEXt", b"zTXt", b"iCCP", b"acTL", b"prVt"])
 def test_chunks_that_pixels_do_not_need_change_nothing(kind):
     data = png_with(png_chunk(kind, b"Comment\0\0x"), 50, 60, 40)
-    assert len(image_headers.pixels_only(data)) == len(data) - 50 * len(png_chunk(kind, b"Comment\0\0x"))
+    assert len(pixels_only(data)) == len(data) - 50 * len(png_chunk(kind, b"Comment\0\0x"))
     assert (decode_rgb("rgb", data) == 0).all()
     depth = cv2.imencode(".png", np.full((4, 6), 1500, np.uint16))[1].tobytes()
     commented = depth[:33] + png_chunk(kind, b"Comment\0\0x") + depth[33:]
@@ -55,12 +63,12 @@ def test_chunks_that_pixels_do_not_need_change_nothing(kind):
 
 
 def test_a_png_of_pixels_only_is_not_copied():
-    assert image_headers.pixels_only(PNG) is PNG
-    assert image_headers.pixels_only(PNG + b"trailing") == PNG
+    assert pixels_only(PNG) is PNG
+    assert pixels_only(PNG + b"trailing") == PNG
 
 
 def test_too_many_chunks_are_refused():
-    data = png_with(png_chunk(b"IDAT", b""), image_headers.MAX_CHUNKS)
+    data = png_with(png_chunk(b"IDAT", b""), MAX_CHUNKS)
     with pytest.raises(InvalidInputError, match="more than 100000 chunks"):
         decode_rgb("rgb", data)
 
@@ -68,7 +76,7 @@ def test_too_many_chunks_are_refused():
 @pytest.mark.parametrize("kind", [b"IDAT", b"PLTE", b"tEXt"])
 def test_a_chunk_larger_than_its_file_is_refused_before_there_is_room_for_it(kind):
     data = PNG[:33] + b"\xff\xff\xff\xff" + kind + PNG[33:]
-    assert image_headers.pixels_only(data) is None
+    assert pixels_only(data) is None
     with pytest.raises(InvalidInputError, match="claims more bytes than the file has"):
         decode_rgb("rgb", data)
 

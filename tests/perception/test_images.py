@@ -6,8 +6,18 @@ import numpy as np
 import pytest
 from npy_files import HOSTILE, npy
 
-from app.perception.images import MAX_PIXELS, as_image, decode_depth, decode_mask, decode_rgb
+from app.perception.images import (
+    MAX_PIXELS,
+    ImageBytes,
+    as_image,
+    decode_depth,
+    decode_frame,
+    decode_mask,
+    decode_rgb,
+)
+from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
+from tests.attack.payloads import png_chunk
 
 RGB = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
 SMOOTH = np.add.outer(np.arange(40), np.arange(60))[..., None].astype(np.uint8) + np.array([0, 60, 120], np.uint8)
@@ -151,10 +161,6 @@ def test_damaged_and_hostile_files_are_refused_by_name(decode, data, message):
     assert message in caught.value.message
 
 
-def png_chunk(kind, data):
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
 def black_png(width, height):
     """A valid PNG, one bit a pixel."""
     header = struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
@@ -206,3 +212,33 @@ def test_a_header_does_not_turn_the_picture():
     turned = jpeg_bytes[:2] + segment + jpeg_bytes[2:]
     assert cv2.imdecode(np.frombuffer(turned, np.uint8), cv2.IMREAD_COLOR).shape == (16, 8, 3)
     assert (decode_rgb("rgb_c", turned) == decode_rgb("rgb_c", jpeg_bytes)).all()
+
+
+CAMERA = Camera("front", 60, 60, 29.5, 19.5, np.eye(4), depth_scale=0.002)
+RGB_PNG, DEPTH_PNG, MASK_PNG = (encoded(".png", image) for image in (RGB, DEPTH_MM, MASK.astype(np.uint16)))
+
+
+def test_a_frame_has_the_images_that_there_are():
+    frame = decode_frame(CAMERA, ImageBytes(RGB_PNG, DEPTH_PNG, MASK_PNG))
+    np.testing.assert_array_equal(frame.rgb, RGB)
+    np.testing.assert_allclose(frame.depth_m, DEPTH_MM * 0.002, rtol=1e-6)
+    np.testing.assert_array_equal(frame.mask, MASK)
+    assert frame.camera is CAMERA
+    empty = decode_frame(CAMERA, ImageBytes())
+    assert (empty.rgb, empty.depth_m, empty.mask) == (None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("images", "field"),
+    [
+        (ImageBytes(rgb=b"junk"), "rgb_front"),
+        (ImageBytes(depth=RGB_PNG), "depth_front"),
+        (ImageBytes(RGB_PNG, DEPTH_PNG, RGB_PNG), "mask_front"),
+        (ImageBytes(depth=DEPTH_PNG, mask=encoded(".png", MASK[:2].astype(np.uint16))), "depth_front"),
+        (ImageBytes(depth=encoded(".png", np.full((400, 600), 500, np.uint16))), "depth_front"),
+    ],
+)
+def test_errors_name_the_part(images, field):
+    with pytest.raises(InvalidInputError) as caught:
+        decode_frame(CAMERA, images)
+    assert caught.value.field == field

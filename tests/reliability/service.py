@@ -18,8 +18,7 @@ import numpy as np
 
 from app.evaluation.server import free_port
 from app.store import episodes, predictions
-from app.store.references import blob_digests
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 from app.store.trajectories import get_trajectory
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
 from tests.forked import Forked

@@ -12,17 +12,21 @@ from tests.forked import run
 from tests.reliability.service import TASK, serving, upload_files
 
 NUM_EPISODES = 12
+CHANGE = {"keyframes": {"rule": "uniform", "interval": 10}}
+
+
+def ask_for_a_job(service):
+    for number in range(NUM_EPISODES):
+        httpx.post(f"{service.url}/episodes", files=upload_files(number)).raise_for_status()
+    return httpx.put(f"{service.url}/tasks/{TASK}", json=CHANGE)
 
 
 def test_killed_in_the_middle_of_a_job(tmp_path):
     data, environment = tmp_path / "data", {"ROBOPROMPT_EXTRACT_AT_ONCE": "5"}
     with serving(data, environment) as service:
-        for number in range(NUM_EPISODES):
-            httpx.post(f"{service.url}/episodes", files=upload_files(number)).raise_for_status()
-        change = {"keyframes": {"rule": "uniform", "interval": 10}}
-        accepted = httpx.put(f"{service.url}/tasks/{TASK}", json=change)
+        accepted = ask_for_a_job(service)
         assert (accepted.status_code, accepted.json()["num_episodes"]) == (202, NUM_EPISODES)
-        assert httpx.put(f"{service.url}/tasks/{TASK}", json=change).status_code in (409, 200)
+        assert httpx.put(f"{service.url}/tasks/{TASK}", json=CHANGE).status_code in (409, 200)
         service.kill()
     release_claims(data)
     with serving(data, environment) as service:
@@ -37,10 +41,7 @@ def test_killed_in_the_middle_of_a_job(tmp_path):
 def test_a_command_works_at_jobs_that_the_service_leaves(tmp_path):
     data = tmp_path / "data"
     with serving(data, {"ROBOPROMPT_EXTRACT_AT_ONCE": "5", "ROBOPROMPT_WORK_AT_JOBS": "false"}) as service:
-        for number in range(NUM_EPISODES):
-            httpx.post(f"{service.url}/episodes", files=upload_files(number)).raise_for_status()
-        change = {"keyframes": {"rule": "uniform", "interval": 10}}
-        job = httpx.put(f"{service.url}/tasks/{TASK}", json=change).json()
+        job = ask_for_a_job(service).json()
         time.sleep(2.0)
         assert httpx.get(f"{service.url}/jobs/{job['id']}").json()["status"] == "queued"
         done = work_at_jobs(data)

@@ -10,8 +10,7 @@ from scipy.ndimage import binary_erosion, generic_gradient_magnitude, sobel
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.geometry import backproject
-from app.sim import rendering
-from app.sim.opengl import select_backend
+from app.sim import rendering, select_backend
 from app.sim.rendering import OpenGLRenderer, RayCaster, open_renderer, opengl_works
 from app.sim.tasks import make_task
 from app.sim.tasks.cubes import HALF_SIZE_M
@@ -131,29 +130,26 @@ print(frame.rgb.shape, len(set(frame.mask.ravel().tolist())) > 4)
 
 
 @pytest.mark.parametrize(
-    ("loadable", "expected"), [({"EGL", "OSMesa"}, "egl"), ({"OSMesa"}, "osmesa"), (set(), "disable")]
+    ("found", "loadable", "expected"),
+    [
+        ({"EGL", "OSMesa"}, True, "egl"),
+        ({"OSMesa"}, True, "osmesa"),
+        (set(), True, "disable"),
+        ({"EGL", "OSMesa"}, False, "disable"),  # of another architecture
+    ],
 )
-def test_the_backend_is_one_whose_library_loads(loadable, expected, monkeypatch):
+def test_the_backend_is_one_whose_library_loads(found, loadable, expected, monkeypatch):
+    def load(_):
+        if not loadable:
+            raise OSError("wrong architecture")
+
     monkeypatch.setattr("platform.system", lambda: "Linux")
     monkeypatch.delitem(sys.modules, "mujoco")
-    monkeypatch.setattr("ctypes.util.find_library", lambda name: name if name in loadable else None)
-    monkeypatch.setattr("ctypes.CDLL", lambda _: None)
+    monkeypatch.setattr("ctypes.util.find_library", lambda name: name if name in found else None)
+    monkeypatch.setattr("ctypes.CDLL", load)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     select_backend()
     assert os.environ["MUJOCO_GL"] == expected
-
-
-def test_a_library_that_does_not_load_is_not_chosen(monkeypatch):
-    def fail(_):
-        raise OSError("wrong architecture")
-
-    monkeypatch.setattr("platform.system", lambda: "Linux")
-    monkeypatch.delitem(sys.modules, "mujoco")
-    monkeypatch.setattr("ctypes.util.find_library", lambda name: name)
-    monkeypatch.setattr("ctypes.CDLL", fail)
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
-    select_backend()
-    assert os.environ["MUJOCO_GL"] == "disable"
 
 
 def test_once_mujoco_is_imported_nothing_changes(monkeypatch):

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from app.pipeline.order.reading import read
-from app.pipeline.order.taught import Taught
-from app.services.predict.instruction import is_english
 from app.sim.demonstrate import rollout
 from app.sim.moves import UP, action_from_move, move_to, nearest_yaw_rad, pick, place, tool_down
 from app.sim.tasks import COMPOSITION_TASKS, TASKS, make_task
+from app.sim.tasks.carrying import BARRIERS, PLATE
 from app.sim.tasks.rearranging import BLOCKS, ClearKind
-from app.sim.tasks.way_round import BARRIERS, PLATE
 from roboprompt_client.motion_limits import MAX_ACTIONS
+from tests.sim.test_instructions import words_of
 
 SEED = 100_000
 LEFT = np.array([0.0, 1.0, 0.0])
@@ -49,9 +48,7 @@ def test_tests_ask_for_everything_that_is_not_shown(name):
 
 @pytest.mark.parametrize("name", COMPOSITION_TASKS)
 def test_instructions_reach_the_model_as_they_stand(name):
-    task = COMPOSITION_TASKS[name]
-    taught = [make_task(name, 0, k).instruction for k in range(task.variations)]
-    words = Taught(task.object_names, {}, taught, is_english)
+    task, (words, _) = COMPOSITION_TASKS[name], words_of(name)
     asked = [make_task(name, 0, task.variations + k).instruction for k in range(task.test_only_variations)]
     assert [read(said, words, allow_unfamiliar=True).text for said in asked] == asked
     refused = [said for said in asked if read(said, words, allow_unfamiliar=True).unfamiliar is not None]

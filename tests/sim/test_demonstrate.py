@@ -19,7 +19,7 @@ def test_a_demonstration_survives_pickling():
     assert copy.scene.instruction == "push the green button"
     np.testing.assert_array_equal(copy.trajectory.positions_m, demonstration.trajectory.positions_m)
     np.testing.assert_array_equal(copy.scene.frames[0].rgb, demonstration.scene.frames[0].rgb)
-    assert len(copy.film_strip) == 1 + copy.num_expert_poses
+    assert len(copy.film_strip) == 1 + len(copy.expert_actions)
 
 
 def test_the_demonstration_starts_from_the_scene_that_is_shown():

@@ -5,17 +5,20 @@ import pytest
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import Taught
 from app.services.predict.instruction import is_english
-from app.sim.tasks import TASKS, make_task
+from app.sim.tasks import ALL_TASKS, TASKS, make_task
 
 MAX_VARIATIONS = 100  # of a task; they are drawn evenly
 
 
+def words_of(name):
+    task = ALL_TASKS[name]
+    taught = [make_task(name, 0, k).instruction for k in range(task.variations)]
+    return Taught(task.object_names, {}, taught, is_english), taught
+
+
 @pytest.mark.parametrize("name", TASKS)
 def test_demonstrated_and_tested_instructions_are_taken_literally(name):
-    task = TASKS[name]
-    words = Taught(
-        task.object_names, {}, [make_task(name, 0, k).instruction for k in range(task.variations)], is_english
-    )
+    task, (words, _) = TASKS[name], words_of(name)
     number = task.variations + task.test_only_variations
     asked = {make_task(name, 0, k).instruction for k in range(0, number, max(1, number // MAX_VARIATIONS))}
     asked |= {make_task(name, 0, task.test_variation(seed)).instruction for seed in range(8)}
@@ -48,12 +51,6 @@ OTHER_WORDS = {
     "place_wine": "stack the wine bottle to the left of the rack",
     "sweep_to_dustpan": "sweep the crumbs to the dustpan",
 }
-
-
-def words_of(name):
-    task = TASKS[name]
-    taught = [make_task(name, 0, k).instruction for k in range(task.variations)]
-    return Taught(task.object_names, {}, taught, is_english), taught
 
 
 @pytest.mark.parametrize("name", PARAPHRASES)

@@ -7,7 +7,7 @@ from app.sim.demonstrate import rollout
 from app.sim.moves import action_from_move
 from app.sim.robot import SimulatedPanda
 from app.sim.tasks import COMPOSITION_TASKS, MOVING_TASKS, TASKS, make_task
-from app.sim.tasks.carriers import CUBE, SPEEDS_M_S
+from app.sim.tasks.carrying import CARRIED, SPEEDS_M_S
 
 SEED = 100_000
 every_task = pytest.mark.parametrize("name", MOVING_TASKS)
@@ -23,9 +23,9 @@ def test_the_cube_goes_as_fast_as_what_carries_it(name, variation):
     task = make_task(name, SEED, variation)
     robot, speed_m_s = SimulatedPanda(task, ()), (0.0, *SPEEDS_M_S)[variation]
     robot.hold(0.5)  # until it has picked up speed
-    before_m = task.position_m(CUBE)
+    before_m = task.position_m(CARRIED)
     robot.hold(1.0)
-    moved_m = task.position_m(CUBE) - before_m
+    moved_m = task.position_m(CARRIED) - before_m
     np.testing.assert_allclose(np.linalg.norm(moved_m[:2]), speed_m_s, rtol=0.05, atol=2e-4)
     assert abs(moved_m[2]) < 1e-3
     np.testing.assert_allclose(task.position_m("carrier")[:2], task.carrier_at_m, atol=1e-3)
@@ -48,7 +48,7 @@ def test_what_picks_it_at_rest_misses_it_in_motion(name):
 
 def test_a_cube_that_nobody_picks_falls_off_the_belt():
     task = make_task("pick_from_conveyor", SEED, 3)
-    lay_m = task.position_m(CUBE)[2]
+    lay_m = task.position_m(CARRIED)[2]
     SimulatedPanda(task, ()).hold(8.0)
-    assert task.position_m(CUBE)[2] < lay_m - 0.015
+    assert task.position_m(CARRIED)[2] < lay_m - 0.015
     assert not task.succeeded()

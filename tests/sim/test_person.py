@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from app.sim.guided import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Habits
+from app.sim.motion import Route
 from app.sim.moves import ToolPose, move_to, pick, tool_down
-from app.sim.route import Route
 from app.sim.tasks import TASKS, make_task
 
 HOME = ToolPose(np.array([0.0, 0.0, 1.2]), tool_down())

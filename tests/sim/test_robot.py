@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from app.sim import panda
 from app.sim.kinematics import Kinematics
-from app.sim.moves import tool_down
+from app.sim.moves import moves_from_actions, tool_down
 from app.sim.robot import SimulatedPanda
 from app.sim.sampler import TrajectorySampler
 from app.sim.tasks import make_task
@@ -46,7 +46,7 @@ def test_execute_reaches_the_pose_then_sets_the_gripper(robot):
 def test_an_unreachable_action_is_named_before_anything_moves(robot):
     actions = [action(0.2, 0.2, 0.95), action(0.2, 0.1, 0.95), action(0.7, 0.5, 1.6)]
     with pytest.raises(MotionError, match="action 3 of 3 is out of the arm's reach"):
-        robot.execute_sequence(actions)
+        robot.perform(moves_from_actions(actions))
     assert robot.task.data.time == 0
     np.testing.assert_allclose(joints_rad(robot), HOME_RAD, atol=1e-3)
 
@@ -55,13 +55,13 @@ def test_a_blocked_action_is_named(robot):
     done = []
     under_the_table = [action(0.2, 0.2, 0.95), action(0.2, 0.2, 0.65)]
     with pytest.raises(MotionError, match=r"action 2 of 2 did not arrive, .* cm"):
-        robot.execute_sequence(under_the_table, done.append)
+        robot.perform(moves_from_actions(under_the_table), done.append)
     assert done == [0]
 
 
 def test_stop_holds_the_arm_where_it_is(robot):
     with pytest.raises(MotionError):
-        robot.execute_sequence([action(0.2, 0.2, 0.95), action(0.2, 0.2, 0.65)])
+        robot.perform(moves_from_actions([action(0.2, 0.2, 0.95), action(0.2, 0.2, 0.65)]))
     robot.stop()
     at_stop = joints_rad(robot)
     robot.hold(0.5)

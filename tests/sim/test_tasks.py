@@ -131,7 +131,7 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     demonstration = record_demonstration(name, seed, images=False)
     assert demonstration.succeeded, demonstration.failure
     keyframes = merged(Motion.of(demonstration.trajectory))
-    assert len(keyframes) == demonstration.num_expert_poses
+    assert len(keyframes) == len(demonstration.expert_actions)
     assert 3 <= len(keyframes) <= (MAX_KEYFRAMES if name in TASKS else MAX_OF_COMPOSITIONS)
     binned = [discretize_action(demonstration.trajectory.action_at(frame), WORKSPACE) for frame in keyframes]
     assert not any(action.clamped for action in binned)
@@ -143,4 +143,4 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
 def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
     demonstration = record_demonstration(name, 1, frequency_hz, images=False)
     assert demonstration.succeeded, demonstration.failure
-    assert len(merged(Motion.of(demonstration.trajectory))) == demonstration.num_expert_poses
+    assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)

@@ -6,8 +6,7 @@ import numpy as np
 
 from app.perception.base import ObjectQuery
 from app.store import episodes, predictions, tasks, trajectories
-from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
-from app.store.store import Store
+from app.store.records import EpisodeDraft, PredictionDraft
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from roboprompt_client.camera import Camera
 from roboprompt_client.trajectory import ObjectPose, Trajectory
@@ -16,7 +15,7 @@ TASK = "open_drawer"
 SETTINGS = {"keyframes": {"rule": "merged", "delta_rad_s": 0.1}, "num_demonstrations": 10}
 
 
-def trajectory(num_frames: int = 30, seed: int = 0, optional_arrays: bool = True) -> Trajectory:
+def trajectory(num_frames=30, seed=0, optional_arrays=True):
     rng = np.random.default_rng(seed)
     quaternions = rng.normal(size=(num_frames, 4))
     return Trajectory(
@@ -33,25 +32,25 @@ def trajectory(num_frames: int = 30, seed: int = 0, optional_arrays: bool = True
     )
 
 
-def camera_record(**digests: str) -> CameraRecord:
+def camera_record(**digests):
     camera_to_world = np.eye(4)
     camera_to_world[:3, 3] = 0.1, -1 / 3, 1.2
     return CameraRecord.of(Camera("front", 500.5, 501.5, 320.0, 240.0, camera_to_world), **digests)
 
 
-def object_record(name: str, seed: int = 0) -> ObjectRecord:
+def object_record(name, seed=0):
     rng = np.random.default_rng(seed)
     quaternion = None if seed % 2 else np.array([0.0, 0.6, 0.0, 0.8])
     return ObjectRecord.of(ObjectPose(name, rng.normal(size=3), quaternion, "masks", ("front", "wrist")))
 
 
 def episode_draft(
-    seed: int = 0,
-    task: str = TASK,
-    instruction: str = "open the bottom drawer",
-    names: tuple[str, ...] = ("drawer", "cube"),
-    cameras: tuple[CameraRecord, ...] = (),
-) -> EpisodeDraft:
+    seed=0,
+    task=TASK,
+    instruction="open the bottom drawer",
+    names=("drawer", "cube"),
+    cameras=(),
+):
     recorded = trajectory(seed=seed)
     return EpisodeDraft(
         task=task,
@@ -67,14 +66,26 @@ def episode_draft(
     )
 
 
-def upload(store: Store, draft: EpisodeDraft) -> EpisodeRecord:
+def read(store, query, *arguments, **options):
+    """The result of a query in a transaction of its own."""
+    with store.read() as connection:
+        return query(connection, *arguments, **options)
+
+
+def write(store, query, *arguments, **options):
+    """As `read`, of one that writes."""
+    with store.write() as connection:
+        return query(connection, *arguments, **options)
+
+
+def upload(store, draft):
     with store.write() as connection:
         tasks.get_or_create(connection, draft.task, SETTINGS)
         return episodes.add(connection, draft)
 
 
-def prediction_draft(task: str = TASK, **changes: object) -> PredictionDraft:
-    values: dict[str, object] = {
+def prediction_draft(task=TASK, **changes):
+    values = {
         "task": task,
         "instruction": "open the bottom drawer",
         "model": "embedded/gemma-3-270m",
@@ -97,7 +108,7 @@ def prediction_draft(task: str = TASK, **changes: object) -> PredictionDraft:
     return PredictionDraft(**{**values, **changes})
 
 
-def predict(store: Store, draft: PredictionDraft) -> PredictionRecord:
+def predict(store, draft):
     with store.write() as connection:
         tasks.get_or_create(connection, draft.task, SETTINGS)
         return predictions.add(connection, draft)

@@ -7,20 +7,20 @@ from app.services.api_keys import KeyRing, create_key, digest_of
 from app.store import api_keys
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import NotFoundError
-from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 
+from .drafts import write
 
-def test_keys_come_back_as_they_went_in(store: Store) -> None:
+
+def test_keys_come_back_as_they_went_in(store):
     record = ApiKeyRecord("k1", "robot 1", "d" * 64, ("read", "predict"), datetime.now(UTC))
-    with store.write() as connection:
-        api_keys.add(connection, record)
+    write(store, api_keys.add, record)
     with store.read() as connection:
         assert api_keys.list_all(connection) == (record,)
         assert api_keys.valid(connection) == (record,)
 
 
-def test_a_revoked_key_stays_in_the_list_and_is_no_longer_valid(store: Store) -> None:
+def test_a_revoked_key_stays_in_the_list_and_is_no_longer_valid(store):
     token = create_key(store, "robot", ["read"])
     key_id = token.split("_")[1]
     with store.write() as connection:
@@ -33,7 +33,7 @@ def test_a_revoked_key_stays_in_the_list_and_is_no_longer_valid(store: Store) ->
             api_keys.revoke(connection, "nobody")
 
 
-def test_every_key_is_another_and_only_its_digest_is_kept(store: Store) -> None:
+def test_every_key_is_another_and_only_its_digest_is_kept(store):
     tokens = {create_key(store, "robot", ["admin", "read"]) for _ in range(20)}
     assert len({token.split("_", 2)[2] for token in tokens}) == 20
     with store.read() as connection:
@@ -42,15 +42,15 @@ def test_every_key_is_another_and_only_its_digest_is_kept(store: Store) -> None:
 
 
 @pytest.mark.parametrize(("name", "scopes"), [("robot", []), ("robot", ["write"]), ("", ["read"]), ("a\nb", ["read"])])
-def test_what_is_no_key_is_not_made(store: Store, name: str, scopes: list[str]) -> None:
+def test_what_is_no_key_is_not_made(store, name, scopes):
     with pytest.raises(InvalidInputError):
         create_key(store, name, scopes)
 
 
-def test_the_ring_reads_the_keys_once_in_a_while(store: Store) -> None:
+def test_the_ring_reads_the_keys_once_in_a_while(store):
     token, reads = create_key(store, "robot", ["predict"]), []
 
-    async def recognise_often() -> None:
+    async def recognise_often():
         ring = KeyRing(store, known_for_s=0.2)
         read, ring._read = ring._read, lambda: reads.append(1) or read()  # type: ignore[method-assign, func-returns-value]
         callers = [await ring.recognise(token) for _ in range(50)]
@@ -58,8 +58,7 @@ def test_the_ring_reads_the_keys_once_in_a_while(store: Store) -> None:
         assert callers[0] is not None
         assert callers[0].may(frozenset({"predict", "read"}))
         assert not callers[0].may(frozenset({"upload"}))
-        with store.write() as connection:
-            api_keys.revoke(connection, token.split("_")[1])
+        write(store, api_keys.revoke, token.split("_")[1])
         await asyncio.sleep(0.25)
         assert await ring.recognise(token) is None
 

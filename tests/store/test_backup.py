@@ -2,8 +2,7 @@ import hashlib
 import json
 import sqlite3
 import tarfile
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 from sqlalchemy import select
@@ -11,19 +10,16 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.store import episodes, idempotency, predictions
-from app.store.backup import back_up
+from app.store.backup import back_up, restore
 from app.store.errors import ConflictError, CorruptDataError, SchemaVersionError, StoreUnavailableError
 from app.store.records import StoredResponse
-from app.store.references import blob_digests
-from app.store.restore import restore
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 from app.store.tables import metadata
-from tests.postgres import PostgresServer
 
-from .drafts import camera_record, episode_draft, predict, prediction_draft, upload
+from .drafts import camera_record, episode_draft, predict, prediction_draft, read, upload
 
 
-def fill(store: Store) -> None:
+def fill(store):
     for seed in range(3):
         digest = store.blobs.put(f"image {seed}".encode())
         upload(store, episode_draft(seed, cameras=(camera_record(rgb_digest=digest),)))
@@ -35,7 +31,7 @@ def fill(store: Store) -> None:
     store.blobs.put(b"orphan")
 
 
-def digest_of(store: Store) -> str:
+def digest_of(store):
     """Of every row, and of every blob that one refers to; a restore is an entry of the audit log itself."""
     digest = hashlib.sha256()
     with store.read() as connection:
@@ -51,11 +47,11 @@ OpenNew = Callable[[str], Store]
 
 
 @pytest.fixture
-def open_new(tmp_path: Path, postgres: PostgresServer) -> Iterator[OpenNew]:
+def open_new(tmp_path, postgres):
     """Opens an empty store on either database."""
-    opened: list[Store] = []
+    opened = []
 
-    def open_store(kind: str) -> Store:
+    def open_store(kind):
         url = postgres.migrated() if kind == "postgres" else None
         opened.append(Store.open(tmp_path / f"data{len(opened)}", url))
         return opened[-1]
@@ -66,7 +62,7 @@ def open_new(tmp_path: Path, postgres: PostgresServer) -> Iterator[OpenNew]:
 
 
 @pytest.mark.parametrize(("source", "target"), [("sqlite", "sqlite"), ("sqlite", "postgres"), ("postgres", "sqlite")])
-def test_what_was_backed_up_comes_back(tmp_path: Path, open_new: OpenNew, source: str, target: str) -> None:
+def test_what_was_backed_up_comes_back(tmp_path, open_new, source, target):
     store = open_new(source)
     fill(store)
     before = digest_of(store)
@@ -80,12 +76,12 @@ def test_what_was_backed_up_comes_back(tmp_path: Path, open_new: OpenNew, source
     assert {path.name for path in tmp_path.iterdir()} == {"backup.tar", "data0", "data1"}
 
 
-def test_backup_is_of_one_moment(tmp_path: Path, open_new: OpenNew, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_backup_is_of_one_moment(tmp_path, open_new, monkeypatch):
     store = open_new("sqlite")
     fill(store)
     read = store.blobs.read
 
-    def read_while_others_upload(digest: str) -> bytes:
+    def read_while_others_upload(digest):
         upload(store, episode_draft(7))
         return read(digest)
 
@@ -95,7 +91,7 @@ def test_backup_is_of_one_moment(tmp_path: Path, open_new: OpenNew, monkeypatch:
     assert restore(restored, tmp_path / "backup.tar").rows["episodes"] == 3
 
 
-def test_restoring_over_something_is_refused(tmp_path: Path, open_new: OpenNew) -> None:
+def test_restoring_over_something_is_refused(tmp_path, open_new):
     store = open_new("sqlite")
     fill(store)
     back_up(store, tmp_path / "backup.tar")
@@ -105,7 +101,7 @@ def test_restoring_over_something_is_refused(tmp_path: Path, open_new: OpenNew) 
     assert digest_of(store) == before
 
 
-def rewrite(path: Path, change: Callable[[str, bytes], tuple[str, bytes] | None]) -> None:
+def rewrite(path, change):
     """Write the archive again with changed members."""
     with tarfile.open(path) as archive:
         members = [(item.name, archive.extractfile(item).read()) for item in archive]
@@ -127,9 +123,7 @@ def rewrite(path: Path, change: Callable[[str, bytes], tuple[str, bytes] | None]
         (lambda name, data: (name, b"not a database" * 99 if name.endswith(".db") else data), "not a database"),
     ],
 )
-def test_damaged_backup_restores_nothing(
-    tmp_path: Path, open_new: OpenNew, change: Callable[[str, bytes], tuple[str, bytes] | None], message: str
-) -> None:
+def test_damaged_backup_restores_nothing(tmp_path, open_new, change, message):
     store, path = open_new("sqlite"), tmp_path / "backup.tar"
     fill(store)
     back_up(store, path)
@@ -137,12 +131,11 @@ def test_damaged_backup_restores_nothing(
     restored = open_new("sqlite")
     with pytest.raises(CorruptDataError, match=message):
         restore(restored, path)
-    with restored.read() as connection:
-        assert episodes.list_page(connection).items == ()
+    assert read(restored, episodes.list_page).items == ()
 
 
 @pytest.mark.parametrize("length", [0, 100, 3000])
-def test_cut_file_is_refused(tmp_path: Path, open_new: OpenNew, length: int) -> None:
+def test_cut_file_is_refused(tmp_path, open_new, length):
     store, path = open_new("sqlite"), tmp_path / "backup.tar"
     fill(store)
     back_up(store, path)
@@ -151,8 +144,8 @@ def test_cut_file_is_refused(tmp_path: Path, open_new: OpenNew, length: int) -> 
         restore(open_new("sqlite"), path)
 
 
-def test_backup_of_newer_code_is_refused(tmp_path: Path, open_new: OpenNew) -> None:
-    def from_the_future(name: str, data: bytes) -> tuple[str, bytes]:
+def test_backup_of_newer_code_is_refused(tmp_path, open_new):
+    def from_the_future(name, data):
         if name == "roboprompt.db":
             (tmp_path / name).write_bytes(data)
             with sqlite3.connect(tmp_path / name) as connection:
@@ -167,7 +160,7 @@ def test_backup_of_newer_code_is_refused(tmp_path: Path, open_new: OpenNew) -> N
         restore(open_new("sqlite"), tmp_path / "backup.tar")
 
 
-def test_backup_that_cannot_be_written_leaves_the_last_one(tmp_path: Path, open_new: OpenNew) -> None:
+def test_backup_that_cannot_be_written_leaves_the_last_one(tmp_path, open_new):
     store, path = open_new("sqlite"), tmp_path / "backup.tar"
     fill(store)
     back_up(store, path)
@@ -181,7 +174,7 @@ def test_backup_that_cannot_be_written_leaves_the_last_one(tmp_path: Path, open_
         back_up(store, tmp_path / "nowhere" / "backup.tar")
 
 
-def test_command_line(tmp_path: Path, open_new: OpenNew) -> None:
+def test_command_line(tmp_path, open_new):
     fill(store := open_new("sqlite"))
     file = str(tmp_path / "backup.tar")
     saved = CliRunner().invoke(application, ["backup", file, "--data", str(tmp_path / "data0")])

@@ -11,33 +11,62 @@ import pytest
 
 from app.store.blobs import FileBlobStore
 from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.object_store import ObjectBlobStore
 
 HOUR = timedelta(hours=1)
 AT_ONCE = timedelta(0)
 
 
 @pytest.fixture
-def blobs(tmp_path: Path) -> FileBlobStore:
+def blobs(tmp_path):
     return FileBlobStore(tmp_path / "blobs")
 
 
-def file_of(tmp_path: Path, digest: str) -> Path:
+def file_of(tmp_path, digest):
     return tmp_path / "blobs" / digest[:2] / digest[2:4] / digest
 
 
-def age(path: Path, hours: float) -> None:
+def age(path, hours):
     then = time.time() - hours * 3600
     os.utime(path, (then, then))
 
 
+@pytest.fixture(params=["file", "s3"])
+def either(request, tmp_path):
+    """A BlobStore of each kind."""
+    return FileBlobStore(tmp_path) if request.param == "file" else ObjectBlobStore(request.getfixturevalue("s3_url"))
+
+
 @pytest.mark.parametrize("data", [b"", b"x", bytes(range(256)) * 1000])
-def test_bytes_come_back_under_their_sha256(blobs: FileBlobStore, data: bytes) -> None:
-    digest = blobs.put(data)
-    assert digest == hashlib.sha256(data).hexdigest()
-    assert blobs.read(digest) == data
+def test_bytes_come_back_under_their_sha256(either, data):
+    digest = either.put(data)
+    assert digest == hashlib.sha256(data).hexdigest() == either.put(data)
+    assert either.read(digest) == data
 
 
-def test_what_is_there_is_not_written_again(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_sweep_removes_what_nobody_refers_to(either):
+    kept, orphan = either.put(b"kept"), either.put(b"orphan")
+    assert either.sweep({kept}, HOUR) == 0
+    assert either.sweep({kept}, AT_ONCE) == 1
+    assert either.read(kept) == b"kept"
+    with pytest.raises(CorruptDataError, match="is gone"):
+        either.read(orphan)
+
+
+@pytest.mark.parametrize("digest", ["", "../../etc/passwd", "A" * 64, "0" * 63])
+def test_only_digests_lead_to_blobs(either, digest):
+    with pytest.raises(CorruptDataError, match="not a SHA-256"):
+        either.read(digest)
+
+
+def test_many_threads_put_the_same_bytes(either):
+    with ThreadPoolExecutor(8) as pool:
+        digests = set(pool.map(lambda k: either.put(bytes([k % 3])), range(24)))
+        assert sorted(pool.map(either.read, digests)) == [b"\0", b"\1", b"\2"]
+    assert either.sweep(digests, AT_ONCE) == 0
+
+
+def test_what_is_there_is_not_written_again(blobs, tmp_path):
     digest = blobs.put(b"image")
     inode = file_of(tmp_path, digest).stat().st_ino
     assert blobs.put(b"image") == digest
@@ -45,17 +74,15 @@ def test_what_is_there_is_not_written_again(blobs: FileBlobStore, tmp_path: Path
     assert [path.name for path in file_of(tmp_path, digest).parent.iterdir()] == [digest]
 
 
-def test_file_is_synced_before_it_gets_its_name_and_every_folder_after(
-    blobs: FileBlobStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    events: list[str] = []
+def test_file_is_synced_before_it_gets_its_name_and_every_folder_after(blobs, tmp_path, monkeypatch):
+    events = []
     sync, rename = os.fsync, Path.replace
 
-    def observed_sync(descriptor: int) -> None:
+    def observed_sync(descriptor):
         events.append(os.readlink(f"/proc/self/fd/{descriptor}"))
         sync(descriptor)
 
-    def observed_rename(self: Path, target: Path) -> Path:
+    def observed_rename(self, target):
         events.append(f"rename to {target}")
         return rename(self, target)
 
@@ -66,16 +93,7 @@ def test_file_is_synced_before_it_gets_its_name_and_every_folder_after(
     assert events[1:] == [f"rename to {path}", str(path.parent), str(path.parent.parent), str(tmp_path / "blobs")]
 
 
-def test_sweep_removes_what_nobody_refers_to(blobs: FileBlobStore, tmp_path: Path) -> None:
-    kept, orphan = blobs.put(b"kept"), blobs.put(b"orphan")
-    for digest in (kept, orphan):
-        age(file_of(tmp_path, digest), hours=2)
-    assert blobs.sweep({kept}, HOUR) == 1
-    assert blobs.read(kept) == b"kept"
-    assert not file_of(tmp_path, orphan).exists()
-
-
-def test_sweep_spares_uploads_under_way(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_sweep_spares_uploads_under_way(blobs, tmp_path):
     digest = blobs.put(b"its row is not committed yet")
     temporary = file_of(tmp_path, digest).with_name(".tmp-under-way")
     temporary.write_bytes(b"half")
@@ -84,7 +102,7 @@ def test_sweep_spares_uploads_under_way(blobs: FileBlobStore, tmp_path: Path) ->
     assert blobs.read(digest)
 
 
-def test_sweep_removes_unfinished_writes(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_sweep_removes_unfinished_writes(blobs, tmp_path):
     digest = blobs.put(b"kept")
     temporary = file_of(tmp_path, digest).with_name(".tmp-of-a-crash")
     temporary.write_bytes(b"half")
@@ -93,7 +111,7 @@ def test_sweep_removes_unfinished_writes(blobs: FileBlobStore, tmp_path: Path) -
     assert not temporary.exists()
 
 
-def test_putting_an_old_orphan_again_saves_it_from_the_sweep(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_putting_an_old_orphan_again_saves_it_from_the_sweep(blobs, tmp_path):
     digest = blobs.put(b"image")
     age(file_of(tmp_path, digest), hours=2)
     blobs.put(b"image")
@@ -101,7 +119,7 @@ def test_putting_an_old_orphan_again_saves_it_from_the_sweep(blobs: FileBlobStor
     assert blobs.read(digest) == b"image"
 
 
-def test_sweep_waits_for_a_put_that_is_about_to_renew(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_sweep_waits_for_a_put_that_is_about_to_renew(blobs, tmp_path):
     path = file_of(tmp_path, blobs.put(b"image"))
     age(path, hours=2)
     with (tmp_path / "blobs" / ".lock").open("rb") as lock, ThreadPoolExecutor(1) as pool:
@@ -114,7 +132,7 @@ def test_sweep_waits_for_a_put_that_is_about_to_renew(blobs: FileBlobStore, tmp_
     assert path.exists()
 
 
-def test_put_and_sweep_at_the_same_time(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_put_and_sweep_at_the_same_time(blobs, tmp_path):
     path = file_of(tmp_path, blobs.put(b"image"))
     with ThreadPoolExecutor(2) as pool:
         for _ in range(50):
@@ -124,32 +142,14 @@ def test_put_and_sweep_at_the_same_time(blobs: FileBlobStore, tmp_path: Path) ->
             assert blobs.read(put.result()) == b"image"
 
 
-def test_many_threads_put_the_same_bytes(blobs: FileBlobStore, tmp_path: Path) -> None:
-    with ThreadPoolExecutor(8) as pool:
-        (digest,) = set(pool.map(blobs.put, [b"image"] * 16))
-    assert blobs.read(digest) == b"image"
-    assert blobs.sweep({digest}, AT_ONCE) == 0
-
-
-def test_damaged_file_is_noticed(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_damaged_file_is_noticed(blobs, tmp_path):
     digest = blobs.put(b"image")
     file_of(tmp_path, digest).write_bytes(b"imaga")
     with pytest.raises(CorruptDataError, match=f"blob {digest} is damaged: its bytes do not match"):
         blobs.read(digest)
 
 
-def test_missing_file_is_noticed(blobs: FileBlobStore) -> None:
-    with pytest.raises(CorruptDataError, match="its file is gone"):
-        blobs.read("0" * 64)
-
-
-@pytest.mark.parametrize("digest", ["", "../../etc/passwd", "A" * 64, "0" * 63])
-def test_only_digests_lead_to_files(blobs: FileBlobStore, digest: str) -> None:
-    with pytest.raises(CorruptDataError, match="not a SHA-256"):
-        blobs.read(digest)
-
-
-def test_full_disk_leaves_nothing_behind(blobs: FileBlobStore, tmp_path: Path) -> None:
+def test_full_disk_leaves_nothing_behind(blobs, tmp_path):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
@@ -160,7 +160,7 @@ def test_full_disk_leaves_nothing_behind(blobs: FileBlobStore, tmp_path: Path) -
     assert [path for path in tmp_path.rglob("*") if path.is_file() and path.name != ".lock"] == []
 
 
-def test_folder_that_cannot_be_made(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(StoreUnavailableError, match="file"):
         FileBlobStore(tmp_path / "file" / "blobs")

@@ -1,24 +1,20 @@
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import Connection, event, update
+from sqlalchemy import event, update
 
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError
 from app.store.records import Extraction
-from app.store.references import blob_digests
-from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
-from .drafts import TASK, camera_record, episode_draft, object_record, upload
+from .drafts import TASK, camera_record, episode_draft, object_record, read, upload, write
 from .drafts import trajectory as recorded
 
 
-def test_everything_comes_back(store: Store) -> None:
+def test_everything_comes_back(store):
     camera = camera_record(rgb_digest="a" * 64, depth_digest="b" * 64)
     draft = episode_draft(cameras=(camera,))
     added = upload(store, draft)
@@ -33,7 +29,7 @@ def test_everything_comes_back(store: Store) -> None:
         assert getattr(trajectory, name).tobytes() == array.tobytes(), name
 
 
-def test_records_become_the_pipelines_values_and_back() -> None:
+def test_records_become_the_pipelines_values_and_back():
     camera, pose, action = camera_record(mask_digest="c" * 64), object_record("cube"), episode_draft().keyframes[0]
     assert CameraRecord.of(camera.camera(), mask_digest="c" * 64) == camera
     assert ObjectRecord.of(pose.pose()) == pose
@@ -42,14 +38,14 @@ def test_records_become_the_pipelines_values_and_back() -> None:
     np.testing.assert_allclose(restored.quaternion_xyzw, action.quaternion_xyzw, rtol=0, atol=1e-15)
 
 
-def test_unknown_episode(store: Store) -> None:
+def test_unknown_episode(store):
     with store.write() as connection:
         for query in (episodes.get, get_trajectory, episodes.remove):
             with pytest.raises(NotFoundError, match="there is no episode 'nope'"):
                 query(connection, "nope")
 
 
-def test_damaged_trajectory_names_its_episode(store: Store) -> None:
+def test_damaged_trajectory_names_its_episode(store):
     added = upload(store, episode_draft())
     with store.write() as connection:
         connection.execute(update(tables.episodes).values(trajectory=b"RPT1 what is this"))
@@ -57,15 +53,14 @@ def test_damaged_trajectory_names_its_episode(store: Store) -> None:
             get_trajectory(connection, added.id)
 
 
-def test_first_episode_fixes_the_object_names_in_its_order(store: Store) -> None:
+def test_first_episode_fixes_the_object_names_in_its_order(store):
     upload(store, episode_draft(names=("lid", "jar")))
     upload(store, episode_draft(names=("jar", "lid")))
-    with store.read() as connection:
-        task = tasks.get(connection, TASK)
+    task = read(store, tasks.get, TASK)
     assert (task.object_names, task.version) == (("lid", "jar"), 3)
 
 
-def test_task_forgets_its_object_names_with_its_last_episode(store: Store) -> None:
+def test_task_forgets_its_object_names_with_its_last_episode(store):
     first, second = (upload(store, episode_draft(seed)) for seed in range(2))
     other = upload(store, episode_draft(task="other"))
     for episode, names in ((first, ("drawer", "cube")), (second, None)):
@@ -78,7 +73,7 @@ def test_task_forgets_its_object_names_with_its_last_episode(store: Store) -> No
         assert [episode.id for episode in episodes.list_page(connection).items] == [other.id]
 
 
-def test_the_newest_of_each_task_and_the_neighbours_of_one(store: Store) -> None:
+def test_the_newest_of_each_task_and_the_neighbours_of_one(store):
     first, other, second, third = (upload(store, episode_draft(task=task)) for task in (TASK, "other", TASK, TASK))
     with store.read() as connection:
         newest = {TASK: replace(third, extra=None), "other": replace(other, extra=None)}
@@ -88,7 +83,7 @@ def test_the_newest_of_each_task_and_the_neighbours_of_one(store: Store) -> None
         assert episodes.neighbours(connection, other) == (None, None)
 
 
-def test_instructions_are_searched_as_they_are_written(store: Store) -> None:
+def test_instructions_are_searched_as_they_are_written(store):
     wanted = upload(store, episode_draft(instruction="Fill it to 100%"))
     upload(store, episode_draft(instruction="fill it to 1000"))
     with store.read() as connection:
@@ -98,18 +93,17 @@ def test_instructions_are_searched_as_they_are_written(store: Store) -> None:
         assert not episodes.list_page(connection, "other", instruction_contains="fill").items
 
 
-def pages_of(store: Store, limit: int, task: str | None) -> list[list[str]]:
+def pages_of(store, limit, task):
     pages, cursor = [], None
     while True:
-        with store.read() as connection:
-            page = episodes.list_page(connection, task, limit, cursor)
+        page = read(store, episodes.list_page, task, limit, cursor)
         pages.append([episode.id for episode in page.items])
         if (cursor := page.next_cursor) is None:
             return pages
 
 
 @pytest.mark.parametrize("limit", [1, 2, 3, 6, 7, 100])
-def test_pages_hold_everything_once_newest_first(store: Store, limit: int) -> None:
+def test_pages_hold_everything_once_newest_first(store, limit):
     ids = [upload(store, episode_draft(seed, task=("a", "b")[seed % 2])).id for seed in range(6)]
     for task, expected in ((None, ids[::-1]), ("a", ids[::2][::-1]), ("b", ids[1::2][::-1])):
         pages = pages_of(store, limit, task)
@@ -119,44 +113,36 @@ def test_pages_hold_everything_once_newest_first(store: Store, limit: int) -> No
     assert pages_of(store, limit, "nope") == [[]]
 
 
-def test_pages_stay_in_step_while_episodes_come_and_go(store: Store) -> None:
+def test_pages_stay_in_step_while_episodes_come_and_go(store):
     ids = [upload(store, episode_draft(seed)).id for seed in range(4)]
-    with store.read() as connection:
-        page = episodes.list_page(connection, TASK, limit=2)
-    with store.write() as connection:
-        episodes.remove(connection, ids[3])
+    page = read(store, episodes.list_page, TASK, limit=2)
+    write(store, episodes.remove, ids[3])
     newer = upload(store, episode_draft(9))
-    with store.read() as connection:
-        rest = episodes.list_page(connection, TASK, limit=2, cursor=page.next_cursor)
+    rest = read(store, episodes.list_page, TASK, limit=2, cursor=page.next_cursor)
     assert [episode.id for episode in rest.items] == [ids[1], ids[0]]
     assert newer.sequence == 5
 
 
-def test_deleted_number_is_never_given_again(store: Store) -> None:
+def test_deleted_number_is_never_given_again(store):
     first = upload(store, episode_draft())
-    with store.write() as connection:
-        episodes.remove(connection, first.id)
+    write(store, episodes.remove, first.id)
     assert upload(store, episode_draft()).sequence == first.sequence + 1
 
 
-def test_demonstrations(store: Store) -> None:
+def test_demonstrations(store):
     drafts = [episode_draft(seed, instruction=f"open the {('top', 'bottom')[seed % 2]} drawer") for seed in range(5)]
     ids = [upload(store, draft).id for draft in drafts]
     upload(store, episode_draft(task="other"))
     with store.read() as connection:
 
-        def chosen(*arguments: Any, **options: Any) -> list[str]:
-            return [record.id for record in episodes.demonstrations(connection, TASK, *arguments, **options)]
+        def chosen(*arguments):
+            return [record.id for record in episodes.demonstrations(connection, TASK, *arguments)]
 
         assert chosen() == ids
         assert chosen(2) == chosen(2, "first") == ids[:2]
         assert chosen(2, "recent") == ids[3:]
         assert chosen(100, "recent") == ids
-        assert chosen(instruction="open the top drawer") == [ids[0], ids[2], ids[4]]
-        assert chosen(1, "recent", instruction="open the bottom drawer") == [ids[3]]
-        assert chosen(instruction="fly") == []
         assert episodes.list_ids(connection, TASK) == tuple(ids)
-        assert episodes.list_ids(connection, TASK, "open the bottom drawer") == (ids[1], ids[3])
         (record,) = episodes.demonstrations(connection, TASK, 1)
     assert (record.instruction, record.objects) == (drafts[0].instruction, drafts[0].objects)
     assert record.keyframes == drafts[0].keyframes
@@ -165,7 +151,7 @@ def test_demonstrations(store: Store) -> None:
     assert tuple(demonstration.actions[0].position_m) == record.keyframes[0].position_m
 
 
-def test_demonstrations_by_id_come_in_the_order_asked_for(store: Store) -> None:
+def test_demonstrations_by_id_come_in_the_order_asked_for(store):
     ids = [upload(store, episode_draft(seed)).id for seed in range(3)]
     stranger = upload(store, episode_draft(task="other")).id
     with store.read() as connection:
@@ -177,8 +163,8 @@ def test_demonstrations_by_id_come_in_the_order_asked_for(store: Store) -> None:
                 episodes.demonstrations_by_id(connection, TASK, [ids[0], unknown])
 
 
-def plan_of(store: Store, ask: Callable[[Connection], object]) -> str:
-    statements: list[tuple[str, Any]] = []
+def plan_of(store, ask):
+    statements = []
     with store.read() as connection:
         event.listen(connection, "before_cursor_execute", lambda *args: statements.append((args[2], args[3])))
         ask(connection)
@@ -187,7 +173,6 @@ def plan_of(store: Store, ask: Callable[[Connection], object]) -> str:
 
 
 OF_TASK = "SEARCH episodes USING INDEX ix_episodes_task_sequence (task=?)"
-OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_sequence (task=? AND instruction=?)"
 
 
 @pytest.mark.parametrize(
@@ -195,8 +180,6 @@ OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_seque
     [
         (lambda connection: episodes.demonstrations(connection, TASK, 10), OF_TASK),
         (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent"), OF_TASK),
-        (lambda connection: episodes.demonstrations(connection, TASK, 10, "first", "open it"), OF_INSTRUCTION),
-        (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent", "open it"), OF_INSTRUCTION),
         (lambda connection: episodes.list_page(connection, TASK, 10, 5), OF_TASK.replace("?", "? AND sequence<?")),
         (
             lambda connection: episodes.demonstrations_by_id(connection, TASK, episodes.list_ids(connection, TASK)),
@@ -204,12 +187,12 @@ OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_seque
         ),
     ],
 )
-def test_one_index_finds_and_sorts(sqlite_store: Store, ask: Callable[[Connection], object], plan: str) -> None:
+def test_one_index_finds_and_sorts(sqlite_store, ask, plan):
     upload(sqlite_store, episode_draft())
     assert plan_of(sqlite_store, ask) == plan
 
 
-def test_new_extractions_replace_the_old(store: Store) -> None:
+def test_new_extractions_replace_the_old(store):
     kept, *replaced = [upload(store, episode_draft(seed)) for seed in range(3)]
     new = episode_draft(77)
     with store.write() as connection:
@@ -225,20 +208,10 @@ def test_new_extractions_replace_the_old(store: Store) -> None:
             assert (stored.given_objects, stored.extra) == (episode.given_objects, episode.extra)
 
 
-def test_extractions_of_a_task_that_changed_meanwhile_are_refused(store: Store) -> None:
+def test_extractions_of_a_task_that_changed_meanwhile_are_refused(store):
     episode = upload(store, episode_draft())
-    with store.read() as connection:
-        version = tasks.get(connection, TASK).version
+    version = read(store, tasks.get, TASK).version
     upload(store, episode_draft(1))
     with pytest.raises(ConflictError, match="at version 3, no longer 2"), store.write() as connection:
         episodes.replace_extractions(connection, TASK, version, [Extraction(episode.id, (), ())])
-    with store.read() as connection:
-        assert episodes.get(connection, episode.id) == episode
-
-
-def test_digests_that_episodes_refer_to(store: Store) -> None:
-    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64, depth_digest="b" * 64), camera_record())))
-    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64, mask_digest="c" * 64),)))
-    upload(store, episode_draft())
-    with store.read() as connection:
-        assert blob_digests(connection) == {"a" * 64, "b" * 64, "c" * 64}
+    assert read(store, episodes.get, episode.id) == episode

@@ -5,23 +5,21 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import audit, cases, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
+from app.store import audit, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.records import Extraction, StoredResponse
-from app.store.store import Store
 
-from .drafts import TASK, camera_record, episode_draft, object_record, predict, prediction_draft, upload
+from .drafts import TASK, camera_record, episode_draft, object_record, predict, prediction_draft, read, upload, write
 
 OTHER = "close_jar"
 LEASE = timedelta(minutes=1)
 
 
-def remember(store: Store, scope: str, key: str, response: dict) -> None:
-    with store.write() as connection:
-        idempotency.save(connection, scope, key, "d", StoredResponse(200, response))
+def remember(store, scope, key, response):
+    write(store, idempotency.save, scope, key, "d", StoredResponse(200, response))
 
 
-def fill(store: Store, task: str) -> None:
+def fill(store, task):
     """An episode, a label, a prediction with an outcome, a job with something staged, the answers to both requests."""
     episode, asked = upload(store, episode_draft(task=task)), predict(store, prediction_draft(task))
     remember(store, idempotency.UPLOAD, f"up {task}", {"id": episode.id, "task": task})
@@ -36,11 +34,11 @@ def fill(store: Store, task: str) -> None:
         jobs.stage(connection, job, [extraction], LEASE)
 
 
-def extraction_of(episode_id: str):
+def extraction_of(episode_id):
     return Extraction(episode_id, (), (object_record("drawer"),))
 
 
-def counts(store: Store) -> dict[str, int]:
+def counts(store):
     listed = (
         *(tables.tasks, tables.episodes, tables.labels, tables.predictions, tables.jobs),
         *(tables.staged_extractions, tables.idempotency_keys),
@@ -49,16 +47,14 @@ def counts(store: Store) -> dict[str, int]:
         return {table.name: connection.scalar(select(func.count()).select_from(table)) for table in listed}
 
 
-def test_a_task_goes_with_all_that_it_holds(store: Store) -> None:
+def test_a_task_goes_with_all_that_it_holds(store):
     fill(store, OTHER)
     alone = counts(store)
     fill(store, TASK)
     assert counts(store) == {name: 2 * number for name, number in alone.items()}
-    with store.write() as connection:
-        erasure.erase_task(connection, TASK)
+    write(store, erasure.erase_task, TASK)
     assert counts(store) == alone
-    with store.read() as connection:
-        noted = audit.newest(connection)
+    noted = read(store, audit.newest)
     held = '{"episodes":1,"labels":1,"predictions":1}'
     assert (noted.action, noted.subject, noted.details) == ("task.deleted", TASK, held)
     with store.read() as connection:
@@ -67,12 +63,10 @@ def test_a_task_goes_with_all_that_it_holds(store: Store) -> None:
         assert idempotency.answered(connection, idempotency.PREDICT, f"ask {OTHER}") is not None
 
 
-def test_what_was_under_way_for_a_deleted_task_is_refused(store: Store) -> None:
+def test_what_was_under_way_for_a_deleted_task_is_refused(store):
     fill(store, TASK)
-    with store.read() as connection:
-        job = jobs.list_page(connection).items[0]
-    with store.write() as connection:
-        erasure.erase_task(connection, TASK)
+    job = read(store, jobs.list_page).items[0]
+    write(store, erasure.erase_task, TASK)
     with pytest.raises(NotFoundError, match=TASK), store.write() as connection:
         predictions.add(connection, prediction_draft())
     with pytest.raises(jobs.LostClaimError), store.write() as connection:
@@ -82,12 +76,11 @@ def test_what_was_under_way_for_a_deleted_task_is_refused(store: Store) -> None:
     assert set(counts(store).values()) == {0}
 
 
-def test_a_prediction_goes_with_the_answer_that_was_kept(store: Store) -> None:
+def test_a_prediction_goes_with_the_answer_that_was_kept(store):
     gone, kept = predict(store, prediction_draft()), predict(store, prediction_draft())
     for record in (gone, kept):
         remember(store, idempotency.PREDICT, record.id, {"id": record.id})
-    with store.write() as connection:
-        erasure.erase_prediction(connection, gone.id)
+    write(store, erasure.erase_prediction, gone.id)
     with store.read() as connection:
         assert audit.newest(connection).subject == gone.id
         assert predictions.get(connection, kept.id) == kept
@@ -99,21 +92,20 @@ def test_a_prediction_goes_with_the_answer_that_was_kept(store: Store) -> None:
         erasure.erase_prediction(connection, gone.id)
 
 
-def test_images_that_others_have_stay(store: Store) -> None:
+def test_images_that_others_have_stay(store):
     own, shared = store.blobs.put(b"own"), store.blobs.put(b"shared")
     upload(store, episode_draft(task=OTHER, cameras=(camera_record(rgb_digest=shared),)))
     for digest in (own, shared):
         predict(store, prediction_draft(cameras=(camera_record(rgb_digest=digest),)))
     assert store.blobs.sizes() == {own: 3, shared: 6}
     assert store.sweep(timedelta(0)) == 0
-    with store.write() as connection:
-        erasure.erase_task(connection, TASK)
+    write(store, erasure.erase_task, TASK)
     assert store.sweep(timedelta(hours=1)) == 0  # one of them may be part of an upload under way
     assert store.sweep(timedelta(0)) == 1
     assert store.blobs.sizes() == {shared: 6}
 
 
-def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store: Store) -> None:
+def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store):
     shared, large = store.blobs.put(b"s" * 50_000), store.blobs.put(b"l" * 50_000)
     upload(store, episode_draft(cameras=(camera_record(rgb_digest=shared),)))
     first = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=large),)))
@@ -132,12 +124,12 @@ def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store: Store) -> No
         assert erasure.predictions_beyond(connection, 30_000, sizes) == (first.id,)  # an episode has the others
         assert erasure.predictions_beyond(connection, 100_000, sizes) == ()
     with store.write() as connection:
-        cases.keep(connection, first.id)
+        predictions.keep_as_case(connection, first.id)
         assert erasure.predictions_before(connection, now + timedelta(1), 2) == (second.id, third.id)
         assert erasure.predictions_beyond(connection, 5_000, sizes) == (second.id, third.id)
 
 
-def test_lists_leave_out_what_else_was_uploaded(store: Store) -> None:
+def test_lists_leave_out_what_else_was_uploaded(store):
     added = upload(store, episode_draft())
     with store.read() as connection:
         assert episodes.get(connection, added.id).extra == added.extra

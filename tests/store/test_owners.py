@@ -8,18 +8,16 @@ from app.store import idempotency, predictions
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import ForbiddenTaskError, NotFoundError
 from app.store.records import StoredResponse
-from app.store.store import Store
 from app.store.visibility import Visibility, seeing
 
-from .drafts import TASK, predict, prediction_draft
+from .drafts import TASK, predict, prediction_draft, write
 
 ROBOT, RIVAL = (Visibility(key, others=False, demonstrations=False, judges_others=False) for key in ("robot", "rival"))
 
 
-def test_what_was_sent_without_a_key_has_no_owner(store: Store) -> None:
+def test_what_was_sent_without_a_key_has_no_owner(store):
     asked = predict(store, prediction_draft())
-    with store.write() as connection:
-        idempotency.save(connection, idempotency.UPLOAD, "k", "d", StoredResponse(201, {"id": "e"}))
+    write(store, idempotency.save, idempotency.UPLOAD, "k", "d", StoredResponse(201, {"id": "e"}))
     with seeing(ROBOT), store.read() as connection:
         with pytest.raises(NotFoundError):
             predictions.get(connection, asked.id)
@@ -27,7 +25,7 @@ def test_what_was_sent_without_a_key_has_no_owner(store: Store) -> None:
         assert idempotency.find(connection, idempotency.UPLOAD, "k", "other content") is None
 
 
-def test_answers_belong_to_who_got_them(store: Store) -> None:
+def test_answers_belong_to_who_got_them(store):
     for visibility, id_ in ((ROBOT, "1"), (RIVAL, "2"), (Visibility(), "3")):
         with seeing(visibility), store.write() as connection:
             assert idempotency.find(connection, idempotency.PREDICT, "k", "d") is None
@@ -39,7 +37,7 @@ def test_answers_belong_to_who_got_them(store: Store) -> None:
         assert idempotency.find(connection, idempotency.PREDICT, "k", "d") == StoredResponse(200, {"id": "1"})
 
 
-def test_predictions_belong_to_who_asked(store: Store) -> None:
+def test_predictions_belong_to_who_asked(store):
     with seeing(ROBOT):
         asked = predict(store, prediction_draft())
     assert asked.key_id == "robot"
@@ -63,9 +61,7 @@ def test_predictions_belong_to_who_asked(store: Store) -> None:
         (("admin",), True, True, True),
     ],
 )
-def test_what_scopes_let_see(
-    store: Store, scopes: tuple[str, ...], others: bool, demonstrations: bool, judges_others: bool
-) -> None:
+def test_what_scopes_let_see(store, scopes, others, demonstrations, judges_others):
     with store.read() as connection:
         (now,) = connection.execute(text("SELECT CURRENT_TIMESTAMP")).one()
     caller = caller_from(ApiKeyRecord("k", "name", "d", scopes, now, tasks=("pick",)))

@@ -1,8 +1,6 @@
 """What is special to PostgreSQL: durable commits, locks that end, NUL, errors."""
 
 import threading
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from sqlalchemy import exc, text
@@ -11,26 +9,25 @@ from app.store import episodes, predictions, tasks
 from app.store.database import Database, lock
 from app.store.errors import ConflictError, NotFoundError, StoreUnavailableError
 from app.store.store import Store
-from tests.postgres import PostgresServer
 
-from .drafts import SETTINGS, TASK, episode_draft, predict, prediction_draft, upload
+from .drafts import SETTINGS, TASK, episode_draft, predict, prediction_draft, read, upload, write
 
 
 @pytest.fixture
-def store(tmp_path: Path, postgres: PostgresServer) -> Iterator[Store]:
+def store(tmp_path, postgres):
     opened = Store.open(tmp_path, postgres.migrated())
     yield opened
     opened.close()
 
 
 @pytest.fixture
-def impatient(postgres: PostgresServer) -> Iterator[Database]:
+def impatient(postgres):
     opened = Database(postgres.migrated(), busy_timeout_s=0.1, server_connections=3)
     yield opened
     opened.close()
 
 
-def test_commits_are_durable_and_readers_see_one_state(store: Store) -> None:
+def test_commits_are_durable_and_readers_see_one_state(store):
     with store.write() as connection:
         assert connection.scalar(text("SHOW synchronous_commit")) == "on"
         assert connection.scalar(text("SHOW transaction_isolation")) == "read committed"
@@ -41,7 +38,7 @@ def test_commits_are_durable_and_readers_see_one_state(store: Store) -> None:
         assert tasks.list_all(reader) == ()
 
 
-def test_nul_in_a_text_is_replaced_and_never_found(store: Store) -> None:
+def test_nul_in_a_text_is_replaced_and_never_found(store):
     added = predict(store, prediction_draft(reply_text="a\0b", request={"note": "a\0b"}))
     with store.read() as connection:
         stored = predictions.get(connection, added.id)
@@ -50,47 +47,42 @@ def test_nul_in_a_text_is_replaced_and_never_found(store: Store) -> None:
     assert (stored.reply_text, stored.request) == ("a\N{REPLACEMENT CHARACTER}b", {"note": "a\0b"})
 
 
-def test_writer_that_waits_too_long_for_a_lock(impatient: Database) -> None:
-    with impatient.write() as connection:
-        tasks.get_or_create(connection, TASK, SETTINGS)
+def test_writer_that_waits_too_long_for_a_lock(impatient):
+    write(impatient, tasks.get_or_create, TASK, SETTINGS)
     with impatient.write() as first:
         tasks.lock(first, TASK)
         with pytest.raises(StoreUnavailableError, match="lock timeout"), impatient.write() as second:
             tasks.lock(second, TASK)
-    with impatient.write() as connection:
-        assert tasks.lock(connection, TASK).name == TASK
+    assert write(impatient, tasks.lock, TASK).name == TASK
 
 
-def test_named_locks_end_with_their_transaction(impatient: Database) -> None:
+def test_named_locks_end_with_their_transaction(impatient):
     with impatient.write() as first, impatient.write() as second:
         lock(first, "POST /episodes a")
         lock(second, "POST /episodes b")
         with pytest.raises(exc.OperationalError, match="lock timeout"):
             lock(second, "POST /episodes a")
-    with impatient.write() as connection:
-        lock(connection, "POST /episodes a")
+    write(impatient, lock, "POST /episodes a")
 
 
-def test_a_prediction_does_not_wait_for_an_upload_under_way(store: Store) -> None:
+def test_a_prediction_does_not_wait_for_an_upload_under_way(store):
     upload(store, episode_draft())
     with store.write() as uploading:
         tasks.get_or_create(uploading, TASK, SETTINGS)
         assert predict_without_creating(store) > 0
 
 
-def predict_without_creating(store: Store) -> int:
-    with store.write() as connection:
-        return predictions.add(connection, prediction_draft()).sequence
+def predict_without_creating(store):
+    return write(store, predictions.add, prediction_draft()).sequence
 
 
-def test_deleting_the_last_episode_while_another_is_uploaded(store: Store) -> None:
+def test_deleting_the_last_episode_while_another_is_uploaded(store):
     """The task must not forget its objects' names when an episode is about to come in."""
     only = upload(store, episode_draft())
     removed = threading.Event()
 
-    def remove() -> None:
-        with store.write() as connection:
-            episodes.remove(connection, only.id)
+    def remove():
+        write(store, episodes.remove, only.id)
         removed.set()
 
     with store.write() as connection:
@@ -100,11 +92,10 @@ def test_deleting_the_last_episode_while_another_is_uploaded(store: Store) -> No
         thread.start()
         assert not removed.wait(0.2)
     thread.join()
-    with store.read() as connection:
-        assert tasks.get(connection, TASK).object_names == ("drawer", "cube")
+    assert read(store, tasks.get, TASK).object_names == ("drawer", "cube")
 
 
-def test_a_version_that_was_required_holds_until_the_commit(store: Store) -> None:
+def test_a_version_that_was_required_holds_until_the_commit(store):
     upload(store, episode_draft())
     with store.write() as connection:
         tasks.require_version(connection, TASK, 2)
@@ -118,13 +109,13 @@ def test_a_version_that_was_required_holds_until_the_commit(store: Store) -> Non
         tasks.require_version(connection, TASK, 2)
 
 
-def test_all_connections_taken(impatient: Database) -> None:
+def test_all_connections_taken(impatient):
     busy = pytest.raises(StoreUnavailableError, match="all 3 connections are in use")
     with impatient.read(), impatient.read(), impatient.read(), busy, impatient.read():
         pass
 
 
-def test_standby_is_unavailable_for_writing(postgres: PostgresServer) -> None:
+def test_standby_is_unavailable_for_writing(postgres):
     database = Database(postgres.migrated())
     with database.write() as connection:
         connection.execute(text("SET SESSION default_transaction_read_only = on"))
@@ -133,7 +124,7 @@ def test_standby_is_unavailable_for_writing(postgres: PostgresServer) -> None:
     database.close()
 
 
-def test_connections_that_the_server_closed_are_replaced(store: Store, postgres: PostgresServer) -> None:
+def test_connections_that_the_server_closed_are_replaced(store, postgres):
     store.ping()
     with store.write() as connection:
         connection.execute(
@@ -145,12 +136,12 @@ def test_connections_that_the_server_closed_are_replaced(store: Store, postgres:
     store.ping()
 
 
-def test_server_that_is_not_there(tmp_path: Path) -> None:
+def test_server_that_is_not_there(tmp_path):
     with pytest.raises(StoreUnavailableError, match="connection failed"):
         Store.open(tmp_path, "postgresql://postgres@127.0.0.1:1/none")
 
 
 @pytest.mark.parametrize("url", ["mariadb://localhost/a", "oracle://localhost/a"])
-def test_other_databases_are_refused(tmp_path: Path, url: str) -> None:
+def test_other_databases_are_refused(tmp_path, url):
     with pytest.raises(StoreUnavailableError, match="database URL"):
         Store.open(tmp_path, url)

@@ -1,26 +1,23 @@
 import pytest
 
-from app.store import configurations, prediction_lists, predictions
-from app.store.configurations import Configuration, Counts
-from app.store.prediction_lists import FATES, PredictionFilter
-from app.store.store import Store
+from app.store import prediction_lists, predictions
+from app.store.prediction_lists import FATES, Configuration, Counts, PredictionFilter
 
-from .drafts import TASK, predict, prediction_draft
+from .drafts import TASK, predict, prediction_draft, read, write
 
 REFUSED = {"status": "parse_error", "actions": None, "error": "the reply has 0 lists of actions"}
 
 
 @pytest.fixture
-def mixed(store: Store) -> dict[str, list[str]]:
+def mixed(store):
     """Three predictions of every fate, mixed in time; by fate, newest first."""
-    ids: dict[str, list[str]] = {fate: [] for fate in FATES}
+    ids = {fate: [] for fate in FATES}
     for _ in range(3):
         for fate in ("success", "unknown", "refused", "failure"):
             added = predict(store, prediction_draft(**(REFUSED if fate == "refused" else {})))
             ids[fate].insert(0, added.id)
             if fate in ("success", "failure"):
-                with store.write() as connection:
-                    predictions.record_outcome(connection, added.id, fate == "success", "a note")
+                write(store, predictions.record_outcome, added.id, fate == "success", "a note")
     return ids
 
 
@@ -51,13 +48,11 @@ def test_filters_narrow(store, mixed):
     for chosen in ({"task": "other"}, {"model": "regression"}, {"num_demonstrations": 1}):
         assert pages(store, PredictionFilter(**chosen), "newest", 50) == [[other.id]]
     assert pages(store, PredictionFilter(representation="absolute"), "newest", 50) == [[]]
-    with store.read() as connection:
-        assert prediction_lists.models(connection) == ("embedded/gemma-3-270m", "regression")
+    assert read(store, prediction_lists.models) == ("embedded/gemma-3-270m", "regression")
 
 
 def test_a_summary_tells_how_it_ended(store, mixed):
-    with store.read() as connection:
-        items = prediction_lists.list_page(connection, PredictionFilter(), "failures", 50).items
+    items = read(store, prediction_lists.list_page, PredictionFilter(), "failures", 50).items
     assert [item.fate for item in items] == [fate for fate in FATES for _ in range(3)]
     assert {item.num_demonstrations for item in items} == {2}
     assert items[3].error == REFUSED["error"]
@@ -67,9 +62,9 @@ def test_configurations_are_counted(store, mixed):
     predict(store, prediction_draft(model="regression", request={"episode_ids": ["e"]}, samples=({}, {})))
     predict(store, prediction_draft(model="regression", request={"selection": "recent"}))
     with store.read() as connection:
-        counted = configurations.counts(connection, TASK)
-        assert configurations.counts(connection, "nothing") == {}
-        latest = configurations.latest(connection, TASK)
+        counted = prediction_lists.counts_by_configuration(connection, TASK)
+        assert prediction_lists.counts_by_configuration(connection, "nothing") == {}
+        latest = prediction_lists.latest_by_configuration(connection, TASK)
         records = predictions.list_page(connection).items
     assert [(way.model, way.selection, way.num_samples) for way in latest] == [
         ("embedded/gemma-3-270m", "first", 1),

@@ -4,49 +4,29 @@ import pytest
 
 from app.store import predictions
 from app.store.errors import NotFoundError
-from app.store.store import Store
 
-from .drafts import TASK, camera_record, object_record, predict, prediction_draft
+from .drafts import TASK, camera_record, object_record, predict, prediction_draft, read, write
+
+SEEN = {
+    "objects": (replace(object_record("drawer"), confidence=0.75, reason="partly hidden"), object_record("cube", 1)),
+    "cameras": (camera_record(rgb_digest="ab"),),
+}
+FAILED = {"status": "model_error", "reply_text": None, "actions": None, "error": "no answer within 60 s"}
 
 
-def test_everything_comes_back(store: Store) -> None:
-    draft = prediction_draft()
+@pytest.mark.parametrize("changes", [{}, SEEN, FAILED, {"actions": ()}], ids=["plain", "seen", "failed", "no rows"])
+def test_everything_comes_back(store, changes):
+    draft = prediction_draft(**changes)
     added = predict(store, draft)
-    with store.read() as connection:
-        stored = predictions.get(connection, added.id)
+    stored = read(store, predictions.get, added.id)
     assert stored == added
     assert {name: getattr(stored, name) for name in vars(draft)} == vars(draft)
     assert (stored.outcome_success, stored.outcome_note, stored.outcome_at) == (None, None, None)
 
 
-def test_the_scene_that_was_seen_comes_back(store: Store) -> None:
-    drawer = replace(object_record("drawer"), confidence=0.75, reason="partly hidden")
-    draft = prediction_draft(objects=(drawer, object_record("cube", 1)), cameras=(camera_record(rgb_digest="ab"),))
-    added = predict(store, draft)
-    with store.read() as connection:
-        stored = predictions.get(connection, added.id)
-    assert (stored.objects, stored.cameras) == (draft.objects, draft.cameras)
-
-
-def test_failure_has_neither_reply_nor_actions(store: Store) -> None:
-    draft = prediction_draft(status="model_error", reply_text=None, actions=None, error="no answer within 60 s")
-    added = predict(store, draft)
-    with store.read() as connection:
-        stored = predictions.get(connection, added.id)
-    assert (stored.status, stored.reply_text, stored.actions) == ("model_error", None, None)
-    assert stored.error == "no answer within 60 s"
-
-
-def test_reply_that_parsed_to_no_actions_differs_from_none(store: Store) -> None:
-    added = predict(store, prediction_draft(actions=()))
-    with store.read() as connection:
-        assert predictions.get(connection, added.id).actions == ()
-
-
-def test_outcome_can_be_corrected(store: Store) -> None:
+def test_outcome_can_be_corrected(store):
     added = predict(store, prediction_draft())
-    with store.write() as connection:
-        first = predictions.record_outcome(connection, added.id, True, "opened")
+    first = write(store, predictions.record_outcome, added.id, True, "opened")
     with store.write() as connection:
         second = predictions.record_outcome(connection, added.id, False, None)
         assert predictions.get(connection, added.id) == second
@@ -56,7 +36,7 @@ def test_outcome_can_be_corrected(store: Store) -> None:
     assert first.prompt_user == added.prompt_user
 
 
-def test_unknown_prediction(store: Store) -> None:
+def test_unknown_prediction(store):
     with store.write() as connection:
         with pytest.raises(NotFoundError, match="there is no prediction 'nope'"):
             predictions.get(connection, "nope")
@@ -64,14 +44,14 @@ def test_unknown_prediction(store: Store) -> None:
             predictions.record_outcome(connection, "nope", True, None)
 
 
-def test_pages_by_task_and_outcome(store: Store) -> None:
+def test_pages_by_task_and_outcome(store):
     ids = [predict(store, prediction_draft(task=(TASK, "other")[number % 2])).id for number in range(6)]
     with store.write() as connection:
         predictions.record_outcome(connection, ids[0], True, None)
         predictions.record_outcome(connection, ids[1], True, None)
         predictions.record_outcome(connection, ids[2], False, None)
 
-        def listed(*arguments: object, **options: object) -> list[str]:
+        def listed(*arguments, **options):
             return [record.id for record in predictions.list_page(connection, *arguments, **options).items]
 
         assert listed() == ids[::-1]

@@ -9,10 +9,9 @@ import pytest
 
 from app.store import episodes
 from app.store.errors import StoreUnavailableError
-from app.store.references import blob_digests
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 
-from .drafts import camera_record, episode_draft, predict, prediction_draft, upload
+from .drafts import camera_record, episode_draft, read, upload, write
 
 AT_ONCE = timedelta(0)
 # Uploads without end; says after each commit which episode is safe. Every third time it stops before the commit.
@@ -36,11 +35,11 @@ for number in range(10_000):
 """
 
 
-def test_ping(store: Store) -> None:
+def test_ping(store):
     store.ping()
 
 
-def test_ping_notices_that_the_file_is_gone(sqlite_store: Store, tmp_path: Path) -> None:
+def test_ping_notices_that_the_file_is_gone(sqlite_store, tmp_path):
     sqlite_store.close()
     for path in (tmp_path / "data").glob("roboprompt.db*"):
         path.unlink()
@@ -48,40 +47,32 @@ def test_ping_notices_that_the_file_is_gone(sqlite_store: Store, tmp_path: Path)
         sqlite_store.ping()
 
 
-def test_sweep_keeps_the_images_of_episodes(store: Store) -> None:
-    rgb, depth, orphan = (store.blobs.put(data) for data in (b"rgb", b"depth", b"orphan"))
-    episode = upload(store, episode_draft(cameras=(camera_record(rgb_digest=rgb, depth_digest=depth),)))
+def test_sweep_keeps_the_images_of_episodes(store):
+    kinds = ("rgb", "depth", "mask")
+    digests = {f"{kind}_digest": store.blobs.put(kind.encode()) for kind in kinds}
+    orphan = store.blobs.put(b"orphan")
+    episode = upload(store, episode_draft(cameras=(camera_record(**digests), camera_record())))
+    upload(store, episode_draft())
     assert store.sweep() == 0
     assert store.sweep(AT_ONCE) == 1
-    assert (store.blobs.read(rgb), store.blobs.read(depth)) == (b"rgb", b"depth")
-    with store.write() as connection:
-        episodes.remove(connection, episode.id)
-    assert store.sweep(AT_ONCE) == 2
+    assert [store.blobs.read(digest) for digest in digests.values()] == [b"rgb", b"depth", b"mask"]
+    write(store, episodes.remove, episode.id)
+    assert store.sweep(AT_ONCE) == 3
     assert store.blobs.put(b"orphan") == orphan
 
 
-def test_sweep_keeps_the_images_of_predictions(store: Store) -> None:
-    rgb, orphan = store.blobs.put(b"rgb"), store.blobs.put(b"orphan")
-    predict(store, prediction_draft())
-    predict(store, prediction_draft(cameras=(camera_record(rgb_digest=rgb),)))
-    assert store.sweep(AT_ONCE) == 1
-    assert store.blobs.read(rgb) == b"rgb"
-    assert store.blobs.put(b"orphan") == orphan
-
-
-def test_other_database(tmp_path: Path) -> None:
+def test_other_database(tmp_path):
     store = Store.open(tmp_path / "data", f"sqlite:///{tmp_path / 'elsewhere.db'}")
     episode = upload(store, episode_draft())
     store.close()
     assert (tmp_path / "elsewhere.db").exists()
     assert not (tmp_path / "data" / "roboprompt.db").exists()
     again = Store.open(tmp_path / "data", f"sqlite:///{tmp_path / 'elsewhere.db'}")
-    with again.read() as connection:
-        assert episodes.get(connection, episode.id) == episode
+    assert read(again, episodes.get, episode.id) == episode
     again.close()
 
 
-def test_killed_before_the_commit_leaves_only_orphans(tmp_path: Path) -> None:
+def test_killed_before_the_commit_leaves_only_orphans(tmp_path):
     root = Path(__file__).parents[2]
     command = [sys.executable, "-c", UPLOADER, str(tmp_path)]
     with subprocess.Popen(command, cwd=root, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:

@@ -6,28 +6,23 @@ import pytest
 from app.store import episodes, predictions, tasks
 from app.store.errors import NotFoundError
 from app.store.records import TaskCounts
-from app.store.store import Store
 
-from .drafts import SETTINGS, TASK, episode_draft, predict, prediction_draft, upload
+from .drafts import SETTINGS, TASK, episode_draft, predict, prediction_draft, read, upload, write
 
 
-def test_new_task(store: Store) -> None:
-    with store.write() as connection:
-        created = tasks.get_or_create(connection, TASK, SETTINGS)
+def test_new_task(store):
+    created = write(store, tasks.get_or_create, TASK, SETTINGS)
     assert (created.version, created.settings, created.object_names) == (1, SETTINGS, None)
     assert created.created_at.utcoffset().total_seconds() == 0
-    with store.read() as connection:
-        assert tasks.get(connection, TASK) == created
+    assert read(store, tasks.get, TASK) == created
 
 
-def test_existing_task_keeps_its_settings(store: Store) -> None:
-    with store.write() as connection:
-        created = tasks.get_or_create(connection, TASK, SETTINGS)
-    with store.write() as connection:
-        assert tasks.get_or_create(connection, TASK, {"other": 1}) == created
+def test_existing_task_keeps_its_settings(store):
+    created = write(store, tasks.get_or_create, TASK, SETTINGS)
+    assert write(store, tasks.get_or_create, TASK, {"other": 1}) == created
 
 
-def test_unknown_task(store: Store) -> None:
+def test_unknown_task(store):
     with store.write() as connection:
         for query in (tasks.get, lambda connection, name: tasks.update_settings(connection, name, {})):
             with pytest.raises(NotFoundError, match="there is no task 'nope'") as caught:
@@ -35,7 +30,7 @@ def test_unknown_task(store: Store) -> None:
             assert (caught.value.kind, caught.value.id) == ("task", "nope")
 
 
-def test_version_grows_only_when_settings_differ(store: Store) -> None:
+def test_version_grows_only_when_settings_differ(store):
     with store.write() as connection:
         created = tasks.get_or_create(connection, TASK, SETTINGS)
         assert tasks.update_settings(connection, TASK, dict(SETTINGS)) == created
@@ -45,14 +40,14 @@ def test_version_grows_only_when_settings_differ(store: Store) -> None:
     assert changed.created_at == created.created_at
 
 
-def test_list_is_sorted_by_name(store: Store) -> None:
+def test_list_is_sorted_by_name(store):
     with store.write() as connection:
         for name in ("b", "a", "c"):
             tasks.get_or_create(connection, name, {})
         assert [task.name for task in tasks.list_all(connection)] == ["a", "b", "c"]
 
 
-def test_counts(store: Store) -> None:
+def test_counts(store):
     upload(store, episode_draft())
     upload(store, episode_draft(1))
     first, second, *_ = [predict(store, prediction_draft()) for _ in range(4)]
@@ -66,10 +61,10 @@ def test_counts(store: Store) -> None:
         }
 
 
-def test_two_first_uploads_of_one_task_at_the_same_time(store: Store) -> None:
+def test_two_first_uploads_of_one_task_at_the_same_time(store):
     start = threading.Barrier(2)
 
-    def upload_checked(names: tuple[str, ...]) -> str:
+    def upload_checked(names):
         draft = episode_draft(names=names)
         start.wait()
         with store.write() as connection:
@@ -89,9 +84,8 @@ def test_two_first_uploads_of_one_task_at_the_same_time(store: Store) -> None:
         assert episode.objects[0].name == winner[0]
 
 
-def test_no_version_is_lost_under_concurrent_uploads(store: Store) -> None:
+def test_no_version_is_lost_under_concurrent_uploads(store):
     with ThreadPoolExecutor(8) as pool:
         stored = list(pool.map(lambda seed: upload(store, episode_draft(seed)), range(24)))
     assert len({episode.sequence for episode in stored}) == 24
-    with store.read() as connection:
-        assert tasks.get(connection, TASK).version == 25
+    assert read(store, tasks.get, TASK).version == 25

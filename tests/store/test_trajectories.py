@@ -1,22 +1,14 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from app.store import trajectories
 from app.store.errors import CorruptDataError
-from roboprompt_client.arrays import MAX_M
-from roboprompt_client.trajectory import MAX_RAD_S, Trajectory
+from roboprompt_client.trajectory import Trajectory
 
 from .drafts import trajectory
 
 
-def finite(greatest: float) -> st.SearchStrategy[float]:
-    return st.floats(-greatest, greatest)
-
-
-def assert_same_bits(one: Trajectory, other: Trajectory) -> None:
+def assert_same_bits(one, other):
     assert vars(one).keys() == vars(other).keys()
     for name, array in vars(one).items():
         restored = getattr(other, name)
@@ -29,23 +21,13 @@ def assert_same_bits(one: Trajectory, other: Trajectory) -> None:
 
 @pytest.mark.parametrize("optional_arrays", [True, False])
 @pytest.mark.parametrize("num_frames", [1, 2, 500])
-def test_every_bit_comes_back(num_frames: int, optional_arrays: bool) -> None:
+def test_every_bit_comes_back(num_frames, optional_arrays):
     recorded = trajectory(num_frames, seed=num_frames, optional_arrays=optional_arrays)
     assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
 
 
-@settings(max_examples=50, derandomize=True, deadline=None)
-@given(
-    velocities=arrays(np.float64, (3, 7), elements=finite(MAX_RAD_S)),
-    positions=arrays(np.float64, (3, 3), elements=finite(MAX_M)),
-)
-def test_any_finite_number_comes_back(velocities, positions) -> None:
-    recorded = Trajectory(velocities, positions, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)), np.array([True, False, True]))
-    assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
-
-
 @pytest.mark.parametrize("num_joints", [0, 1, 5, 6, 16])
-def test_an_arm_of_other_than_seven_joints(num_joints: int) -> None:
+def test_an_arm_of_other_than_seven_joints(num_joints):
     usual = vars(trajectory())
     joints = np.random.default_rng(num_joints).normal(size=(len(usual["positions_m"]), num_joints))
     widths = np.linspace(0, 0.08, len(joints))
@@ -61,14 +43,14 @@ def test_an_arm_of_other_than_seven_joints(num_joints: int) -> None:
     assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
 
 
-def test_one_optional_array_without_the_other() -> None:
+def test_one_optional_array_without_the_other():
     full = trajectory()
     for missing in ("timestamps_s", "joint_positions_rad", "object_quaternions_xyzw"):
         recorded = Trajectory(**{**vars(full), missing: None})
         assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
 
 
-def test_blob_of_a_smooth_motion_is_smaller_than_its_numbers() -> None:
+def test_blob_of_a_smooth_motion_is_smaller_than_its_numbers():
     time_s = np.arange(200) / 20
     waves = np.sin(time_s[:, None] * np.arange(1, 8) / 3)
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (200, 1))
@@ -76,7 +58,7 @@ def test_blob_of_a_smooth_motion_is_smaller_than_its_numbers() -> None:
     assert len(trajectories.pack(recorded)) < 0.7 * 200 * (7 + 3 + 4 + 1 + 7) * 8
 
 
-def test_any_changed_byte_is_noticed() -> None:
+def test_any_changed_byte_is_noticed():
     blob = trajectories.pack(trajectory())
     for position in [*range(40), *range(40, len(blob), 97), len(blob) - 1]:
         damaged = bytearray(blob)
@@ -86,6 +68,6 @@ def test_any_changed_byte_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("length", [0, 5, 9, 100])
-def test_cut_blob_is_noticed(length: int) -> None:
+def test_cut_blob_is_noticed(length):
     with pytest.raises(CorruptDataError, match="e1"):
         trajectories.unpack(trajectories.pack(trajectory())[:length], "e1")

@@ -5,7 +5,7 @@ import pytest
 from app.evaluation import run
 from app.evaluation.methods import Method
 from app.evaluation.plan import Plan
-from app.web.texts import by_origin, is_evaluated, task_text
+from app.web.page import by_origin, is_evaluated, task_text
 
 
 def test_the_names_that_evaluations_give_are_known(monkeypatch):

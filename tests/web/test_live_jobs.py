@@ -6,7 +6,7 @@ import pytest
 
 from app.store.records import JobRecord
 from app.web.page import render_part
-from app.web.routes.live import JobProgress
+from app.web.routes.live import job_left_s
 
 
 def job(status, num_extracted, error=None):
@@ -16,17 +16,17 @@ def job(status, num_extracted, error=None):
 
 
 def test_the_time_left_follows_the_pace_so_far():
-    assert JobProgress.of(job("running", 100)).left_s == pytest.approx(90, rel=0.01)
-    assert JobProgress.of(job("running", 400)).left_s == 0
+    assert job_left_s(job("running", 100)) == pytest.approx(90, rel=0.01)
+    assert job_left_s(job("running", 400)) == 0
 
 
 @pytest.mark.parametrize(("status", "num_extracted"), [("queued", 0), ("running", 0), ("done", 400), ("failed", 10)])
 def test_nobody_knows_it_before_the_first_batch_and_after_the_end(status, num_extracted):
-    assert JobProgress.of(job(status, num_extracted)).left_s is None
+    assert job_left_s(job(status, num_extracted)) is None
 
 
 def test_progress_and_errors_are_told():
-    shown = [JobProgress.of(job("running", 100)), JobProgress.of(job("failed", 10, "cube: is not in view"))]
+    shown = [(job("running", 100), 90.0), (job("failed", 10, "cube: is not in view"), None)]
     html = render_part("live_now.html", running=[], jobs=shown, root="")
     assert "100 of 400 episodes, about 90 s left" in html
     assert 'max="400" value="100"' in html

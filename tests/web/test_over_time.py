@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.web.over_time import HEIGHT, over_time
+from app.web.prediction_views import HEIGHT, over_time
 
 
 def heights(points):

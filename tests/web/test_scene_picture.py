@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from app.store.values import ObjectRecord
-from app.web.scene import object_colors
-from app.web.scene_picture import HEIGHT, WIDTH, scene_picture
+from app.web.scene import HEIGHT, WIDTH, object_colors, scene_picture
 
 
 def points(text):

@@ -1,8 +1,9 @@
 """The addresses of the service, by subject."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Header, Query, Request
+from pydantic import BaseModel
 
 from app.api.problems import CONTENT
 from app.services.container import Services
@@ -13,6 +14,14 @@ IdempotencyKey = Annotated[
     str | None,
     Header(max_length=200, description="a repeated request with the same key is answered as the first was"),
 ]
+
+_BINARY = {"type": "string", "format": "binary"}
+_OF_CAMERA = "of the camera that metadata names `front`, if there is one; `{kind}_NAME` of a camera NAME"
+_IMAGES = {
+    "rgb": f"PNG, JPEG or .npy: the colors {_OF_CAMERA.format(kind='rgb')}",
+    "depth": f"16-bit PNG, or .npy in metres: the depth {_OF_CAMERA.format(kind='depth')}",
+    "mask": f"16-bit PNG or .npy: ids of the objects' pixels {_OF_CAMERA.format(kind='mask')}",
+}
 
 
 async def get_services(request: Request) -> Services:
@@ -27,3 +36,34 @@ Wired = Annotated[Services, Depends(get_services)]
 def problems(**meanings: str) -> dict[int | str, dict[str, object]]:
     """Documentation of error responses: `problems(_404="no such task")`."""
     return {int(name[1:]): {"description": meaning, "content": CONTENT} for name, meaning in meanings.items()}
+
+
+def body_of(
+    json_model: type[BaseModel], metadata_model: type[BaseModel] | None = None, *files: str, packed: bool = False
+) -> dict[str, Any]:
+    """`openapi_extra` for a body that is one JSON document, or multipart with a part `metadata`.
+
+    Args:
+        metadata_model: None: the same.
+        files: names of further required parts.
+        packed: MessagePack is read, too.
+    """
+    # Forms offer only parts with a name: those of one camera stand for those of all.
+    images = {f"{kind}_front": {**_BINARY, "description": about} for kind, about in _IMAGES.items()}
+    multipart = {
+        "type": "object",
+        "required": ["metadata", *files],
+        "properties": {"metadata": _reference(metadata_model or json_model), **dict.fromkeys(files, _BINARY), **images},
+        "patternProperties": {f"^{kind}_.+$": _BINARY for kind in _IMAGES},
+    }
+    content: dict[str, dict[str, Any]] = {
+        "application/json": {"schema": _reference(json_model)},
+        "multipart/form-data": {"schema": multipart, "encoding": {"metadata": {"contentType": "application/json"}}},
+    }
+    if packed:
+        content["application/msgpack"] = {"schema": _reference(json_model)}
+    return {"requestBody": {"required": True, "content": content}}
+
+
+def _reference(model: type[BaseModel]) -> dict[str, str]:
+    return {"$ref": f"#/components/schemas/{model.__name__}"}

@@ -14,8 +14,7 @@ from fastapi.responses import JSONResponse
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
 from app.api.image_work import decode_frames, image_work, split_images
-from app.api.openapi import body_of
-from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
+from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, body_of, problems
 from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
 from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut, UploadOut
 from app.perception.images import as_image
@@ -40,7 +39,6 @@ router = APIRouter(tags=["episodes"])
 @router.post(
     "/episodes",
     status_code=201,
-    operation_id="upload_episode",
     response_model=UploadedEpisodeOut,
     openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
     responses=problems(
@@ -86,18 +84,8 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    return Upload(
-        metadata.task,
-        episode,
-        objects,
-        images,
-        digest,
-        idempotency_key,
-        metadata.prediction_id,
-        metadata.left_out,
-        metadata.note,
-        metadata.uploaded_instruction,
-    )
+    said = metadata.model_dump(include={"prediction_id", "left_out", "note", "uploaded_instruction"})
+    return Upload(metadata.task, episode, objects, images, digest, idempotency_key, **said)
 
 
 def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:
@@ -112,10 +100,7 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
 
 
 @router.get(
-    "/episodes",
-    operation_id="list_episodes",
-    response_model=EpisodePage,
-    responses=problems(_404="no such task", _422="a value is not valid"),
+    "/episodes", response_model=EpisodePage, responses=problems(_404="no such task", _422="a value is not valid")
 )
 def list_episodes(
     services: Wired,
@@ -134,12 +119,7 @@ def list_episodes(
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
 
 
-@router.get(
-    "/episodes/{episode_id}",
-    operation_id="get_episode",
-    response_model=EpisodeOut,
-    responses=problems(_404="no such episode"),
-)
+@router.get("/episodes/{episode_id}", response_model=EpisodeOut, responses=problems(_404="no such episode"))
 def get_episode(services: Wired, episode_id: str) -> Response:
     """One episode and what was extracted from it."""
     with services.store.read() as connection:
@@ -149,10 +129,7 @@ def get_episode(services: Wired, episode_id: str) -> Response:
 
 
 @router.get(
-    "/episodes/{episode_id}/metadata",
-    operation_id="get_metadata",
-    response_model=EpisodeMetadata,
-    responses=problems(_404="no such episode"),
+    "/episodes/{episode_id}/metadata", response_model=EpisodeMetadata, responses=problems(_404="no such episode")
 )
 def get_metadata(services: Wired, episode_id: str) -> Response:
     """What the episode's upload said: with its trajectory and images it can be uploaded elsewhere."""
@@ -186,12 +163,7 @@ def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody
     return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
 
 
-@router.delete(
-    "/episodes/{episode_id}",
-    operation_id="delete_episode",
-    status_code=204,
-    responses=problems(_404="no such episode"),
-)
+@router.delete("/episodes/{episode_id}", status_code=204, responses=problems(_404="no such episode"))
 def delete_episode(services: Wired, episode_id: str) -> Response:
     """Delete an episode; its images go with the next sweep. A workspace `auto` is what the remaining ones span."""
     task = remove_episode(services.store, episode_id)
@@ -201,7 +173,6 @@ def delete_episode(services: Wired, episode_id: str) -> Response:
 
 @router.get(
     "/episodes/{episode_id}/trajectory",
-    operation_id="get_trajectory",
     response_class=Response,
     responses={
         200: {"description": "the .npz file", "content": {"application/octet-stream": {}}},
@@ -218,7 +189,6 @@ def get_trajectory(services: Wired, episode_id: str) -> Response:
 
 @router.get(
     "/episodes/{episode_id}/images/{camera}/{kind}",
-    operation_id="get_image",
     response_class=Response,
     responses={
         200: {
@@ -253,7 +223,6 @@ def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, or
 
 @router.get(
     "/uploads/{idempotency_key}",
-    operation_id="get_upload",
     response_model=UploadOut,
     responses=problems(_404="nothing was uploaded with this key, or it was deleted since"),
 )

@@ -1,31 +1,29 @@
-"""The service itself: its jobs, the LLMs that can be asked, whether it lives and is ready, and figures for Prometheus.
+"""What goes on: robots under way, jobs, the LLMs that can be asked, whether the service is ready, its figures.
 
-A job is a re-extraction too large for one request.
+A robot says where it is, and the answers say whether somebody stopped it. A job is a re-extraction too large for one
+request.
 """
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import JSONResponse
 
-from app.api.documents import job_document, model_document
+from app.api.decoding import UniqueKeysRoute
+from app.api.documents import job_document, model_document, run_document
 from app.api.routes import Cursor, Limit, Wired, problems
-from app.api.schemas.responses import Health, JobOut, JobPage, ModelList
+from app.api.schemas.requests import RunBody
+from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, RunAnswer, RunList, RunOut
 from app.llm.base import LanguageModelError
 from app.services.container import Services
-from app.store import jobs
+from app.store import jobs, runs
 from app.store.errors import StoreError
 
-router = APIRouter()
+router = APIRouter(route_class=UniqueKeysRoute)
+RunId = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits of the robot's choice")]
 
 
-@router.get(
-    "/jobs",
-    operation_id="list_jobs",
-    tags=["tasks"],
-    response_model=JobPage,
-    responses=problems(_422="a value is not valid"),
-)
+@router.get("/jobs", tags=["tasks"], response_model=JobPage, responses=problems(_422="a value is not valid"))
 def list_jobs(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
@@ -38,13 +36,7 @@ def list_jobs(
     return JSONResponse({"jobs": [job_document(record) for record in page.items], "next_cursor": page.next_cursor})
 
 
-@router.get(
-    "/jobs/{job_id}",
-    operation_id="get_job",
-    tags=["tasks"],
-    response_model=JobOut,
-    responses=problems(_404="no such job"),
-)
+@router.get("/jobs/{job_id}", tags=["tasks"], response_model=JobOut, responses=problems(_404="no such job"))
 def get_job(services: Wired, job_id: str) -> Response:
     """How far a job is."""
     with services.store.read() as connection:
@@ -52,7 +44,7 @@ def get_job(services: Wired, job_id: str) -> Response:
     return JSONResponse(job_document(record))
 
 
-@router.get("/models", operation_id="list_models", tags=["models"], response_model=ModelList)
+@router.get("/models", tags=["models"], response_model=ModelList)
 def list_models(services: Wired) -> Response:
     """Every LLM that the service knows, whether it can be used here, and the prompt that suits it."""
     known = services.models.profiles()
@@ -60,7 +52,7 @@ def list_models(services: Wired) -> Response:
     return JSONResponse({"models": documents})
 
 
-@router.get("/healthz", operation_id="healthz", tags=["health"], response_model=Health)
+@router.get("/healthz", tags=["health"], response_model=Health)
 async def healthz() -> Response:
     """The process answers."""
     return JSONResponse({"status": "ok", "checks": {}})
@@ -68,7 +60,6 @@ async def healthz() -> Response:
 
 @router.get(
     "/readyz",
-    operation_id="readyz",
     tags=["health"],
     response_model=Health,
     responses={503: {"model": Health, "description": "not ready; checks say why"}},
@@ -98,7 +89,51 @@ def _model(services: Services) -> str:
     return "ok"
 
 
-@router.get("/metrics", operation_id="metrics", tags=["health"], responses={200: {"content": {"text/plain": {}}}})
+@router.get("/metrics", tags=["health"], responses={200: {"content": {"text/plain": {}}}})
 def metrics(services: Wired) -> Response:
     """Requests, predictions by stage, tokens (cached among them), parse failures and outcomes, of this process."""
     return Response(services.metrics.text(), media_type=services.metrics.content_type)
+
+
+@router.put(
+    "/runs/{run_id}",
+    tags=["runs"],
+    response_model=RunAnswer,
+    responses=problems(_404="no such task, or the run is another key's", _422="a value is not valid"),
+)
+def report_run(services: Wired, run_id: RunId, body: RunBody) -> Response:
+    """Where a robot is with what it carries out, five times a second; the answer says whether it shall stop.
+
+    A run that was stopped stays stopped: the next one has another id.
+    """
+    state = body.model_dump(mode="json", exclude={"task"}, exclude_none=True)
+    with services.store.write() as connection:
+        stop = runs.report(connection, run_id, body.task, state)
+    return JSONResponse({"stop": stop})
+
+
+@router.delete("/runs/{run_id}", tags=["runs"], response_model=RunAnswer, responses=problems(_404="no such run"))
+def end_run(services: Wired, run_id: RunId) -> Response:
+    """The robot is done; the answer says whether somebody stopped it meanwhile.
+
+    Without this the run is forgotten a minute after its last word.
+    """
+    with services.store.write() as connection:
+        stop = runs.end(connection, run_id)
+    return JSONResponse({"stop": stop})
+
+
+@router.get("/runs", tags=["runs"], response_model=RunList)
+def list_runs(services: Wired) -> Response:
+    """The robots under way that the key may see."""
+    with services.store.read() as connection:
+        records = runs.living(connection)
+    return JSONResponse({"runs": [run_document(record) for record in records]})
+
+
+@router.post("/runs/{run_id}/stop", tags=["runs"], response_model=RunOut, responses=problems(_404="no such run"))
+def stop_run(services: Wired, run_id: RunId) -> Response:
+    """Stop the robot: the answer to its next report says so. This replaces no emergency stop."""
+    with services.store.write() as connection:
+        record = runs.stop(connection, run_id)
+    return JSONResponse(run_document(record))

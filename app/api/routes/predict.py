@@ -14,9 +14,8 @@ from fastapi.sse import EventSourceResponse, format_sse_event
 from app.api.body import Body, read_body
 from app.api.documents import dry_run_document, prediction_document, understood_document
 from app.api.image_work import Decode, decode_frames, image_work, split_images
-from app.api.openapi import body_of
 from app.api.problems import problem_of
-from app.api.routes import IdempotencyKey, Wired, problems
+from app.api.routes import IdempotencyKey, Wired, body_of, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import Reading, TextDelta
@@ -42,9 +41,8 @@ router = APIRouter(tags=["predictions"])
 
 @router.post(
     "/predict",
-    operation_id="predict",
     response_model=PredictionOut | DryRunOut,
-    openapi_extra=body_of(PredictBody, PredictBody, packed=True),
+    openapi_extra=body_of(PredictBody, packed=True),
     responses=STREAMED
     | problems(
         _400="the body cannot be read",
@@ -153,42 +151,45 @@ async def _events(
     sent = 0
     async with turn, aclosing(answer):
         try:
-            listed = [finding.to_json() for finding in question.findings]
-            yield format_sse_event(event="findings", data_str=json.dumps({"findings": listed}))
-            yield format_sse_event(event="grounding", data_str=json.dumps(understood_document(question)))
+            yield _event("findings", {"findings": [finding.to_json() for finding in question.findings]})
+            yield _event("grounding", understood_document(question.grounded))
             sent += isinstance(first, PredictedAction)
-            yield await _event(first, keep)
+            yield await _event_of(first, keep)
             async for item in answer:
                 sent += isinstance(item, PredictedAction)
-                yield await _event(item, keep)
+                yield await _event_of(item, keep)
         except Exception as error:  # the status is sent already: whatever goes wrong is said here
             document = json.loads(bytes(problem_of(request, error).body))
             if isinstance(error, StoreError):  # the robot may have moved, and nothing else remembers it
                 document |= {"actions_sent": sent, "recorded": False}
-            yield format_sse_event(event="error", data_str=json.dumps(document))
+            yield _event("error", document)
 
 
-async def _event(item: _Item, keep: _Keep) -> bytes:
-    if isinstance(item, TextDelta):
-        return format_sse_event(event="text", data_str=json.dumps({"text": item.text}))
-    if isinstance(item, Reading):
-        return format_sse_event(event="progress", data_str=json.dumps({"tokens_read": item.tokens, "of": item.of}))
-    if isinstance(item, PredictedAction):
-        return format_sse_event(event="action", data_str=json.dumps(item.document))
-    document = prediction_document(item)
-    await keep(document)
-    return format_sse_event(event="done", data_str=json.dumps(document))
+def _event(name: str, document: JsonObject) -> bytes:
+    return format_sse_event(event=name, data_str=json.dumps(document))
+
+
+async def _event_of(item: _Item, keep: _Keep) -> bytes:
+    match item:
+        case TextDelta():
+            return _event("text", {"text": item.text})
+        case Reading():
+            return _event("progress", {"tokens_read": item.tokens, "of": item.of})
+        case PredictedAction():
+            return _event("action", item.document)
+        case Prediction():
+            document = prediction_document(item)
+            await keep(document)
+            return _event("done", document)
 
 
 async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     """The events of an answer that was given before."""
-    listed = {"findings": document["findings"]}
-    yield format_sse_event(event="findings", data_str=json.dumps(listed))
-    understood = {name: document[name] for name in UnderstoodOut.model_fields}
-    yield format_sse_event(event="grounding", data_str=json.dumps(understood))
+    yield _event("findings", {"findings": document["findings"]})
+    yield _event("grounding", {name: document[name] for name in UnderstoodOut.model_fields})
     for action in document["actions"]:
-        yield format_sse_event(event="action", data_str=json.dumps(action))
-    yield format_sse_event(event="done", data_str=json.dumps(document))
+        yield _event("action", action)
+    yield _event("done", document)
 
 
 def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:

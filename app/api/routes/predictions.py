@@ -1,27 +1,21 @@
-"""Recorded predictions and how the robot fared with them."""
+"""Recorded predictions and how the robot fared with them; and what a sentence over several tasks asks for."""
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Body, Query, Response
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
-from app.api.schemas.predictions import PredictionPage, StoredPrediction
-from app.api.schemas.requests import OutcomeBody
-from app.store import cases as store_cases
+from app.api.schemas.predictions import PlanOut, PredictionPage, StoredPrediction
+from app.api.schemas.requests import OutcomeBody, PlanBody
 from app.store import erasure, predictions
 
 router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
 
 
-@router.get(
-    "/predictions",
-    operation_id="list_predictions",
-    response_model=PredictionPage,
-    responses=problems(_422="a value is not valid"),
-)
+@router.get("/predictions", response_model=PredictionPage, responses=problems(_422="a value is not valid"))
 def list_predictions(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
@@ -39,10 +33,7 @@ def list_predictions(
 
 
 @router.get(
-    "/predictions/{prediction_id}",
-    operation_id="get_prediction",
-    response_model=StoredPrediction,
-    responses=problems(_404="no such prediction"),
+    "/predictions/{prediction_id}", response_model=StoredPrediction, responses=problems(_404="no such prediction")
 )
 def get_prediction(services: Wired, prediction_id: str) -> Response:
     """One prediction with its prompt and reply."""
@@ -51,12 +42,7 @@ def get_prediction(services: Wired, prediction_id: str) -> Response:
     return JSONResponse(stored_prediction_document(record))
 
 
-@router.delete(
-    "/predictions/{prediction_id}",
-    operation_id="delete_prediction",
-    status_code=204,
-    responses=problems(_404="no such prediction"),
-)
+@router.delete("/predictions/{prediction_id}", status_code=204, responses=problems(_404="no such prediction"))
 def delete_prediction(services: Wired, prediction_id: str) -> Response:
     """Delete a prediction and its outcome; its images go with a later sweep, if nothing else has them.
 
@@ -67,35 +53,24 @@ def delete_prediction(services: Wired, prediction_id: str) -> Response:
     return Response(status_code=204)
 
 
-@router.put(
-    "/predictions/{prediction_id}/case",
-    operation_id="keep_case",
-    status_code=204,
-    responses=problems(_404="no such prediction"),
-)
+@router.put("/predictions/{prediction_id}/case", status_code=204, responses=problems(_404="no such prediction"))
 def keep_case(services: Wired, prediction_id: str) -> Response:
     """Keep the prediction as a case, which `roboprompt cases run` asks again; it is not deleted for its age or size."""
     with services.store.write() as connection:
-        store_cases.keep(connection, prediction_id)
+        predictions.keep_as_case(connection, prediction_id)
     return Response(status_code=204)
 
 
-@router.delete(
-    "/predictions/{prediction_id}/case",
-    operation_id="drop_case",
-    status_code=204,
-    responses=problems(_404="no such prediction"),
-)
+@router.delete("/predictions/{prediction_id}/case", status_code=204, responses=problems(_404="no such prediction"))
 def drop_case(services: Wired, prediction_id: str) -> Response:
     """Let it be no case any more; the prediction stays."""
     with services.store.write() as connection:
-        store_cases.drop(connection, prediction_id)
+        predictions.drop_case(connection, prediction_id)
     return Response(status_code=204)
 
 
 @router.post(
     "/predictions/{prediction_id}/outcome",
-    operation_id="record_outcome",
     response_model=StoredPrediction,
     responses=problems(_404="no such prediction", _422="a value is not valid"),
 )
@@ -108,3 +83,20 @@ def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) ->
         record = predictions.record_outcome(connection, prediction_id, outcome.success, outcome.note)
     services.metrics.observe_outcome(record.model, success=outcome.success)
     return JSONResponse(stored_prediction_document(record))
+
+
+@router.post(
+    "/plans",
+    response_model=PlanOut,
+    responses=problems(_422="a value is not valid, or a part of the instruction is not what one task does"),
+)
+def plan(services: Wired, body: Annotated[PlanBody, Body()]) -> Response:
+    """The steps of a sentence over tasks that were taught apart, as "open the top drawer, put the red mug in it".
+
+    Each step is in the words of its task, for `POST /predict` once the step before is done and the scene was looked at
+    again. No step is made up and none is left out: a sentence with a word that finds no place, an "it" that may be two
+    things, or a step that two tasks may do is refused. No LLM is asked and nothing is stored.
+    """
+    services.limits.check_scene(None, body.instruction, [item.name for item in body.objects], ())
+    steps = services.read_steps(body.instruction, [item.query() for item in body.objects])
+    return JSONResponse({"steps": [step._asdict() for step in steps]})

@@ -14,7 +14,7 @@ from app.api.documents import job_document, stats_document, task_document
 from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
-from app.api.schemas.poses import LearnBody, LearnedOut, TriedModelOut, TryModelBody
+from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryModelBody
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
@@ -104,7 +104,7 @@ def _cm(distance_m: float) -> float:
 router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
 
 
-@router.get("/tasks", operation_id="list_tasks", response_model=TaskList)
+@router.get("/tasks", response_model=TaskList)
 def list_tasks(services: Wired) -> Response:
     """Every task."""
     with services.store.read() as connection:
@@ -113,7 +113,7 @@ def list_tasks(services: Wired) -> Response:
     return JSONResponse({"tasks": documents})
 
 
-@router.get("/tasks/{name}", operation_id="get_task", response_model=TaskOut, responses=problems(_404="no such task"))
+@router.get("/tasks/{name}", response_model=TaskOut, responses=problems(_404="no such task"))
 def get_task(services: Wired, name: str) -> Response:
     """A task's settings."""
     with services.store.read() as connection:
@@ -123,7 +123,6 @@ def get_task(services: Wired, name: str) -> Response:
 
 @router.put(
     "/tasks/{name}",
-    operation_id="configure_task",
     response_model=TaskOut,
     responses=_ACCEPTED
     | problems(
@@ -154,7 +153,7 @@ async def configure_task(
     return JSONResponse(await anyio.to_thread.run_sync(_document, services, outcome))
 
 
-@router.delete("/tasks/{name}", operation_id="delete_task", status_code=204, responses=problems(_404="no such task"))
+@router.delete("/tasks/{name}", status_code=204, responses=problems(_404="no such task"))
 def delete_task(services: Wired, name: str) -> Response:
     """Delete a task with all that it holds: episodes, predictions, outcomes, jobs, answers to repeated requests.
 
@@ -167,7 +166,6 @@ def delete_task(services: Wired, name: str) -> Response:
 
 @router.get(
     "/tasks/{name}/stats",
-    operation_id="get_task_stats",
     response_model=TaskStatsOut,
     responses=problems(_404="no such task", _422="`compare` names what is no configuration of the task"),
 )
@@ -189,7 +187,6 @@ def get_task_stats(
 
 @router.get(
     "/tasks/{name}/check",
-    operation_id="check_task",
     response_model=TaskCheckOut,
     responses=problems(
         _404="no such task",
@@ -211,7 +208,6 @@ async def check_task(services: Wired, name: str, model: Model = None) -> Respons
 
 @router.post(
     "/tasks/{name}/object_models/learn",
-    operation_id="learn_object_models",
     response_model=LearnedOut,
     responses=problems(
         _404="no such task",
@@ -238,7 +234,6 @@ async def learn_object_models(services: Wired, name: str, body: Annotated[LearnB
 
 @router.post(
     "/tasks/{name}/object_models/try",
-    operation_id="try_object_model",
     response_model=TriedModelOut,
     responses=problems(_404="no such task or episode", _422="the model is not valid"),
 )

@@ -16,7 +16,7 @@ from typing import Any
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, inside, read_inside
 from app.datasets.lerobot.parquet import column_names, read_table
-from app.datasets.parcel import canonical_json, checked_metadata
+from app.datasets.parcel import Parcel, canonical_json, checked_metadata
 
 FOLDER = Path("meta/roboprompt")
 METADATA = "metadata.json"
@@ -26,20 +26,8 @@ _PLACE = re.compile(r"\{(?P<name>\w+)(?::0?(?P<width>\d))?(?P<decimal>d?)\}")
 _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """An episode's metadata and its image files by the names of their parts."""
-
-    metadata: Mapping[str, Any]
-    images: Mapping[str, bytes]
-
-
-def read_scene(root: Path, index: int, budget: Budget) -> Scene | None:
-    """The scene of the episode, or None if the dataset does not carry it.
-
-    Raises:
-        DamagedError: naming the file that cannot be read.
-    """
+def read_scene(root: Path, index: int, budget: Budget) -> tuple[dict[str, Any], dict[str, bytes]] | None:
+    """The episode's metadata, and its images by the names of their parts; None if there are none, or DamagedError."""
     folder = _folder(root, index)
     if not folder.exists():
         return None
@@ -49,16 +37,17 @@ def read_scene(root: Path, index: int, budget: Budget) -> Scene | None:
     except ValueError as error:
         raise DamagedError(path, f"is not JSON: {error}") from error
     names = sorted(item.name for item in folder.iterdir() if item.name != METADATA)
-    return Scene(metadata, {name: read_inside(root, folder / name, budget) for name in names})
+    return metadata, {name: read_inside(root, folder / name, budget) for name in names}
 
 
-def write_scene(root: Path, index: int, scene: Scene) -> None:
+def write_scene(root: Path, index: int, parcel: Parcel) -> None:
     """The inverse of `read_scene`."""
     folder = _folder(root, index)
     folder.mkdir(parents=True)
-    (folder / METADATA).write_bytes(canonical_json(scene.metadata))
-    for name, data in scene.images.items():
-        (folder / name).write_bytes(data)
+    (folder / METADATA).write_bytes(canonical_json(parcel.metadata))
+    for name, data in parcel.files.items():
+        if name != "trajectory":
+            (folder / name).write_bytes(data)
 
 
 def _folder(root: Path, index: int) -> Path:
@@ -67,15 +56,11 @@ def _folder(root: Path, index: int) -> Path:
 
 @dataclass(frozen=True)
 class Info:
-    """What meta/info.json says.
-
-    Attributes:
-        features: by name, with dtype, shape and names.
-    """
+    """What meta/info.json says."""
 
     version: str
     fps: float
-    features: Mapping[str, Mapping[str, Any]]
+    features: Mapping[str, Mapping[str, Any]]  # by name, with dtype, shape and names
     data_path: str
     video_path: str | None
     chunks_size: int
@@ -92,27 +77,18 @@ class Info:
 
 @dataclass(frozen=True)
 class Place:
-    """Where an episode is.
-
-    Attributes:
-        first_row: in the data file; None in v2.1, whose files hold one episode each.
-        row: of meta/episodes, where v3.0 says in which video file an episode begins when.
-    """
+    """Where an episode is."""
 
     index: int
     length: int
     instruction: str | None
     data_file: Path
-    first_row: int | None
-    row: Mapping[str, Any]
+    first_row: int | None  # in the data file; None in v2.1, whose files hold one episode each
+    row: Mapping[str, Any]  # of meta/episodes, where v3.0 says in which video file an episode begins when
 
 
 def read_info(root: Path, budget: Budget) -> Info:
-    """The dataset's description.
-
-    Raises:
-        DatasetError: if it is damaged or of another version.
-    """
+    """The dataset's description; raises DatasetError if it is damaged or of another version."""
     try:
         document = json.loads(read_inside(root, INFO, budget))
         info = Info(
@@ -133,11 +109,7 @@ def read_info(root: Path, budget: Budget) -> Info:
 
 
 def read_places(root: Path, info: Info, budget: Budget) -> list[Place]:
-    """Every episode of the dataset.
-
-    Raises:
-        DatasetError, DamagedError: if the lists of episodes and tasks cannot be read, or name files elsewhere.
-    """
+    """Every episode; raises DatasetError if their list cannot be read, or names files elsewhere."""
     try:
         return _places_3(root, info, budget) if info.version == "v3.0" else _places_2(root, info, budget)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
@@ -166,7 +138,10 @@ def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
     files = sorted(inside(root, path) for path in (root / "meta/episodes").glob("*/*.parquet"))
     if not files:
         raise DatasetError(f"{root / 'meta/episodes'}: has no parquet files")
-    rows = [row for path in files for row in read_table(path, _columns_3(path), budget).to_pylist()]
+    rows = []
+    for path in files:
+        columns = [name for name in column_names(path) if not name.startswith("stats/")]
+        rows += read_table(path, columns, budget).to_pylist()
     starts: dict[Path, int] = {}
     places = []
     for row in sorted(rows, key=lambda item: int(item["episode_index"])):
@@ -177,10 +152,6 @@ def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
         first_row = row["dataset_from_index"] - start
         places.append(Place(row["episode_index"], row["length"], tasks[0], path, first_row, row))
     return places
-
-
-def _columns_3(path: Path) -> list[str]:
-    return [name for name in column_names(path) if not name.startswith("stats/")]
 
 
 def _places_2(root: Path, info: Info, budget: Budget) -> list[Place]:

@@ -16,11 +16,7 @@ _LARGEST_NUMBER_BYTES = 8
 
 
 def read_table(path: Path, columns: Sequence[str] | None, budget: Budget) -> Any:  # noqa: ANN401
-    """A parquet file's columns, or all of them, as a pyarrow Table.
-
-    Raises:
-        DamagedError: naming the file: it is damaged, or holds more than the budget allows.
-    """
+    """A file's columns, or all, as a pyarrow Table; raises DamagedError if it is damaged or beyond the budget."""
     with _opened(path) as file:
         schema = file.schema_arrow
         names = schema.names if columns is None else list(columns)
@@ -37,11 +33,7 @@ def read_table(path: Path, columns: Sequence[str] | None, budget: Budget) -> Any
 
 
 def read_value(path: Path, column: str, row: int, budget: Budget) -> Any:  # noqa: ANN401
-    """One row's value; no more rows are read than stand beside it.
-
-    Raises:
-        DamagedError: as `read_table`, or if there is no such row.
-    """
+    """One row's value; no more rows are read than stand beside it. Raises DamagedError, also for a row too many."""
     with _opened(path) as file:
         for group in range(file.num_row_groups):
             num_rows = file.metadata.row_group(group).num_rows

@@ -14,10 +14,9 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, read_inside
 from app.datasets.columns import Columns, parcel_of, trajectory_of
-from app.datasets.lerobot.files import INFO, Info, Place, Scene, path_of, read_info, read_places, read_scene
+from app.datasets.lerobot.files import INFO, Info, Place, path_of, read_info, read_places, read_scene
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
-from app.datasets.mapping import FeatureMap
-from app.datasets.options import ImportOptions, as_name
+from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, rgb_png
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
@@ -45,12 +44,7 @@ FILES_IN_MEMORY = 2  # neighboring episodes share a file of up to 100 MB
 
 
 def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: str) -> bytes:
-    """The encoded first image of the episode.
-
-    Raises:
-        DamagedError: if it is not where it should be.
-        MissingPackageError: for a video without the package that decodes it.
-    """
+    """The encoded first image of the episode; raises DamagedError, or MissingPackageError for a video without av."""
     if feature not in info.features:
         raise DamagedError(root, f"has no images {feature}")
     if info.features[feature]["dtype"] == "image":
@@ -106,11 +100,7 @@ def looks_like(path: Path) -> bool:
 
 
 def open_lerobot(root: Path, options: ImportOptions) -> Dataset:
-    """The dataset's episodes.
-
-    Raises:
-        DatasetError: if its description or its list of episodes cannot be read, or for a mapping of another form.
-    """
+    """The episodes; raises DatasetError if their list cannot be read, or for a mapping of another form."""
     root = root.resolve()
     budget = Budget(root, options.limits)
     info = read_info(root, budget)
@@ -138,12 +128,10 @@ def _read(
     columns = {name: numbers_of(table, name) for name in info.numeric}
     if (rows := table.num_rows) != place.length:
         raise DamagedError(place.data_file, f"has {rows} rows of episode {place.index}, expected {place.length}")
-    scene = read_scene(root, place.index, budget)
-    name = f"episode_{place.index:06d}"
-    if scene is not None:
-        return _exported(scene, columns, mapping, options)
+    if (scene := read_scene(root, place.index, budget)) is not None:
+        return _exported(*scene, columns, mapping, options)
     return parcel_of(
-        name=name,
+        name=f"episode_{place.index:06d}",
         source=f"LeRobot {info.version}",
         task=as_name(root.name),
         instruction=place.instruction,
@@ -156,14 +144,14 @@ def _read(
     )
 
 
-def _exported(scene: Scene, columns: Columns, mapping: FeatureMap, options: ImportOptions) -> Parcel:
+def _exported(
+    metadata: dict[str, Any], images: dict[str, bytes], columns: Columns, mapping: FeatureMap, options: ImportOptions
+) -> Parcel:
     """An episode that this project exported, as it was uploaded once."""
-    metadata = dict(scene.metadata)
     tracked = _tracked(columns, [item["name"] for item in metadata["objects"]])
     trajectory = trajectory_of(columns, mapping.changed({"objects": tracked}), metadata["control_frequency_hz"])
-    given = {"task": options.task, "instruction": options.instruction}
-    metadata.update({name: value for name, value in given.items() if value is not None})
-    return Parcel(metadata, {"trajectory": npz_from_trajectory(trajectory), **scene.images})
+    files = {"trajectory": npz_from_trajectory(trajectory), **images}
+    return Parcel({**metadata, **options.given}, files)
 
 
 def _tracked(columns: Columns, names: list[str]) -> list[dict[str, str]]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from app.datasets.bounds import DatasetError, in_one_step
 from app.datasets.lerobot import reader
-from app.datasets.lerobot.files import Scene, write_scene
+from app.datasets.lerobot.files import write_scene
 from app.datasets.lerobot.parquet import require_arrow
 from app.datasets.parcel import Parcel
 from roboprompt_client.trajectory import Trajectory
@@ -115,13 +115,12 @@ def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
     """Write the dataset; returns the number of episodes.
 
     Raises:
-        DatasetError: if there are no episodes, their rates differ or are no whole numbers, or the folder exists.
+        DatasetError: if there are none, their rates differ or are no whole numbers, or the folder exists.
     """
     with in_one_step(target) as root:
         trajectories, instructions, rates_hz = [], [], []
         for index, parcel in enumerate(parcels):
-            images = {part: data for part, data in parcel.files.items() if part != "trajectory"}
-            write_scene(root, index, Scene(parcel.metadata, images))
+            write_scene(root, index, parcel)
             trajectories.append(trajectory_from_npz(parcel.files["trajectory"]))
             instructions.append(str(parcel.metadata["instruction"]))
             rates_hz.append(float(parcel.metadata["control_frequency_hz"]))

@@ -6,7 +6,6 @@ suit light and dark pages.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -87,11 +86,6 @@ def style_axes(axes: Axes, theme: Theme) -> None:
     for side, spine in axes.spines.items():
         spine.set_color(theme.grid)
         spine.set_visible(side in ("left", "bottom"))
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a PNG."""
-    figure.savefig(path, format="png")
 
 
 def success_chart(results: Sequence[Result], theme: Theme) -> Figure:

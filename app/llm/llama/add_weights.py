@@ -64,15 +64,9 @@ def fetch(release: Release, cache_folder: Path, tell: Callable[[int], None]) -> 
 
 
 def copy(source: Path, target: Path, release: Release | None) -> None:
-    """Copy a GGUF file; one of `release` is verified.
-
-    Raises:
-        WeightsError: it is no GGUF file or not that of `release`, or the disk is too small.
-        OSError: a file cannot be read or written.
-    """
-    with source.open("rb") as file:
-        if file.read(len(gguf.MAGIC)) != gguf.MAGIC:
-            raise WeightsError(f"{source} is not a GGUF file")
+    """Copy a GGUF file; one of `release` is verified. Raises OSError, WeightsError for another file or a small disk."""
+    if not gguf.is_gguf(source):
+        raise WeightsError(f"{source} is not a GGUF file")
     target.parent.mkdir(parents=True, exist_ok=True)
     _require_room(target.parent, source.stat().st_size)
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=".adding-") as folder:

@@ -6,34 +6,21 @@ as such. Started by the first request or by `warm_up`.
 
 import asyncio
 import os
-from contextlib import aclosing
+from collections import OrderedDict, deque
+from collections.abc import AsyncIterator
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError, Pieces
 from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
-from app.llm.llama.warm_slots import WarmSlots
 from app.llm.llama.weights import Weights
+from app.llm.llm_settings import LlmSettings
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 
 DYING_S = 1.0  # frees some hundred MB
-
-
-@dataclass(frozen=True)
-class EmbeddedOptions:
-    """How an embedded model is served.
-
-    Attributes:
-        threads: CPU threads; None for one per core that this process may use.
-        slots: requests answered at once; each keeps the prefix of its last prompt.
-        context_tokens: longest prompt plus reply of a slot.
-        shared_folder: where processes tell each other of running models; None: this process has its own.
-    """
-
-    threads: int | None = None
-    slots: int = 4
-    context_tokens: int = 8192
-    shared_folder: Path | None = None
+# Reading ten demonstrations takes as long on two cores; another slot that knows them hardly speeds replies up there.
+PATIENCE_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -43,13 +30,13 @@ class _Running:
 
 
 class EmbeddedModel:
-    """One GGUF model, served by one child process."""
+    """One GGUF model, served by one child process, as the settings `embedded_...` say."""
 
-    def __init__(self, profile: ModelProfile, weights: Weights, options: EmbeddedOptions) -> None:
+    def __init__(self, profile: ModelProfile, weights: Weights, settings: LlmSettings) -> None:
         self._profile = profile
         self._weights = weights
-        self._options = options
-        self._slots = WarmSlots(options.slots)
+        self._settings = settings
+        self._slots = WarmSlots(settings.embedded_slots)
         self._start: asyncio.Task[_Running] | None = None
         self._closed = False
 
@@ -70,11 +57,7 @@ class EmbeddedModel:
             raise
 
     async def warm_up(self) -> None:
-        """Start the model unless it runs; the event loop goes on meanwhile.
-
-        Raises:
-            ModelUnavailableError: if the weights are missing or llama.cpp cannot serve them.
-        """
+        """Start it unless it runs; the event loop goes on. Raises ModelUnavailableError if it cannot be served."""
         await self._running()
 
     async def aclose(self) -> None:
@@ -97,28 +80,17 @@ class EmbeddedModel:
         path = await asyncio.to_thread(self._weights)
         options = LlamaOptions(
             model=str(path),
-            slots=self._options.slots,
-            context_tokens=self._options.context_tokens,
-            threads=self._options.threads or usable_cores(),
+            slots=self._settings.embedded_slots,
+            context_tokens=self._settings.embedded_context_tokens,
+            threads=self._settings.embedded_threads or usable_cores(),
         )
-        process, api_key = await asyncio.to_thread(_launch, options, self._options.shared_folder)
-        client = OpenAiCompatibleModel(
-            self._profile,
-            process.base_url,
-            self._profile.name,
-            api_key,
-            quirks=LLAMA_CPP,
-            trust_env=False,  # no proxy stands before the loopback
-        )
+        process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
+        client = OpenAiCompatibleModel(self._profile, process.server, self._profile.name, LLAMA_CPP)
         return _Running(process, client)
 
 
-def _launch(options: LlamaOptions, shared_folder: Path | None) -> tuple[LlamaProcess | SharedLlama, str]:
-    """A server and its key."""
-    if shared_folder is None:
-        return LlamaProcess(options), options.api_key
-    shared = SharedLlama(options, shared_folder)
-    return shared, shared.api_key
+def _launch(options: LlamaOptions, shared_folder: Path | None) -> LlamaProcess | SharedLlama:
+    return SharedLlama(options, shared_folder) if shared_folder else LlamaProcess(options)
 
 
 def _has_ended(start: asyncio.Task[_Running]) -> bool:
@@ -137,3 +109,78 @@ async def _stop(start: asyncio.Task[_Running]) -> None:
 def usable_cores() -> int:
     """The cores that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class WarmSlots:
+    """Lets a request wait for a slot that knows its prefix, rather than read the prefix again in another slot.
+
+    llama.cpp itself picks the idle slot that shares most of a prompt, but of the requests that come at once each gets
+    another slot: four robots that begin together would each wait until all four slots have read the same. Who has
+    waited for `PATIENCE_S` takes a further slot, so that lasting demand spreads out. Used from one event loop.
+
+    Args:
+        slots: of the server; so many prefixes are remembered, the most recently used ones.
+    """
+
+    def __init__(self, slots: int) -> None:
+        self._slots = slots
+        self._lanes: OrderedDict[str, _Lane] = OrderedDict()
+
+    @asynccontextmanager
+    async def turn(self, prefix: str) -> AsyncIterator[None]:
+        """Inside the block one of the slots that know the prefix is this request's; for an empty one nobody waits."""
+        if not prefix:
+            yield
+            return
+        lane = self._lane(prefix)
+        await lane.enter(self._slots)
+        try:
+            yield
+        finally:
+            lane.leave()
+
+    def _lane(self, prefix: str) -> "_Lane":
+        lane = self._lanes.setdefault(prefix, _Lane())
+        self._lanes.move_to_end(prefix)
+        while len(self._lanes) > self._slots:
+            self._lanes.popitem(last=False)
+        return lane
+
+
+class _Lane:
+    """The requests of one prefix, first come, first served."""
+
+    def __init__(self) -> None:
+        self._known, self._busy = 1, 0  # slots
+        self._waiting: deque[asyncio.Future[None]] = deque()
+
+    async def enter(self, slots: int) -> None:
+        if self._busy < self._known:
+            self._busy += 1
+            return
+        turn = asyncio.get_running_loop().create_future()
+        self._waiting.append(turn)
+        try:
+            done, _ = await asyncio.wait({turn}, timeout=PATIENCE_S)
+            if not done and self._known >= slots:
+                await asyncio.wait({turn})
+        except asyncio.CancelledError:
+            self._give_up(turn)
+            raise
+        if not turn.done():
+            self._waiting.remove(turn)
+            self._known += 1
+            self._busy += 1
+
+    def leave(self) -> None:
+        """Hand the slot to whoever waits longest."""
+        if self._waiting:
+            self._waiting.popleft().set_result(None)
+        else:
+            self._busy -= 1
+
+    def _give_up(self, turn: asyncio.Future[None]) -> None:
+        if turn.done():
+            self.leave()  # its turn came just now
+        else:
+            self._waiting.remove(turn)

@@ -8,6 +8,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from mmap import mmap
+from pathlib import Path
 from typing import BinaryIO
 
 MAGIC = b"GGUF"
@@ -50,24 +51,14 @@ def text(content: str) -> Scalar:
 
 @dataclass(frozen=True)
 class Tensor:
-    """A matrix or vector.
+    """A matrix or vector."""
 
-    Attributes:
-        shape: the innermost dimension first.
-        kind: ggml's number of the element type.
-        data: its bytes, padded to `ALIGNMENT`.
-    """
-
-    shape: tuple[int, ...]
-    kind: int
-    data: bytes
+    shape: tuple[int, ...]  # the innermost dimension first
+    kind: int  # ggml's number of the element type
+    data: bytes  # its bytes, padded to `ALIGNMENT`
 
     def take_rows(self, indices: Sequence[int]) -> "Tensor":
-        """The rows of a Q8_0 matrix at `indices`.
-
-        Raises:
-            ValueError: it has another element type.
-        """
+        """The rows of a Q8_0 matrix at `indices`; raises ValueError if it has another element type."""
         if self.kind != Q8_0:
             raise ValueError(f"rows of a tensor of type {self.kind} cannot be taken (valid: {Q8_0}, Q8_0)")
         numbers, size = Q8_0_BLOCK
@@ -84,22 +75,20 @@ class GgufFile:
     tensors: dict[str, Tensor]
 
     def array(self, name: str) -> Array:
-        """The array of that name.
-
-        Raises:
-            ValueError: there is none.
-        """
+        """The array of that name; raises ValueError."""
         if not isinstance(found := self.values.get(name), Array):
             raise ValueError(f"the GGUF file has no array {name!r}")
         return found
 
 
-def read(data: bytes | mmap) -> GgufFile:
-    """The parts of a file.
+def is_gguf(path: Path) -> bool:
+    """Whether the file begins as one; raises OSError."""
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
 
-    Raises:
-        ValueError: it is not a GGUF file of version 3, little endian, with the usual alignment.
-    """
+
+def read(data: bytes | mmap) -> GgufFile:
+    """The parts of a file; raises ValueError unless it is version 3, little endian, with the usual alignment."""
     reader = _Reader(data)
     if reader.take(4) != MAGIC or reader.number(4) != VERSION:
         raise ValueError(f"not a GGUF file of version {VERSION}")

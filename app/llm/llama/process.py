@@ -24,6 +24,7 @@ import httpx
 
 from app.llm.base import ModelUnavailableError
 from app.llm.llama import child
+from app.llm.sse import Server
 
 STOP_TIMEOUT_S = 5.0
 # OpenMP's threads wait for each other by spinning, by default so long that on a busy machine decoding drops from 70 to
@@ -55,7 +56,7 @@ class LlamaProcess:
     """A running server; it ends with `stop` or with this process, whichever comes first. Blocking: use a thread.
 
     Attributes:
-        base_url: of its OpenAI-compatible API.
+        server: its OpenAI-compatible API.
 
     Raises:
         ModelUnavailableError: if it does not come up; says what llama.cpp said.
@@ -80,7 +81,7 @@ class LlamaProcess:
                 remedy = f"it must be a model that llama.cpp knows, with memory for {options.slots} requests"
                 reason = f"llama.cpp cannot serve {options.model} ({_last_line(errors.read())})"
                 raise ModelUnavailableError(f"{reason}; {remedy} of {options.context_tokens} tokens")
-        self.base_url = f"{json.loads(answer)['url']}/v1"
+        self.server = Server(f"{json.loads(answer)['url']}/v1", options.api_key, trust_env=False)
 
     @property
     def pid(self) -> int:
@@ -135,8 +136,7 @@ class SharedLlama:
         folder: where the processes leave notes for each other; created if it is not there.
 
     Attributes:
-        base_url: of its OpenAI-compatible API.
-        api_key: what a request must carry.
+        server: its OpenAI-compatible API.
 
     Raises:
         ModelUnavailableError: as LlamaProcess, or if the folder cannot be written.
@@ -148,11 +148,11 @@ class SharedLlama:
         self._gone = False
         with _locked(note):
             found = _read(note)
-            if found is None or not _answers(*found):
+            if found is None or not _answers(found):
                 self._process = LlamaProcess(options)
-                found = (self._process.base_url, options.api_key)
+                found = self._process.server
                 _write(note, found)
-        self.base_url, self.api_key = found
+        self.server = found
 
     @property
     def running(self) -> bool:
@@ -165,7 +165,7 @@ class SharedLlama:
             return self._process.ends_within(timeout_s)
         deadline = time.monotonic() + timeout_s
         while not self._gone and time.monotonic() < deadline:
-            self._gone = not _answers(self.base_url, self.api_key)
+            self._gone = not _answers(self.server)
             time.sleep(POLL_S)
         return self._gone
 
@@ -192,26 +192,27 @@ def _locked(note: Path) -> Iterator[None]:
         yield
 
 
-def _read(note: Path) -> tuple[str, str] | None:
+def _read(note: Path) -> Server | None:
     try:
         found = json.loads(note.read_text())
-        return found["url"], found["api_key"]
+        return Server(found["url"], found["api_key"], trust_env=False)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def _write(note: Path, found: tuple[str, str]) -> None:
+def _write(note: Path, server: Server) -> None:
     temporary = note.with_suffix(".tmp")
     temporary.unlink(missing_ok=True)
     with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-        json.dump({"url": found[0], "api_key": found[1]}, file)
+        json.dump({"url": server.base_url, "api_key": server.key}, file)
     temporary.replace(note)
 
 
-def _answers(url: str, api_key: str) -> bool:
+def _answers(server: Server) -> bool:
     """Whether llama.cpp answers there and knows the key: the port may be somebody else's by now."""
+    headers = {"Authorization": f"Bearer {server.key}"}
     try:
-        headers = {"Authorization": f"Bearer {api_key}"}
-        return httpx.get(f"{url}/models", headers=headers, timeout=PROBE_TIMEOUT_S, trust_env=False).is_success
+        url = f"{server.base_url}/models"
+        return httpx.get(url, headers=headers, timeout=PROBE_TIMEOUT_S, trust_env=server.trust_env).is_success
     except httpx.TransportError:
         return False

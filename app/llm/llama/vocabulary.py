@@ -44,8 +44,7 @@ def trim(whole: Path, trimmed: Path) -> None:
     """Write the file without the tokens that do not stay; the same bytes whenever and wherever it is made.
 
     Raises:
-        ValueError: `whole` is not Gemma 3 270M as packaged.
-        OSError: a file cannot be read or written.
+        OSError, ValueError: if a file cannot be read or written, or `whole` is not Gemma 3 270M as packaged.
     """
     with whole.open("rb") as source, closing(mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ)) as mapped:
         parts = gguf.read(mapped)
@@ -64,10 +63,7 @@ def covers(prompt: Prompt) -> bool:
 
 
 class TrimmedModel:
-    """A model with a trimmed vocabulary, and the whole one for prompts that need it.
-
-    The whole one is started by the first such prompt, and then runs beside the other.
-    """
+    """A model with a trimmed vocabulary; the first prompt that needs the whole one starts that beside it."""
 
     def __init__(self, trimmed: StartedModel, whole: StartedModel) -> None:
         self._trimmed = trimmed

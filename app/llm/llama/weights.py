@@ -95,17 +95,12 @@ def find_trimmed_weights(model: str, settings: LlmSettings) -> Weights | None:
 def _file_weights(path: Path) -> Weights:
     """A file of the operator's, taken as it is."""
     try:
-        is_gguf = path.is_file() and _first_bytes(path) == gguf.MAGIC
+        is_gguf = path.is_file() and gguf.is_gguf(path)
     except OSError:
         is_gguf = False
     if not is_gguf:
         raise ModelUnavailableError(f"{path} is not a GGUF file that can be read")
     return lambda: path
-
-
-def _first_bytes(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(len(gguf.MAGIC))
 
 
 def _gemma_weights(settings: LlmSettings) -> Weights:
@@ -178,11 +173,7 @@ def _assemble(path: Path, assemble: Callable[[Path], object]) -> None:
 
 
 def _verify(path: Path, sha256: str, cache_folder: Path) -> None:
-    """Compare the file's hash and note that it was equal.
-
-    Raises:
-        ModelUnavailableError: if it differs.
-    """
+    """Compare the file's hash and note that it was equal; raises ModelUnavailableError."""
     before = _fingerprint(path, sha256)
     with path.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,7 +1,10 @@
-"""Upright boxes and cylinders of known size and color, found in RGB-D images."""
+"""Upright boxes and cylinders of known size and color, found in RGB-D images.
+
+Of several that look alike: which sightings are one and the same thing, and which thing is asked for.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
@@ -9,22 +12,24 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
 from app.perception.cuboid.fit import fit_upright
-from app.perception.cuboid.instances import chosen, instances
-from app.perception.cuboid.judge import judge
+from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import CuboidModel
-from app.perception.cuboid.pieces import HsvImage, Piece, color_mask, find_pieces, to_hsv
+from app.perception.cuboid.pieces import HsvImage, color_mask, find_pieces, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
+from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.trajectory import ObjectPose
 
 EXAMPLE = 'its size and color, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
-NAME = "cuboid"
 FULL_TURN_RAD = 2 * np.pi
+SAME_SHARE = 0.6  # of its smaller side: two cameras that differ by less see one thing
+SAME_SLACK_M = 0.01
+TIE_M = 0.005  # the order of two whose distances differ by less is a matter of noise
 
 
 class CuboidPoses:
@@ -51,13 +56,8 @@ class CuboidPoses:
 
 def likenesses(model: CuboidModel, frames: Sequence[RgbdFrame]) -> list[Array]:
     """Where (3,) things are that look like the model, whichever it means; the middles of their shapes."""
-    found = instances(_Search(frames).look(_looks(model)), model)
+    found = _instances(_Search(frames).look(model), model)
     return [item.position_m for item in found if item.confidence >= model.min_confidence]
-
-
-def _looks(model: CuboidModel) -> CuboidModel:
-    """What the cameras look for: all but which of those that look alike is meant, and where its origin lies."""
-    return replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
 
 
 class _Search:
@@ -72,13 +72,13 @@ class _Search:
 
     def pose(self, query: ObjectQuery, model: CuboidModel, poses: Mapping[str, ObjectPose]) -> ObjectPose:
         """The pose of an object, given those of the objects that distinguish it."""
-        found = self.look(_looks(model))
+        found = self.look(model)
         anchor_m = None if model.rank is None else poses[model.rank.nearest_to].position_m
-        instance = chosen(query.name, model, instances(found, model), anchor_m)
+        instance = _chosen(query.name, model, _instances(found, model), anchor_m)
         middle = fused(
             query,
             [*instance.sightings, *(item for item in found if isinstance(item, Miss))],
-            estimator=NAME,
+            estimator="cuboid",
             min_confidence=model.min_confidence,
             yaw_symmetry_deg=model.shape_symmetry_deg,
         )
@@ -86,17 +86,33 @@ class _Search:
             middle = replace(middle, reason="; ".join(filter(None, (middle.reason, instance.note))))
         return _at_origin(middle, model, None if model.away_from is None else poses[model.away_from].position_m)
 
-    def look(self, looks: CuboidModel) -> list[Sighting | Miss]:
-        """What each camera makes of everything that looks so."""
+    def look(self, model: CuboidModel) -> list[Sighting | Miss]:
+        """What each camera makes of everything that looks so, whichever is meant and wherever its origin lies."""
+        looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
         if looks not in self._found:
             self._found[looks] = [item for image in self._images for item in _sighted(*image, looks)]
         return self._found[looks]
 
 
 def _sighted(frame: RgbdFrame, hsv: HsvImage, looks: CuboidModel) -> Sequence[Sighting | Miss]:
+    assert frame.depth_m is not None
     mask = color_mask(hsv, looks.color)
-    pieces = find_pieces(frame, mask, np.array(looks.size_m), looks.shape)
-    return [_sighting(frame, piece, looks) for piece in pieces] or [Miss(frame.camera.name, _why_nothing(frame, mask))]
+    size_m, yaw_range_rad = np.array(looks.size_m), np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
+    sightings = []
+    for piece in find_pieces(frame, mask, size_m, looks.shape):
+        view = view_of(frame, piece)
+        fit = fit_upright(view, looks.shape, size_m, yaw_range_rad=yaw_range_rad)
+        sightings.append(judged(frame, piece, view, looks.shape, fit))
+    if sightings:
+        return sightings
+    count = int(np.count_nonzero(mask))
+    if not count:
+        reason = "no pixel has its color"
+    elif not (frame.depth_m[mask > 0] > 0).any():
+        reason = f"the {count} pixels of its color have no depth"
+    else:
+        reason = f"{count} pixels have its color, but none of their patches is large enough"
+    return [Miss(frame.camera.name, reason)]
 
 
 def _in_order(models: dict[str, CuboidModel]) -> list[str]:
@@ -105,59 +121,123 @@ def _in_order(models: dict[str, CuboidModel]) -> list[str]:
     Raises:
         InvalidInputError: if one refers to an object that is not asked for, or to itself in the end.
     """
-    references = {name: _references(model) for name, model in models.items()}
-    for name, found in references.items():
-        for field, other in found.items():
+    references: dict[str, list[str]] = {}
+    for name, model in models.items():
+        named = {} if model.rank is None else {"rank.nearest_to": model.rank.nearest_to}
+        if model.away_from is not None:
+            named["away_from"] = model.away_from
+        references[name] = list(named.values())
+        for field, other in named.items():
             if other not in models:
                 message = f"is {other!r}, which is not among the objects"
                 raise ObjectModelError(name, message, ", ".join(models), within=field)
     try:
-        return list(TopologicalSorter({name: found.values() for name, found in references.items()}).static_order())
+        return list(TopologicalSorter(references).static_order())
     except CycleError as error:
         circle = error.args[1][::-1]
         message = f"refers to itself: {' -> '.join(circle)}"
         raise ObjectModelError(circle[0], message, "no circle") from None
 
 
-def _references(model: CuboidModel) -> dict[str, str]:
-    rank = {} if model.rank is None else {"rank.nearest_to": model.rank.nearest_to}
-    return rank if model.away_from is None else {**rank, "away_from": model.away_from}
-
-
-def _sighting(frame: RgbdFrame, piece: Piece, model: CuboidModel) -> Sighting:
-    view = view_of(frame, piece)
-    yaw_range_rad = np.radians(model.shape_symmetry_deg) or FULL_TURN_RAD
-    fit = fit_upright(view, model.shape, np.array(model.size_m), yaw_range_rad=yaw_range_rad)
-    verdict = judge(frame, piece, view, model.shape, fit)
-    quaternion = Rotation.from_euler("z", fit.candidate[3]).as_quat(canonical=True)
-    return Sighting(frame.camera.name, fit.candidate[:3], quaternion, verdict.confidence, verdict.reason)
-
-
-def _why_nothing(frame: RgbdFrame, mask: np.ndarray) -> str:
-    assert frame.depth_m is not None
-    count = int(np.count_nonzero(mask))
-    if not count:
-        return "no pixel has its color"
-    if not (frame.depth_m[mask > 0] > 0).any():
-        return f"the {count} pixels of its color have no depth"
-    return f"{count} pixels have its color, but none of their patches is large enough"
-
-
 def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None) -> ObjectPose:
-    """The object's own pose from that of its shape."""
+    """The object's own pose from that of its shape; the x axis points away from a place, as far as yaws look alike."""
     assert middle.quaternion_xyzw is not None
     rotation = Rotation.from_quat(middle.quaternion_xyzw)
     if away_from_m is not None:
-        rotation = _turned_away(rotation, middle.position_m - away_from_m, model.shape_symmetry_deg)
+        away_m = middle.position_m - away_from_m
+        heading_rad = float(np.arctan2(away_m[1], away_m[0]))
+        if model.shape_symmetry_deg:
+            yaw, period_rad = yaw_rad(rotation), np.radians(model.shape_symmetry_deg)
+            heading_rad = yaw + round((heading_rad - yaw) / period_rad) * period_rad
+        rotation = Rotation.from_euler("z", heading_rad)
     position_m = middle.position_m + rotation.apply(model.origin_m)
     return replace(middle, position_m=position_m, quaternion_xyzw=rotation.as_quat(canonical=True))
 
 
-def _turned_away(rotation: Rotation, away: Array, symmetry_deg: float) -> Rotation:
-    """Of the yaws that look alike the one whose x axis points most along `away`."""
-    heading_rad = float(np.arctan2(away[1], away[0]))
-    if symmetry_deg == 0:
-        return Rotation.from_euler("z", heading_rad)
-    period_rad = np.radians(symmetry_deg)
-    yaw = yaw_rad(rotation)
-    return Rotation.from_euler("z", yaw + round((heading_rad - yaw) / period_rad) * period_rad)
+@dataclass(frozen=True, eq=False)
+class _Instance:
+    """One thing, as the cameras see it.
+
+    Attributes:
+        note: what deserves a look in how it was chosen; empty if nothing.
+    """
+
+    sightings: tuple[Sighting, ...]
+    note: str = ""
+
+    @property
+    def position_m(self) -> Array:
+        """(3,) where its best sighting puts it."""
+        return max(self.sightings, key=lambda s: s.confidence).position_m
+
+    @property
+    def confidence(self) -> float:
+        """That of the most confident sighting; 0 without any."""
+        return max((s.confidence for s in self.sightings), default=0.0)
+
+
+def _instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[_Instance]:
+    """The separate things that were sighted, the most certain first."""
+    sightings = [item for item in found if isinstance(item, Sighting)]
+    reach_m = SAME_SHARE * min(model.size_m[:2]) + SAME_SLACK_M
+    groups: list[list[Sighting]] = []
+    for sighting in sorted(sightings, key=lambda s: -s.confidence):
+        for group in groups:
+            apart_m = float(np.linalg.norm(group[0].position_m - sighting.position_m))
+            if apart_m < reach_m and all(sighting.camera != other.camera for other in group):
+                group.append(sighting)
+                break
+        else:
+            groups.append([sighting])
+    return [_Instance(tuple(group)) for group in groups]
+
+
+def _chosen(name: str, model: CuboidModel, found: Sequence[_Instance], anchor_m: Array | None) -> _Instance:
+    """The thing that is asked for.
+
+    Raises:
+        UncertainPoseError: if a camera sees several where there is no rank, or not as many as the rank tells of.
+    """
+    certain = [item for item in found if item.confidence >= model.min_confidence]
+    if model.rank is None:
+        return _only(name, certain, found)
+    assert anchor_m is not None
+    rank = model.rank
+    if len(certain) != rank.of:
+        listed = "; ".join(_described(item.sightings[0]) for item in found) or "none is seen"
+        message = f"{len(certain)} things that look like it are seen well enough, not {rank.of}: {listed}"
+        remedy = f"a view of all {rank.of}, to count from {rank.nearest_to}"
+        raise UncertainPoseError(name, message, remedy)
+    distances_m = np.array([np.linalg.norm(item.position_m - anchor_m) for item in certain])
+    index = int(np.argsort(distances_m)[rank.number - 1])
+    ties = np.count_nonzero(np.abs(distances_m - distances_m[index]) < TIE_M) - 1
+    if not ties:
+        return certain[index]
+    note = f"{ties} more that look like it are as far from {rank.nearest_to}, within {1000 * TIE_M:g} mm"
+    return replace(certain[index], note=note)
+
+
+def _only(name: str, certain: Sequence[_Instance], found: Sequence[_Instance]) -> _Instance:
+    """The one that is certain; further cameras' sightings of it elsewhere stay with it, to show the contradiction."""
+    per_camera: dict[str, list[Sighting]] = {}
+    for sighting in (s for item in certain for s in item.sightings):
+        per_camera.setdefault(sighting.camera, []).append(sighting)
+    for camera, seen in per_camera.items():
+        if len(confident := [s for s in seen if s.confidence >= 0.5 * seen[0].confidence]) > 1:
+            places = " and ".join(_place(s.position_m) for s in confident)
+            message = f"camera {camera} sees {len(confident)} that look like it, at {places}"
+            remedy = "one such object in view, a rank in its object model, or another color"
+            raise UncertainPoseError(name, message, remedy)
+    if certain:
+        return _Instance(tuple(s for item in certain for s in item.sightings))
+    return found[0] if found else _Instance(())
+
+
+def _described(sighting: Sighting) -> str:
+    reason = f" ({sighting.reason})" if sighting.reason else ""
+    place = _place(sighting.position_m)
+    return f"{sighting.camera} sees one at {place} with confidence {sighting.confidence:.2f}{reason}"
+
+
+def _place(position_m: Array) -> str:
+    return "[" + ", ".join(f"{x:.2f}" for x in position_m) + "] m"

@@ -37,15 +37,15 @@ _SIZE: dict[Shape, tuple[int, ...]] = {"box": (SX, SY, SZ), "cylinder": (SX, SZ)
 
 def surface_distances_m(shape: Shape, candidates: Array, points_m: Array) -> Array:
     """(B, N) signed distances of points (N, 3) from the surface: negative inside."""
-    x, y, z = _local(candidates, points_m[None] - candidates[:, None, :3])
-    half = candidates[:, None, SX:] / 2
+    half = candidates.T[SX:, :, None] / 2
+    axes, middles_m = _frames(candidates)
+    places = axes @ points_m.T - middles_m
     if shape == "cylinder":
-        across, outside_z = np.hypot(x, y) - half[..., 0], np.abs(z) - half[..., 2]
-        outside = np.hypot(np.maximum(across, 0), np.maximum(outside_z, 0))
-        return outside + np.minimum(np.maximum(across, outside_z), 0)
-    qx, qy, qz = np.abs(x) - half[..., 0], np.abs(y) - half[..., 1], np.abs(z) - half[..., 2]
-    outside = np.sqrt(np.maximum(qx, 0) ** 2 + np.maximum(qy, 0) ** 2 + np.maximum(qz, 0) ** 2)
-    distances: Array = outside + np.minimum(np.maximum(np.maximum(qx, qy), qz), 0)
+        beyond = np.stack([np.hypot(places[0], places[1]) - half[0], np.abs(places[2]) - half[2]])
+    else:
+        beyond = np.abs(places) - half
+    outside = np.sqrt((np.maximum(beyond, 0) ** 2).sum(axis=0))
+    distances: Array = outside + np.minimum(beyond.max(axis=0), 0)
     return distances
 
 
@@ -54,16 +54,14 @@ def ray_distances_m(shape: Shape, candidates: Array, eye_m: Array, rays: Array) 
 
     The greatest gap along any direction across the ray (separating axes); for a box the edges give those that matter.
     """
-    dx, dy, dz = _local(candidates, np.broadcast_to(rays[None], (len(candidates), *rays.shape)))
-    ox, oy, oz = _local(candidates, (eye_m - candidates[:, :3])[:, None])
-    hx, hy, hz = (candidates[:, None, k] / 2 for k in (SX, SY, SZ))
+    half = candidates.T[SX:, :, None] / 2
+    axes, middles_m = _frames(candidates)
+    along, eye = axes @ rays.T, axes @ eye_m[:, None] - middles_m
     if shape == "cylinder":
-        return _round_distances_m((dx, dy, dz), (ox, oy, oz), hx, hz)
-    adx, ady, adz = np.abs(dx), np.abs(dy), np.abs(dz)
-    along_x = (np.abs(dz * oy - dy * oz) - hy * adz - hz * ady) / np.hypot(dy, dz)
-    along_y = (np.abs(dz * ox - dx * oz) - hx * adz - hz * adx) / np.hypot(dx, dz)
-    along_z = (np.abs(dy * ox - dx * oy) - hx * ady - hy * adx) / np.hypot(dx, dy)
-    distances: Array = np.maximum(np.maximum(along_x, along_y), along_z)
+        return _round_distances_m(along, eye, half[0], half[2])
+    (d1, e1, h1), (d2, e2, h2) = ((along[order], eye[order], half[order]) for order in ([1, 2, 0], [2, 0, 1]))
+    gaps = np.abs(d2 * e1 - d1 * e2) - h1 * np.abs(d2) - h2 * np.abs(d1)
+    distances: Array = (gaps / np.sqrt(d1**2 + d2**2)).max(axis=0)
     return distances
 
 
@@ -82,17 +80,18 @@ def outline_points_m(shape: Shape, candidate: Array) -> Array:
     return points
 
 
-def _local(candidates: Array, vectors: Array) -> tuple[Array, Array, Array]:
-    """World vectors (B, N, 3) along each candidate's axes: three times (B, N)."""
-    cos, sin = np.cos(candidates[:, YAW, None]), np.sin(candidates[:, YAW, None])
-    x, y = vectors[..., 0], vectors[..., 1]
-    return x * cos + y * sin, y * cos - x * sin, vectors[..., 2]
+def _frames(candidates: Array) -> tuple[Array, Array]:
+    """(3, B, 3) unit vectors along x, y and z of each candidate, and (3, B, 1) its middle along them."""
+    axes = np.zeros((3, len(candidates), 3))
+    axes[0, :, 0] = axes[1, :, 1] = np.cos(candidates[:, YAW])
+    axes[0, :, 1] = np.sin(candidates[:, YAW])
+    axes[1, :, 0] = -axes[0, :, 1]
+    axes[2, :, 2] = 1
+    return axes, (axes * candidates[:, :3]).sum(axis=2, keepdims=True)
 
 
-def _round_distances_m(
-    direction: tuple[Array, Array, Array], eye: tuple[Array, Array, Array], radius_m: Array, half_height_m: Array
-) -> Array:
-    (dx, dy, dz), (ox, oy, oz) = direction, eye
+def _round_distances_m(along: Array, eye: Array, radius_m: Array, half_height_m: Array) -> Array:
+    (dx, dy, dz), (ox, oy, oz) = along, eye
     level = np.hypot(dx, dy)
     # across the ray: `side` lies level, `up` stands on ray and side
     sx, sy = -dy / level, dx / level
@@ -181,17 +180,17 @@ def _descend(view: View, shape: Shape, starts: Array, columns: list[int], steps:
     damping = np.full(len(starts), 1e-3)
     trial = starts
     for step in range(steps + 1):
-        residuals, jacobian = _linearised(view, shape, trial, columns)
+        residuals, jacobian = _linearised(view, shape, trial, columns if step < steps else [])
         costs = np.log1p((residuals / ROBUST_SIGMAS) ** 2).sum(axis=1) * ROBUST_SIGMAS**2 / 2
         better = costs < best_costs
         settled = step > 1 and bool((np.abs(best_costs - costs) < SETTLED * best_costs).all())
-        damping = np.where(better, damping / 4, damping * 8)
         best[better], best_costs[better] = trial[better], costs[better]
+        if settled or step == steps:
+            break
+        damping = np.where(better, damping / 4, damping * 8)
         if step == 0:
             kept_residuals, kept_jacobian = residuals, jacobian
         kept_residuals[better], kept_jacobian[better] = residuals[better], jacobian[better]
-        if settled or step == steps:
-            break
         trial = _stepped(best, kept_residuals, kept_jacobian, damping, columns)
     return best, best_costs
 

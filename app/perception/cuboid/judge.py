@@ -1,18 +1,17 @@
-"""How far a fitted shape can be trusted: a confidence, and what lowers it in words."""
-
-from dataclasses import dataclass
+"""How far a fitted shape can be trusted: a sighting with a confidence, and what lowers it in words."""
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from app.perception.cuboid.fit import Fit, outline_points_m, surface_distances_m
+from app.perception.cuboid.fit import YAW, Fit, outline_points_m, surface_distances_m
 from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import SQUARE, Piece, window
 from app.perception.cuboid.view import View
-from app.pipeline.geometry import pixels_to_world
+from app.perception.sightings import Sighting
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 
 SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
 DEPTH_SIGMAS = 3.0
@@ -24,16 +23,8 @@ NOTED = 0.85  # a share below this is mentioned
 BORDER_PX = 2
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Confidence 0..1 and what lowers it."""
-
-    confidence: float
-    reason: str
-
-
-def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -> Verdict:
-    """Compare the piece's pixels with those that the fitted shape would have.
+def judged(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -> Sighting:
+    """The fitted shape's pose; its confidence compares the piece's pixels with those that the shape would have.
 
     Counted against it: pixels of the object outside of its outline; places inside the outline where the camera sees
     through it or another color on it; depths off its surface; little of it in sight; another yaw that fits as well.
@@ -51,11 +42,12 @@ def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) ->
     notes = [f"only {100 * share:.0f} % {what}" for what, share in shares.items() if share < NOTED]
     agreement = own * (1 - contradicting) * on_surface
     confidence = agreement**STRICTNESS * min(1.0, covered / ENOUGH_VISIBLE)
+    yaw = fit.candidate[YAW]
     if shape == "box" and fit.rival_cost - fit.cost < RIVAL_COST:
         confidence *= RIVAL_FACTOR
-        degrees = (np.degrees(fit.candidate[3]), np.degrees(fit.rival_yaw_rad))
-        notes.append("yaws {:.0f} and {:.0f} degrees fit alike".format(*degrees))
-    return Verdict(float(confidence), ", ".join(notes))
+        notes.append(f"yaws {np.degrees(yaw):.0f} and {np.degrees(fit.rival_yaw_rad):.0f} degrees fit alike")
+    quaternion = Rotation.from_euler("z", yaw).as_quat(canonical=True)
+    return Sighting(frame.camera.name, fit.candidate[:3], quaternion, float(confidence), ", ".join(notes))
 
 
 def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> tuple[float, float, float]:
@@ -76,7 +68,7 @@ def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> t
     mask, depth_m = piece.mask_in(left, top, canvas.shape), window(frame.depth_m, left, top, canvas.shape)
     common = int(np.count_nonzero(filled & mask))
     rows, columns = np.nonzero(filled & ~mask & (depth_m > 0))
-    points_m = pixels_to_world(frame.camera, rows + low[1], columns + low[0], depth_m[rows, columns])
+    points_m = frame.camera.deproject(rows + top, columns + left, depth_m[rows, columns])
     apart = surface_distances_m(shape, candidate[None], points_m)[0] > SURFACE_M
     before = apart & (depth_m[rows, columns] < frame.camera.project(candidate[:3])[1])
     rim = (filled & (cv2.erode(canvas, SQUARE) == 0))[rows, columns]  # the outline's outermost pixels

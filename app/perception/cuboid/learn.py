@@ -27,86 +27,7 @@ EQUAL_SIDES_SHARE, EQUAL_SIDES_M = 0.06, 0.002  # sides that differ by less are 
 CENTRED_M = 0.003  # an origin nearer than this to the shape's axis is on it
 MAX_TURN_DEG = 15.0  # between the given rotations of an object that is taken for round
 SAME_M = 0.02  # a pose found nearer than this to the given one is right
-
-
-def learn_away_from(name: str, scenes: Sequence[LabelledScene]) -> str | None:
-    """The object that the x axis of `name` points away from in all scenes; None if there is none."""
-    angles: dict[str, list[float]] = {}
-    for scene in scenes:
-        poses = {query.name: query for query in scene.objects}
-        query = poses.get(name)
-        if query is None or query.quaternion_xyzw is None:
-            return None
-        heading = Rotation.from_quat(query.quaternion_xyzw).apply([1.0, 0.0, 0.0])[:2]
-        for other, place_m in _others(scene, name):
-            away = np.array(query.position_m)[:2] - place_m[:2]
-            cosine = away @ heading / (np.linalg.norm(away) * np.linalg.norm(heading) + 1e-12)
-            angles.setdefault(other, []).append(float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))))
-    means = {other: float(np.mean(found)) for other, found in angles.items() if len(found) == len(scenes)}
-    best = min(means, key=means.__getitem__, default=None)
-    return best if best is not None and means[best] < MAX_MEAN_ANGLE_DEG else None
-
-
-def learn_rank(
-    name: str, model: CuboidModel, scenes: Sequence[LabelledScene], models: Mapping[str, CuboidModel]
-) -> CuboidModel:
-    """The model with a rank if several things look like it.
-
-    Raises:
-        InvalidInputError: if nothing tells them apart in the same way in all scenes.
-    """
-    ranks: dict[str, list[int]] = {}
-    most = 1
-    for scene in scenes:
-        query = next(query for query in scene.objects if query.name == name)
-        places_m = likenesses(model, scene.frames)
-        most = max(most, len(places_m))
-        if query.position_m is None or not places_m:
-            continue
-        for other, anchor_m in _others(scene, name):
-            ranks.setdefault(other, []).append(_rank_of(np.array(query.position_m), places_m, anchor_m))
-    if most == 1:
-        return model
-    steady = {
-        other: mode
-        for other, seen in ranks.items()
-        if not _alike(models[other], model) and seen.count(mode := max(set(seen), key=seen.count)) >= STEADY * len(seen)
-    }
-    if not steady:
-        message = f"up to {most} things look like it, and their order from no other object is the same in all episodes"
-        raise ObjectModelError(name, message, "colors of their own, or markers")
-    anchor, number = next(iter(steady.items()))
-    return replace(model, rank=Rank(number, anchor, most))
-
-
-def with_shared_looks(model: CuboidModel, models: Iterable[CuboidModel]) -> CuboidModel:
-    """The model with size and color of the first of those that it is counted among: they are looked for once."""
-    if model.rank is None:
-        return model
-    first = next(other for other in models if other.rank is not None and _alike(other, model))
-    return replace(model, size_m=first.size_m, color=first.color, shape=first.shape)
-
-
-def _rank_of(position_m: Array, places_m: Sequence[Array], anchor_m: Array) -> int:
-    """Which of the places, counted from the anchor, is the one at the position."""
-    nearest_first = sorted(places_m, key=lambda place: float(np.linalg.norm(place - anchor_m)))
-    own = min(range(len(nearest_first)), key=lambda k: float(np.linalg.norm(nearest_first[k] - position_m)))
-    return own + 1
-
-
-def _alike(one: CuboidModel, other: CuboidModel) -> bool:
-    """Whether two objects look so similar that neither can be the anchor that tells the other apart."""
-    middle = [
-        (model.color.hue_deg[0] + ((model.color.hue_deg[1] - model.color.hue_deg[0]) % 360) / 2)
-        for model in (one, other)
-    ]
-    return abs((middle[0] - middle[1] + 180) % 360 - 180) < 10 and np.allclose(one.size_m, other.size_m, rtol=0.2)
-
-
-def _others(scene: LabelledScene, name: str) -> Iterator[tuple[str, Array]]:
-    for query in scene.objects:
-        if query.name != name and query.position_m is not None:
-            yield query.name, np.array(query.position_m)
+SAME_HUE_DEG, SAME_SIZE = 10.0, 0.2  # hues and, in shares, sizes that do not tell two objects apart
 
 
 def learn_models(
@@ -128,8 +49,8 @@ def learn_models(
     for frame in (frame for scene in scenes for frame in scene.frames):
         check_rgbd(frame)
     models = {query.name: _learn(query.name, scenes) for query in scenes[0].objects}
-    models = {name: learn_rank(name, model, scenes, models) for name, model in models.items()}
-    models = {name: with_shared_looks(model, models.values()) for name, model in models.items()}
+    models = {name: _with_rank(name, model, scenes, models) for name, model in models.items()}
+    models = {name: _with_shared_looks(model, models.values()) for name, model in models.items()}
     for name, model in models.items():
         if model.shape == "cylinder" and name not in (yaw_symmetry_deg or {}):
             _check_round(name, scenes)
@@ -137,25 +58,11 @@ def learn_models(
     return models
 
 
-def _check_round(name: str, scenes: Sequence[LabelledScene]) -> None:
-    """Refuse a cylinder for what was given with different yaws: a cup's handle would not be seen.
-
-    Raises:
-        ObjectModelError: if so.
-    """
-    given = [query.quaternion_xyzw for scene in scenes for query in scene.objects if query.name == name]
-    rotations = [Rotation.from_quat(quaternion) for quaternion in given if quaternion is not None]
-    turn_deg = max((float(np.degrees((rotations[0].inv() * other).magnitude())) for other in rotations), default=0.0)
-    if turn_deg > MAX_TURN_DEG:
-        message = f"is round without its yaw, and its given yaws differ by up to {turn_deg:.0f} degrees"
-        raise ObjectModelError(name, message, "yaw_symmetry_deg 0 if it is round; else labels, for `registered`")
-
-
 def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:
     labelled = [
         (frame, query) for scene in scenes for query in scene.objects if query.name == name for frame in scene.frames
     ]
-    seen = [(frame, query, pixels) for frame, query in labelled if (pixels := object_pixels(frame, query)) is not None]
+    seen = [(frame, query, pixels) for frame, query in labelled if (pixels := object_pixels(frame, query)).any()]
     if not seen:
         raise ObjectModelError(name, "no camera shows it with known depth", "mask_ids or a position in each episode")
     color = learn_color(name, [(frame, pixels) for frame, _, pixels in seen])
@@ -170,30 +77,104 @@ def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:
 def _model(
     name: str, color: ColorModel, shape: Shape, items: Sequence[Measured], scenes: Sequence[LabelledScene]
 ) -> CuboidModel:
-    size_m = _squared(np.median([item.size_m for item in items], axis=0), shape)
+    x, y, z = np.median([item.size_m for item in items], axis=0)
+    if shape == "cylinder" or abs(x - y) < max(EQUAL_SIDES_M, EQUAL_SIDES_SHARE * max(x, y)):
+        x = y = (x + y) / 2
     offsets_m = [item.origin_m for item in items if item.origin_m is not None]
     origin_m = np.median(offsets_m, axis=0) if offsets_m else np.zeros(3)
-    model = CuboidModel(_rounded(size_m), color, shape, (0.0, 0.0, _rounded(origin_m)[2]))
-    if np.hypot(origin_m[0], origin_m[1]) < CENTRED_M:
+    model = CuboidModel(_rounded((x, y, z)), color, shape, (0.0, 0.0, _rounded(origin_m)[2]))
+    off_axis_m = np.hypot(*origin_m[:2])
+    if off_axis_m < CENTRED_M:
         return model
-    away_from = learn_away_from(name, scenes)
+    away_from = _away_from(name, scenes)
     if away_from is None:
-        message = f"its origin is {100 * np.hypot(*origin_m[:2]):.1f} cm off the middle of what has its color"
+        message = f"its origin is {100 * off_axis_m:.1f} cm off the middle of what has its color"
         raise ObjectModelError(name, message, "poses in its middle, or markers on it")
     return replace(model, origin_m=_rounded(origin_m), away_from=away_from)
 
 
-def _squared(size_m: Array, shape: Shape) -> Array:
-    """Sides that are nearly equal made equal."""
-    x, y, z = size_m
-    if shape == "cylinder" or abs(x - y) < max(EQUAL_SIDES_M, EQUAL_SIDES_SHARE * max(x, y)):
-        return np.array([(x + y) / 2, (x + y) / 2, z])
-    return size_m
-
-
-def _rounded(vector_m: Array) -> tuple[float, float, float]:
+def _rounded(vector_m: Iterable[float]) -> tuple[float, float, float]:
     x, y, z = (float(round(item / ROUND_TO_M) * ROUND_TO_M) for item in vector_m)
     return round(x, 6), round(y, 6), max(round(z, 6), -1.0)
+
+
+def _away_from(name: str, scenes: Sequence[LabelledScene]) -> str | None:
+    """The object that the x axis of `name` points away from in all scenes; None if there is none."""
+    angles: dict[str, list[float]] = {}
+    for scene in scenes:
+        query = next((query for query in scene.objects if query.name == name), None)
+        if query is None or query.quaternion_xyzw is None:
+            return None
+        heading = Rotation.from_quat(query.quaternion_xyzw).apply([1.0, 0.0, 0.0])[:2]
+        for other, place_m in _others(scene, name):
+            away = np.array(query.position_m)[:2] - place_m[:2]
+            cosine = away @ heading / (np.linalg.norm(away) * np.linalg.norm(heading) + 1e-12)
+            angles.setdefault(other, []).append(float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))))
+    means = {other: float(np.mean(found)) for other, found in angles.items() if len(found) == len(scenes)}
+    best = min(means, key=means.__getitem__, default=None)
+    return best if best is not None and means[best] < MAX_MEAN_ANGLE_DEG else None
+
+
+def _others(scene: LabelledScene, name: str) -> Iterator[tuple[str, Array]]:
+    for query in scene.objects:
+        if query.name != name and query.position_m is not None:
+            yield query.name, np.array(query.position_m)
+
+
+def _with_rank(
+    name: str, model: CuboidModel, scenes: Sequence[LabelledScene], models: Mapping[str, CuboidModel]
+) -> CuboidModel:
+    """The model with a rank if several things look like it."""
+    ranks: dict[str, list[int]] = {}
+    most = 1
+    for scene in scenes:
+        query = next(query for query in scene.objects if query.name == name)
+        places_m = likenesses(model, scene.frames)
+        most = max(most, len(places_m))
+        if query.position_m is None or not places_m:
+            continue
+        off_m = np.linalg.norm(np.array(places_m) - query.position_m, axis=1)
+        for other, anchor_m in _others(scene, name):
+            far_m = np.linalg.norm(np.array(places_m) - anchor_m, axis=1)
+            nearest_first = np.argsort(far_m, kind="stable")
+            ranks.setdefault(other, []).append(int(np.argmin(off_m[nearest_first])) + 1)
+    if most == 1:
+        return model
+    steady = {
+        other: mode
+        for other, seen in ranks.items()
+        if not _alike(models[other], model) and seen.count(mode := max(set(seen), key=seen.count)) >= STEADY * len(seen)
+    }
+    if not steady:
+        message = f"up to {most} things look like it, and their order from no other object is the same in all episodes"
+        raise ObjectModelError(name, message, "colors of their own, or markers")
+    anchor, number = next(iter(steady.items()))
+    return replace(model, rank=Rank(number, anchor, most))
+
+
+def _with_shared_looks(model: CuboidModel, models: Iterable[CuboidModel]) -> CuboidModel:
+    """The model with size and color of the first of those that it is counted among: they are looked for once."""
+    if model.rank is None:
+        return model
+    first = next(other for other in models if other.rank is not None and _alike(other, model))
+    return replace(model, size_m=first.size_m, color=first.color, shape=first.shape)
+
+
+def _alike(one: CuboidModel, other: CuboidModel) -> bool:
+    """Whether two objects look so similar that neither can be the anchor that tells the other apart."""
+    hues_deg = [low + (high - low) % 360 / 2 for low, high in (one.color.hue_deg, other.color.hue_deg)]
+    apart_deg = abs((hues_deg[0] - hues_deg[1] + 180) % 360 - 180)
+    return apart_deg < SAME_HUE_DEG and np.allclose(one.size_m, other.size_m, rtol=SAME_SIZE)
+
+
+def _check_round(name: str, scenes: Sequence[LabelledScene]) -> None:
+    """Refuse a cylinder for what was given with different yaws: a cup's handle would not be seen."""
+    given = [query.quaternion_xyzw for scene in scenes for query in scene.objects if query.name == name]
+    rotations = [Rotation.from_quat(quaternion) for quaternion in given if quaternion is not None]
+    turn_deg = max((float(np.degrees((rotations[0].inv() * other).magnitude())) for other in rotations), default=0.0)
+    if turn_deg > MAX_TURN_DEG:
+        message = f"is round without its yaw, and its given yaws differ by up to {turn_deg:.0f} degrees"
+        raise ObjectModelError(name, message, "yaw_symmetry_deg 0 if it is round; else labels, for `registered`")
 
 
 def _try_out(models: Mapping[str, CuboidModel], scenes: Sequence[LabelledScene]) -> None:

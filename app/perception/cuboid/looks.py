@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.fit import SX, YAW, fit_any_size
 from app.perception.cuboid.model import ColorModel, Shape
-from app.perception.cuboid.pieces import SQUARE, Bools, Piece, color_mask, find_parts, to_hsv
+from app.perception.cuboid.pieces import SQUARE, Bools, color_mask, find_parts, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
@@ -27,30 +26,24 @@ SEED_REACH_PX = 4
 SEED_BEHIND_M = 0.015
 
 
-def object_pixels(frame: RgbdFrame, query: ObjectQuery) -> Bools | None:
-    """(H, W) pixels that are the object's: those of its mask ids, else some about its position; None: there is none."""
+def object_pixels(frame: RgbdFrame, query: ObjectQuery) -> Bools:
+    """(H, W) pixels that are the object's: those of its mask ids, else some about its position; perhaps none."""
     assert frame.depth_m is not None
     if query.mask_ids and frame.mask is not None:
-        pixels = np.isin(frame.mask, query.mask_ids) & (frame.depth_m > 0)
-        return pixels if pixels.any() else None
-    return None if query.position_m is None else _about(frame, np.array(query.position_m))
-
-
-def _about(frame: RgbdFrame, position_m: npt.NDArray[np.float64]) -> Bools | None:
-    """Pixels around a position's that do not lie behind it."""
-    assert frame.depth_m is not None
-    camera, (height, width) = frame.camera, frame.depth_m.shape
-    pixel, distance_m = camera.project(position_m)
+        return np.isin(frame.mask, query.mask_ids) & (frame.depth_m > 0)
+    pixels = np.zeros(frame.depth_m.shape, np.bool_)
+    if query.position_m is None:
+        return pixels
+    (height, width), (pixel, distance_m) = frame.depth_m.shape, frame.camera.project(query.position_m)
     if distance_m <= 0 or not (0 <= round(pixel[0]) < width and 0 <= round(pixel[1]) < height):
-        return None
+        return pixels
     column, row = round(pixel[0]), round(pixel[1])
-    pixels = np.zeros((height, width), np.bool_)
     reach = np.s_[
         max(row - SEED_REACH_PX, 0) : row + SEED_REACH_PX + 1,
         max(column - SEED_REACH_PX, 0) : column + SEED_REACH_PX + 1,
     ]
     pixels[reach] = (frame.depth_m[reach] > 0) & (frame.depth_m[reach] < distance_m + SEED_BEHIND_M)
-    return pixels if pixels.any() else None
+    return pixels
 
 
 def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorModel:
@@ -79,14 +72,12 @@ def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorMode
     )
 
 
-def _samples(frame: RgbdFrame, pixels: Bools) -> npt.NDArray[np.float64]:
+def _samples(frame: RgbdFrame, pixels: Bools) -> Array:
     """(N, 3) hue in degrees, saturation and value in 0..1 of the pixels, without their rim where enough is left."""
     assert frame.rgb is not None
     inner = cv2.erode(pixels.astype(np.uint8), SQUARE) > 0
     chosen = inner if np.count_nonzero(inner) > 30 else pixels
-    rows, columns = np.nonzero(chosen)
-    hsv = to_hsv(np.ascontiguousarray(frame.rgb[rows, columns][None]))[0]
-    samples: npt.NDArray[np.float64] = hsv * np.array([360 / 256, 1 / 255, 1 / 255])
+    samples: Array = to_hsv(frame.rgb[chosen][None])[0] * np.array([360 / 256, 1 / 255, 1 / 255])
     return samples
 
 
@@ -108,10 +99,11 @@ class Measured:
 def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
     """Fit a shape of free size to the patch of the color that shares most pixels with the labelled ones."""
     assert frame.rgb is not None
-    piece = _piece_at(frame, pixels, color)
-    if piece is None:
+    pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
+    shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
+    if not any(shares):
         return None
-    view = view_of(frame, piece)
+    view = view_of(frame, pieces[int(np.argmax(shares))])
     fit = fit_any_size(view, shape)
     size_m, turn = _along_axes(fit.candidate, query, shape)
     origin_m = None
@@ -120,13 +112,6 @@ def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorMod
         if query.quaternion_xyzw is None:
             origin_m[:2] = 0.0
     return Measured(size_m, origin_m, fit.cost / (len(view.points_m) + len(view.rays)))
-
-
-def _piece_at(frame: RgbdFrame, pixels: Bools, color: ColorModel) -> Piece | None:
-    assert frame.rgb is not None
-    pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
-    shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
-    return pieces[int(np.argmax(shares))] if any(shares) else None
 
 
 def _along_axes(candidate: Array, query: ObjectQuery, shape: Shape) -> tuple[Array, Rotation]:

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.model import ColorModel, Shape
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 
@@ -66,15 +65,6 @@ class Piece:
         return window(self.mask, left_px - self.left_px, top_px - self.top_px, shape)
 
 
-def expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Shape) -> float:
-    """Roughly how many pixels the whole object has, seen from the camera's angle."""
-    down = abs(float(camera.camera_to_world[2, 2]))
-    level = np.sqrt(max(1 - down**2, 0))
-    top_m2 = size_m[0] * size_m[1] * (np.pi / 4 if shape == "cylinder" else 1)
-    side_m2 = size_m[2] * (size_m[0] if shape == "cylinder" else (size_m[0] + size_m[1]) * 2 / np.pi)
-    return float(camera.fx_px * camera.fy_px / distance_m**2 * (down * top_m2 + level * side_m2))
-
-
 def find_pieces(frame: RgbdFrame, color_mask: Bytes, size_m: Array, shape: Shape) -> list[Piece]:
     """The things in the mask that may be the object, the largest first.
 
@@ -83,17 +73,25 @@ def find_pieces(frame: RgbdFrame, color_mask: Bytes, size_m: Array, shape: Shape
     pieces = [
         piece
         for piece in _together(frame, find_parts(frame, color_mask), size_m)
-        if piece.num_pixels > MIN_SHARE * expected_pixels(frame.camera, size_m, piece.distance_m, shape)
+        if piece.num_pixels > MIN_SHARE * _expected_pixels(frame.camera, size_m, piece.distance_m, shape)
     ]
-    return _largest_first(pieces)[:MAX_PIECES]
+    return sorted(pieces, key=_fewer_pixels)[:MAX_PIECES]
+
+
+def _expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Shape) -> float:
+    """Roughly how many pixels the whole object has, seen from the camera's angle."""
+    down = abs(float(camera.camera_to_world[2, 2]))
+    level = np.sqrt(max(1 - down**2, 0))
+    top_m2 = size_m[0] * size_m[1] * (np.pi / 4 if shape == "cylinder" else 1)
+    side_m2 = size_m[2] * (size_m[0] if shape == "cylinder" else (size_m[0] + size_m[1]) * 2 / np.pi)
+    return float(camera.fx_px * camera.fy_px / distance_m**2 * (down * top_m2 + level * side_m2))
 
 
 def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
     """The mask's connected patches, the largest first; what touches in the image but lies apart in depth is parted."""
     assert frame.depth_m is not None
-    left_px, top_px, width, height = cv2.boundingRect(
-        color_mask
-    )  # labelling the whole image takes longer than the rest
+    # labelling the whole image takes longer than the rest
+    left_px, top_px, width, height = cv2.boundingRect(color_mask)
     cropped = color_mask[top_px : top_px + height, left_px : left_px + width]
     if not cropped.size:
         return []
@@ -108,11 +106,11 @@ def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
         left, top = left_px + x, top_px + y
         mask = labels[y : y + height, x : x + width] == label
         pieces += _parted(frame.camera, left, top, mask, frame.depth_m[top : top + height, left : left + width])
-    return _largest_first([piece for piece in pieces if piece.distance_m > 0])
+    return sorted((piece for piece in pieces if piece.distance_m > 0), key=_fewer_pixels)
 
 
-def _largest_first(pieces: Sequence[Piece]) -> list[Piece]:
-    return sorted(pieces, key=lambda piece: -piece.num_pixels)
+def _fewer_pixels(piece: Piece) -> int:
+    return -piece.num_pixels
 
 
 def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> list[Piece]:
@@ -146,13 +144,15 @@ def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) 
 
 def _together(frame: RgbdFrame, pieces: Sequence[Piece], size_m: Array) -> list[Piece]:
     """Pieces, the largest first, joined to an earlier one where both fit into one object."""
+    assert frame.depth_m is not None
     joined: list[tuple[Piece, Array]] = []
     for piece in pieces:
         points_m = piece_points_m(frame, replace(piece, mask=inner(piece.mask)))
         for index, (other, others_m) in enumerate(joined):
             both_m = np.concatenate([others_m, points_m])
             if _fits(both_m, size_m):
-                joined[index] = (_union(frame, piece, other), both_m)
+                one, two = (item.mask_in(0, 0, frame.depth_m.shape) for item in (piece, other))
+                joined[index] = (trimmed(0, 0, one | two, frame.depth_m), both_m)
                 break
         else:
             joined.append((piece, points_m))
@@ -164,16 +164,8 @@ def _fits(points_m: Array, size_m: Array) -> bool:
     if not len(points_m):
         return False
     low, high = np.percentile(points_m, [2, 98], axis=0)
-    across_m, up_m = np.hypot(*(high - low)[:2]), (high - low)[2]
-    return bool(
-        across_m < SLACK_FACTOR * np.hypot(size_m[0], size_m[1]) + SLACK_M and up_m < SLACK_FACTOR * size_m[2] + SLACK_M
-    )
-
-
-def _union(frame: RgbdFrame, piece: Piece, other: Piece) -> Piece:
-    assert frame.depth_m is not None
-    whole = [item.mask_in(0, 0, frame.depth_m.shape) for item in (piece, other)]
-    return trimmed(0, 0, whole[0] | whole[1], frame.depth_m)
+    (*level_m, up_m), most_m = high - low, np.array([np.hypot(*size_m[:2]), size_m[2]])
+    return bool(([np.hypot(*level_m), up_m] < SLACK_FACTOR * most_m + SLACK_M).all())
 
 
 def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[P]:
@@ -193,10 +185,8 @@ def inner(mask: Bools) -> Bools:
 
 def eroded(mask: Bools, kernel: Bytes) -> Bools:
     """The mask without the pixels that have others within the kernel; nothing lies beyond its border."""
-    core: Bools = cv2.erode(mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)).view(
-        np.bool_
-    )
-    return core
+    core = cv2.erode(mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,))
+    return core.view(np.bool_)
 
 
 def piece_points_m(frame: RgbdFrame, piece: Piece) -> Array:
@@ -205,4 +195,4 @@ def piece_points_m(frame: RgbdFrame, piece: Piece) -> Array:
     height, width = piece.mask.shape
     depth_m = frame.depth_m[piece.top_px : piece.top_px + height, piece.left_px : piece.left_px + width]
     rows, columns = np.nonzero(piece.mask & (depth_m > 0))
-    return pixels_to_world(frame.camera, rows + piece.top_px, columns + piece.left_px, depth_m[rows, columns])
+    return frame.camera.deproject(rows + piece.top_px, columns + piece.left_px, depth_m[rows, columns])

@@ -1,15 +1,14 @@
 """Pixels of an object in an image -> what a fit needs of them: surface points, outline, ground."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 
 DEPTH_SIGMA_FLOOR_M = 0.001
 INDEPENDENT_PIXELS = 12  # neighboring depths err alike: so many count as one
@@ -47,8 +46,7 @@ class View:
 
     def thinned(self, factor: int) -> "View":
         """Every `factor`-th point and ray."""
-        points_m, rays = self.points_m[::factor], self.rays[::factor]
-        return View(points_m, self.point_sigma_m, self.eye_m, rays, self.footprint_m, self.ground_m)
+        return replace(self, points_m=self.points_m[::factor], rays=self.rays[::factor])
 
 
 def view_of(frame: RgbdFrame, piece: Piece) -> View:
@@ -62,7 +60,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
 
     def points_m(pixels: Pixels) -> Array:
         rows, columns = pixels.T
-        return pixels_to_world(camera, rows + corner[0], columns + corner[1], depth_m[rows, columns])
+        return camera.deproject(rows + corner[0], columns + corner[1], depth_m[rows, columns])
 
     surface = np.argwhere(inner(mask) & (depth_m > 0))
     stride = max(1, round(len(surface) / MAX_POINTS))
@@ -77,18 +75,15 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
         behind |= np.abs(points_m(probe)[:, 2] - ground_m) < GROUND_NEAR_M
     # an edge towards what stands before or on it is not its outline
     edges = (rim + outward / 2)[behind & ~mask[tuple(probe.T)]]
+    sigma_m = float(np.hypot(DEPTH_SIGMA_AT_1_M * piece.distance_m**2, DEPTH_SIGMA_FLOOR_M))
     return View(
         surface_m,
-        _sigma_m(piece.distance_m) * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
+        sigma_m * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
         camera.camera_to_world[:3, 3],
         _rays(camera, edges + corner)[:: max(1, round(len(edges) / MAX_RAYS))],
         piece.distance_m / camera.fx_px,
         ground_m,
     )
-
-
-def _sigma_m(distance_m: float) -> float:
-    return float(np.hypot(DEPTH_SIGMA_AT_1_M * distance_m**2, DEPTH_SIGMA_FLOOR_M))
 
 
 def _ground_m(around_m: Array, object_m: Array) -> float | None:
@@ -113,7 +108,7 @@ def _rim(mask: Bools) -> tuple[Pixels, Pixels]:
 def _rays(camera: Camera, pixels: Array) -> Array:
     """(M, 3) unit vectors in the world frame through (row, column) pixels."""
     rows, columns = pixels[:, 0], pixels[:, 1]
-    ends_m = pixels_to_world(camera, rows, columns, np.ones(len(pixels)))
+    ends_m = camera.deproject(rows, columns, np.ones(len(pixels)))
     offsets = ends_m - camera.camera_to_world[:3, 3]
     rays: Array = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     return rays

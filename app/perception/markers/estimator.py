@@ -30,8 +30,71 @@ RANGE_DISAGREEMENT = (0.05, 0.15)
 RIVAL_SCALE = 4.0  # confidence tanh(d / 4) is 2 p - 1, p the better pose's probability when costs differ by d
 MIN_FACE_POINTS = 8
 
-Seen = Mapping[str, Sequence[SeenMarker]]
 EXAMPLE = '{"estimator": "markers", "dictionary": "DICT_4X4_50", "markers": [{"id": 0, "size_m": 0.04}]}'
+
+
+class MarkerPoses:
+    """Finds objects by their markers: direction and yaw from the corners, the range from the depth on them.
+
+    All of an object's markers that a camera sees are used together; several cameras' poses are fused.
+    """
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        models = [model_of(query, MarkersModel, EXAMPLE) for query in objects]
+        _check_shared(objects, models)
+        check_cameras(frames)
+        wanted: dict[str, set[int]] = {}  # ids to look for, by dictionary
+        for model in models:
+            wanted.setdefault(model.dictionary, set()).update(marker.id for marker in model.markers)
+        seen = [
+            (frame, {dictionary: find_markers(frame.rgb, dictionary, ids) for dictionary, ids in wanted.items()})
+            for frame in frames
+            if frame.rgb is not None
+        ]
+        poses = []
+        for query, model in zip(objects, models, strict=True):
+            found = [_look(model, frame, markers[model.dictionary]) for frame, markers in seen]
+            poses.append(fused(query, found, estimator="markers", min_confidence=model.min_confidence))
+        return tuple(poses)
+
+
+def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]) -> None:
+    named = [(query.name, model) for query, model in zip(objects, models, strict=True)]
+    for (one, first), (other, second) in combinations(named, 2):
+        # a fixture's marker may serve several objects, but not with the same place on each
+        shared = set(first.markers) & set(second.markers) if first.dictionary == second.dictionary else set()
+        if shared:
+            message = f"has marker {min(item.id for item in shared)} where {one!r} has it"
+            raise ObjectModelError(other, message, "another id or marker_to_object", within="markers")
+
+
+def _look(model: MarkersModel, frame: RgbdFrame, seen: Sequence[SeenMarker]) -> Sighting | Miss:
+    """What one camera makes of one object."""
+    camera = frame.camera
+    known = {marker.id: marker for marker in model.markers}
+    mine = [item for item in seen if item.id in known]
+    listed = _listed(known)
+    if not mine:
+        return Miss(camera.name, f"no {listed} of {model.dictionary} in its image")
+    if repeated := [id_ for id_, count in Counter(item.id for item in mine).items() if count > 1]:
+        return Miss(camera.name, f"{_listed(repeated)} is in its image more than once", seen=True)
+    views = [MarkerView.of(frame, item, known[item.id]) for item in mine]
+    views = [view for view in views if len(view.points_m) >= MIN_FACE_POINTS]
+    if not views:
+        return Miss(camera.name, f"no depth is known on {_listed([item.id for item in mine])}", seen=True)
+    for view in views:
+        if contradiction := depth_contradiction(camera, view):
+            return Miss(camera.name, contradiction, seen=True)
+    fit = fit_markers(camera, views, camera.camera_to_world[2, :3] if model.upright else None)
+    object_to_world = camera.camera_to_world @ fit.object_to_camera
+    certain, reason = confidence(camera, fit, views)
+    quaternion = Rotation.from_matrix(object_to_world[:3, :3]).as_quat(canonical=True)
+    return Sighting(camera.name, object_to_world[:3, 3], quaternion, certain, reason)
+
+
+def _listed(ids: Sequence[int] | Mapping[int, object]) -> str:
+    numbers = ", ".join(map(str, ids))
+    return f"marker {numbers}" if len(ids) == 1 else f"markers {numbers}"
 
 
 def depth_contradiction(camera: Camera, view: MarkerView) -> str:
@@ -70,79 +133,3 @@ def _ranges_m(camera: Camera, view: MarkerView) -> tuple[float, float]:
 def _share(value: float, bounds: tuple[float, float]) -> float:
     none, all_ = bounds
     return float(np.clip((all_ - value) / (all_ - none), 0.0, 1.0))
-
-
-class MarkerPoses:
-    """Finds objects by their markers: direction and yaw from the corners, the range from the depth on them.
-
-    All of an object's markers that a camera sees are used together; several cameras' poses are fused.
-    """
-
-    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        models = [model_of(query, MarkersModel, EXAMPLE) for query in objects]
-        _check_shared(objects, models)
-        check_cameras(frames)
-        wanted = _wanted(models)
-        seen = [
-            {dictionary: find_markers(frame.rgb, dictionary, ids) for dictionary, ids in wanted.items()}
-            for frame in frames
-            if frame.rgb is not None
-        ]
-        return tuple(_pose(query, model, frames, seen) for query, model in zip(objects, models, strict=True))
-
-
-def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]) -> None:
-    named = [(query.name, model) for query, model in zip(objects, models, strict=True)]
-    for (one, first), (other, second) in combinations(named, 2):
-        # a fixture's marker may serve several objects, but not with the same place on each
-        shared = set(first.markers) & set(second.markers) if first.dictionary == second.dictionary else set()
-        if shared:
-            message = f"has marker {min(item.id for item in shared)} where {one!r} has it"
-            raise ObjectModelError(other, message, "another id or marker_to_object", within="markers")
-
-
-def _wanted(models: Sequence[MarkersModel]) -> dict[str, set[int]]:
-    """The ids to look for, by dictionary."""
-    wanted: dict[str, set[int]] = {}
-    for model in models:
-        wanted.setdefault(model.dictionary, set()).update(marker.id for marker in model.markers)
-    return wanted
-
-
-def _pose(query: ObjectQuery, model: MarkersModel, frames: Sequence[RgbdFrame], seen: Sequence[Seen]) -> ObjectPose:
-    found = [_look(model, frame, markers[model.dictionary]) for frame, markers in zip(frames, seen, strict=True)]
-    return fused(query, found, estimator="markers", min_confidence=model.min_confidence)
-
-
-def _look(model: MarkersModel, frame: RgbdFrame, seen: Sequence[SeenMarker]) -> Sighting | Miss:
-    """What one camera makes of one object."""
-    camera = frame.camera
-    known = {marker.id: marker for marker in model.markers}
-    mine = [item for item in seen if item.id in known]
-    listed = _listed(known)
-    if not mine:
-        return Miss(camera.name, f"no {listed} of {model.dictionary} in its image")
-    if repeated := [id_ for id_, count in Counter(item.id for item in mine).items() if count > 1]:
-        return Miss(camera.name, f"{_listed(repeated)} is in its image more than once", seen=True)
-    views = [MarkerView.of(frame, item, known[item.id]) for item in mine]
-    views = [view for view in views if len(view.points_m) >= MIN_FACE_POINTS]
-    if not views:
-        return Miss(camera.name, f"no depth is known on {_listed([item.id for item in mine])}", seen=True)
-    for view in views:
-        if contradiction := depth_contradiction(camera, view):
-            return Miss(camera.name, contradiction, seen=True)
-    return _sighting(model, frame, views)
-
-
-def _sighting(model: MarkersModel, frame: RgbdFrame, views: Sequence[MarkerView]) -> Sighting:
-    camera = frame.camera
-    fit = fit_markers(camera, views, camera.camera_to_world[2, :3] if model.upright else None)
-    object_to_world = camera.camera_to_world @ fit.object_to_camera
-    certain, reason = confidence(camera, fit, views)
-    quaternion = Rotation.from_matrix(object_to_world[:3, :3]).as_quat(canonical=True)
-    return Sighting(camera.name, object_to_world[:3, 3], quaternion, certain, reason)
-
-
-def _listed(ids: Sequence[int] | Mapping[int, object]) -> str:
-    numbers = ", ".join(map(str, ids))
-    return f"marker {numbers}" if len(ids) == 1 else f"markers {numbers}"

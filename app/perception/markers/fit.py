@@ -15,7 +15,7 @@ from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
-from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 
 DEPTH_PATCH_PX = 25  # neighboring pixels err alike: so many count as one measurement
 OUTLIER_SIGMAS = 4.0
@@ -29,7 +29,7 @@ CONVERGED = 1e-5  # rad and m
 
 
 @dataclass(frozen=True, eq=False)
-class MarkerData:
+class _MarkerData:
     """Everything measured: C corners, and P points with the face on which each lies, in the object's frame.
 
     Attributes:
@@ -55,8 +55,8 @@ class MarkerData:
         corners_m = [v.corners_marker_m @ t[:3, :3].T + t[:3, 3] for v, t in zip(views, to_object, strict=True)]
         return cls(
             camera,
-            np.concatenate([view.corners_px for view in views]),
-            np.repeat([view.corner_sigma_px for view in views], 4),
+            np.concatenate([view.seen.corners_px for view in views]),
+            np.repeat([view.seen.corner_sigma_px for view in views], 4),
             np.concatenate(corners_m),
             np.concatenate(points_m),
             np.repeat([t[:3, 3] for t in to_object], counts, axis=0),
@@ -66,16 +66,18 @@ class MarkerData:
         )
 
 
-def marker_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
+def _errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     """Errors (E,) in standard deviations, and their slopes (E, 6) by turn and shift."""
     parts = [_corner_errors(data, pose), _depth_errors(data, pose)]
     if data.up_camera is not None:
-        parts.append(_upright_errors(data.up_camera, pose[:3, 2]))
+        up, z_axis = data.up_camera, pose[:3, 2]
+        tilting = np.hstack([(up @ z_axis) * np.eye(3) - np.outer(z_axis, up), np.zeros((3, 3))])
+        parts.append((_cross(up, z_axis) / UPRIGHT_SIGMA_RAD, tilting / UPRIGHT_SIGMA_RAD))
     errors, slopes = zip(*parts, strict=True)
     return np.concatenate(errors), np.concatenate(slopes)
 
 
-def _corner_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
+def _corner_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     camera = data.camera
     places = data.corners_m @ pose[:3, :3].T + pose[:3, 3]
     x, y, z = places.T
@@ -84,12 +86,12 @@ def _corner_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
     by_place = np.zeros((len(places), 2, 3))
     by_place[:, 0, 0], by_place[:, 1, 1] = focal[0] / z, focal[1] / z
     by_place[:, 0, 2], by_place[:, 1, 2] = -focal[0] * x / z**2, -focal[1] * y / z**2
-    slopes = np.concatenate([-by_place @ cross_matrices(places), by_place], axis=2)
+    slopes = np.concatenate([-by_place @ _cross_matrices(places), by_place], axis=2)
     sigmas_px = data.corner_sigmas_px[:, None]
     return ((seen - data.corners_px) / sigmas_px).ravel(), (slopes / sigmas_px[..., None]).reshape(-1, 6)
 
 
-def _depth_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
+def _depth_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     """The points' distances from their faces; outliers all err alike, and pull at nothing."""
     normals = data.face_normals @ pose[:3, :3].T
     on_face = data.face_points_m @ pose[:3, :3].T + pose[:3, 3]
@@ -105,19 +107,13 @@ def _depth_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
     return errors, slopes
 
 
-def _upright_errors(up: Array, z_axis: Array) -> tuple[Array, Array]:
-    slopes = np.zeros((3, 6))
-    slopes[:, :3] = (up @ z_axis) * np.eye(3) - np.outer(z_axis, up)
-    return _cross(up, z_axis) / UPRIGHT_SIGMA_RAD, slopes / UPRIGHT_SIGMA_RAD
-
-
 def _cross(one: Array, other: Array) -> Array:
     """The cross products of (..., 3) vectors; numpy's own takes ten times as long for a few."""
     product: Array = one[..., [1, 2, 0]] * other[..., [2, 0, 1]] - one[..., [2, 0, 1]] * other[..., [1, 2, 0]]
     return product
 
 
-def cross_matrices(vectors: Array) -> Array:
+def _cross_matrices(vectors: Array) -> Array:
     """(N, 3, 3) matrices that do the cross product with (N, 3) vectors from the left."""
     matrices = np.zeros((len(vectors), 3, 3))
     matrices[:, [2, 0, 1], [1, 2, 0]] = vectors
@@ -154,7 +150,7 @@ def fit_markers(camera: Camera, views: Sequence[MarkerView], up_camera: Array | 
     Args:
         up_camera: (3,) where the object's z axis points, in the camera's frame; None where that is not known.
     """
-    data = MarkerData.of(camera, views, up_camera)
+    data = _MarkerData.of(camera, views, up_camera)
     fits = [_refined(data, start) for start in _starts(camera, views, up_camera)]
     best = min(fits, key=lambda fit: fit.cost)
     rivals = [fit.cost for fit in fits if _angle_rad(fit.object_to_camera, best.object_to_camera) > RIVAL_RAD]
@@ -168,43 +164,41 @@ def _starts(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None
         for marker_to_camera in view.starts(camera):
             start = marker_to_camera @ inverse(view.marker_to_object)
             if up_camera is not None:
-                start[:3, :3] = _between(start[:3, 2], up_camera) @ start[:3, :3]
+                start[:3, :3] = _smallest_turn(start[:3, 2], up_camera) @ start[:3, :3]
             if all(_angle_rad(start, other) > RIVAL_RAD for other in starts):
                 starts.append(start)
     return starts
 
 
-def _between(one: Array, other: Array) -> Array:
-    """The smallest turn (3, 3) that brings one unit vector to another."""
+def _smallest_turn(one: Array, other: Array) -> Array:
+    """(3, 3) that brings one unit vector to another."""
     axis = np.cross(one, other)
     sine = float(np.linalg.norm(axis))
     angle_rad = np.arctan2(sine, one @ other)
     return np.asarray(cv2.Rodrigues(axis / max(sine, TINY) * angle_rad)[0], np.float64)
 
 
-def _refined(data: MarkerData, start: Array) -> MarkerFit:
+def _refined(data: _MarkerData, start: Array) -> MarkerFit:
     """Levenberg-Marquardt on a small turn and shift in the camera's frame."""
     pose, damping = start, FIRST_DAMPING
-    errors, slopes = marker_errors(data, pose)
+    errors, slopes = _errors(data, pose)
     for _ in range(MAX_ROUNDS):
         normal = slopes.T @ slopes
         damped = normal + damping * np.diag(np.diag(normal))
         step: Array = np.linalg.solve(damped, -slopes.T @ errors).astype(np.float64, copy=False)
-        moved = _moved(pose, step)
-        new_errors, new_slopes = marker_errors(data, moved)
+        turn = cv2.Rodrigues(step[:3])[0]
+        moved = np.eye(4)
+        moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + step[3:]
+        new_errors, new_slopes = _errors(data, moved)
         if not new_errors @ new_errors <= errors @ errors:  # not a number, either
             damping *= 10
             continue
         pose, errors, slopes, damping = moved, new_errors, new_slopes, damping / 10
         if np.abs(step).max() < CONVERGED:
             break
-    return _fit(data, pose, errors, slopes)
-
-
-def _fit(data: MarkerData, pose: Array, errors: Array, slopes: Array) -> MarkerFit:
     corners = errors[: data.corners_px.size].reshape(-1, 2) * data.corner_sigmas_px[:, None]
     spread = np.linalg.inv(slopes.T @ slopes)
-    of_origin = np.hstack([-cross_matrices(pose[None, :3, 3])[0], np.eye(3)])
+    of_origin = np.hstack([-_cross_matrices(pose[None, :3, 3])[0], np.eye(3)])
     return MarkerFit(
         pose,
         float(errors @ errors),
@@ -212,14 +206,6 @@ def _fit(data: MarkerData, pose: Array, errors: Array, slopes: Array) -> MarkerF
         float(np.sqrt(np.trace(of_origin @ spread @ of_origin.T))),
         float(np.sqrt(np.trace(spread[:3, :3]))),
     )
-
-
-def _moved(pose: Array, step: Array) -> Array:
-    turn = cv2.Rodrigues(step[:3])[0]
-    moved = np.eye(4)
-    moved[:3, :3] = turn @ pose[:3, :3]
-    moved[:3, 3] = turn @ pose[:3, 3] + step[3:]
-    return moved
 
 
 def _angle_rad(one: Array, other: Array) -> float:

@@ -6,7 +6,7 @@ its AprilTag refinement, which takes 90 ms): each side is measured again across 
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -38,15 +38,15 @@ FACE_SHARE = 0.75  # of a face's side, around its middle: depth at its edge mixe
 _CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
 
 
-def sides_px(corners_px: Array) -> Array:
+def _sides_px(corners_px: Array) -> Array:
     """(M,) the length of each marker's shortest side."""
     sides: Array = np.linalg.norm(np.roll(corners_px, -1, axis=1) - corners_px, axis=2).min(axis=1)
     return sides
 
 
-def refined_corners(grey: npt.NDArray[np.float32], corners_px: Array, cells: int) -> Array:
+def _refined_corners(grey: npt.NDArray[np.float32], corners_px: Array, cells: int) -> Array:
     """(M, 4, 2) corners as the intersections of the lines through their sides' edge points."""
-    reach_px = np.minimum(MAX_REACH_PX, REACH_CELLS * sides_px(corners_px) / cells)
+    reach_px = np.minimum(MAX_REACH_PX, REACH_CELLS * _sides_px(corners_px) / cells)
     for _ in range(ROUNDS):
         lines = _sides(grey, corners_px, reach_px)
         crossings = np.cross(np.roll(lines, 1, axis=1), lines)
@@ -84,8 +84,7 @@ def _lines(points: Array, weights: Array) -> Array:
     return np.concatenate([normal, -(normal * middle).sum(axis=-1, keepdims=True)], axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class SeenMarker:
+class SeenMarker(NamedTuple):
     """A marker in an image.
 
     Attributes:
@@ -105,43 +104,36 @@ def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection
     640x480.
     """
     grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
-    found = [item for item in _detected(grey, dictionary, _options()) if item[0] in wanted]
+    found = [item for item in _detected(grey, dictionary) if item[0] in wanted]
     if not {id_ for id_, _ in found}.issuperset(wanted) and grey.size <= MAX_ENLARGED_PIXELS:
-        larger = [item for item in _enlarged(grey, dictionary) if item[0] in wanted]
+        larger = [item for item in _detected(grey, dictionary, enlarged=True) if item[0] in wanted]
         seen = {id_ for id_, _ in larger}
         found = larger + [item for item in found if item[0] not in seen]
     if not found:
         return ()
+    ids, quads = zip(*found, strict=True)
     cells = marker_dictionary(dictionary).markerSize + 2
-    corners = refined_corners(grey.astype(np.float32), np.array([quad for _, quad in found]), cells)
-    sigmas_px = np.maximum(SIGMA_PX, SMALL_SIGMA_PX * cells / sides_px(corners))
-    seen_markers = zip((id_ for id_, _ in found), corners, sigmas_px.tolist(), strict=True)
-    return tuple(SeenMarker(*marker) for marker in seen_markers)
+    corners_px = _refined_corners(grey.astype(np.float32), np.array(quads), cells)
+    sigmas_px = np.maximum(SIGMA_PX, SMALL_SIGMA_PX * cells / _sides_px(corners_px))
+    return tuple(map(SeenMarker, ids, corners_px, sigmas_px.tolist()))
 
 
-def _detected(grey: GreyImage, dictionary: str, options: cv2.aruco.DetectorParameters) -> list[tuple[int, Array]]:
-    """Ids and (4, 2) corners as OpenCV has them."""
-    quads, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options).detectMarkers(grey)
-    if not quads:
-        return []
-    corners = np.array(quads, np.float64).reshape(-1, 4, 2)
-    return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners, strict=True)]
-
-
-def _enlarged(grey: GreyImage, dictionary: str) -> list[tuple[int, Array]]:
-    options = _options()
-    options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
-    options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
-    larger = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
-    # pixel centers are whole numbers: two small ones share the place of the larger one between them
-    return [(id_, (corners_px + 0.5) / 2 - 0.5) for id_, corners_px in _detected(larger, dictionary, options)]
-
-
-def _options() -> cv2.aruco.DetectorParameters:
+def _detected(grey: GreyImage, dictionary: str, *, enlarged: bool = False) -> list[tuple[int, Array]]:
+    """Ids and (4, 2) corners as OpenCV has them, in the image or at twice its size."""
     options = cv2.aruco.DetectorParameters()
     options.perspectiveRemovePixelPerCell = PIXELS_PER_CELL
     options.perspectiveRemoveIgnoredMarginPerCell = CELL_MARGIN
-    return options
+    if enlarged:
+        options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
+        options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
+        grey = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
+    quads, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options).detectMarkers(grey)
+    if not quads:
+        return []
+    corners_px = np.array(quads, np.float64).reshape(-1, 4, 2)
+    if enlarged:  # pixel centers are whole numbers: two small ones share the place of the larger one between them
+        corners_px = (corners_px + 0.5) / 2 - 0.5
+    return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners_px, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,20 +141,18 @@ class MarkerView:
     """A marker in a frame.
 
     Attributes:
-        corners_px: (4, 2) column and row: top left, then clockwise.
-        corner_sigma_px: their standard deviation.
+        seen: in the image.
         points_m: (N, 3) of its face, in the camera's frame; those with known depth.
     """
 
     marker: Marker
-    corners_px: Array
-    corner_sigma_px: float
+    seen: SeenMarker
     points_m: Array
 
     @classmethod
     def of(cls, frame: RgbdFrame, seen: SeenMarker, marker: Marker) -> Self:
         """With the depth on its face; `frame` has depth."""
-        return cls(marker, seen.corners_px, seen.corner_sigma_px, _face_points(frame, seen.corners_px))
+        return cls(marker, seen, _face_points(frame, seen.corners_px))
 
     @property
     def marker_to_object(self) -> Array:
@@ -171,13 +161,14 @@ class MarkerView:
 
     @property
     def corners_marker_m(self) -> Array:
-        """(4, 3) in the marker's frame, in the order of `corners_px`."""
+        """(4, 3) in the marker's frame, in the order of the corners that are seen."""
         return self.marker.size_m * _CORNERS
 
     def starts(self, camera: Camera) -> list[Array]:
         """The one or two poses (4, 4), marker to camera, that corners and size alone allow."""
         matrix, square = intrinsic_matrix(camera), cv2.SOLVEPNP_IPPE_SQUARE
-        _, turns, shifts, _ = cv2.solvePnPGeneric(self.corners_marker_m, self.corners_px, matrix, None, flags=square)
+        corners_px = self.seen.corners_px
+        _, turns, shifts, _ = cv2.solvePnPGeneric(self.corners_marker_m, corners_px, matrix, None, flags=square)
         return [rigid_transform(np.asarray(t, float), np.asarray(s, float)) for t, s in zip(turns, shifts, strict=True)]
 
 

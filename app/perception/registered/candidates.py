@@ -8,10 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from app.perception.registered.cloud import VOXEL_M, Index
-from app.perception.registered.registration import MAX_RISE_M
+from app.perception.registered.geometry import VOXEL_M, Index
+from app.perception.registered.hypotheses import MAX_RISE_M
 from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
-from app.perception.registered.score import Bools
 from app.perception.registered.template import STANDS_WITHIN_M, Template
 from roboprompt_client.arrays import Array
 
@@ -31,8 +30,13 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
     Args:
         without: points that something else explains.
     """
+    # Of its colors, and as high above the table as some of it may be; but not what it lies on.
+    low_m, high_m = template.points_m[:, 2].min() - MAX_RISE_M, template.points_m[:, 2].max() + MAX_RISE_M
+    if template.above_table_m > STANDS_WITHIN_M:
+        low_m = template.points_m[:, 2].min() + ABOVE_TABLE_M[0]
+    height_m = lit.scene.table.height_m(lit.scene.points_m) + template.bottom_m
     off_lab, _ = template.palette.query(lit.lab, distance_upper_bound=LIKE_LAB)
-    is_like = np.isfinite(off_lab) & _at_its_height(template, lit)
+    is_like = np.isfinite(off_lab) & (height_m > low_m) & (height_m < high_m)
     if without is not None:
         is_like[without] = False
     like, across_m, points_m = np.flatnonzero(is_like), gap_m(template), lit.scene.points_m
@@ -54,16 +58,6 @@ def _parts(template: Template, points_m: Array, index: Index, across_m: float) -
     sizes = np.bincount(part)
     largest = [number for number in np.argsort(-sizes)[:MAX_CANDIDATES] if sizes[number] >= enough]
     return [index[part == number] for number in largest]
-
-
-def _at_its_height(template: Template, lit: LitScene) -> Bools:
-    """(N,) which points are as high above the table as some of the object may be, and not of what it lies on."""
-    low_m, high_m = template.points_m[:, 2].min() - MAX_RISE_M, template.points_m[:, 2].max() + MAX_RISE_M
-    if template.above_table_m > STANDS_WITHIN_M:
-        low_m = template.points_m[:, 2].min() + ABOVE_TABLE_M[0]
-    height_m = lit.scene.table.height_m(lit.scene.points_m) + template.bottom_m
-    within: Bools = (height_m > low_m) & (height_m < high_m)
-    return within
 
 
 def gap_m(template: Template) -> float:

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.perception.registered.candidates import candidates
-from app.perception.registered.causes import causes
-from app.perception.registered.cloud import Index
+from app.perception.registered.candidates import SAME_LAB, candidates
+from app.perception.registered.geometry import Index, angle_deg
 from app.perception.registered.hypotheses import Hypothesis, hypotheses
-from app.perception.registered.poses import angle_deg
 from app.perception.registered.scene import LitScene
 from app.perception.registered.score import shares_seen
 from app.perception.registered.template import Template
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from roboprompt_client.arrays import Array
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # of a template of one view; how far below its views' worst score a right pose may lie
@@ -25,6 +22,9 @@ OVERLAP_MARGIN = 0.06  # of the score, where the rival would stand within the fo
 LIES_SCORE, LIES_BETTER = 0.6, 0.1  # lying; and by how much better than upright
 SEEN_SHARE = 0.12  # of the side that faces a camera: with less, the camera does not see it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
+SWAPPED_OFF = 0.03  # of a table's share of red and blue from the taught one; shadows and lamps make less
+STEP_PX = 4  # of the pixels that are looked at for missing depth
+MIN_PIXELS, MIN_SHARE = 200, 0.8  # of the object's colors and without depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,17 +32,15 @@ class Found:
     """An object that is at one place and nowhere else.
 
     Attributes:
-        pose: (4, 4) template -> world.
+        best: its pose.
         shares: by camera, see `shares_seen`.
         yaw_rivals: how many other yaws explain the scene as well; their greatest distance from the pose in m.
     """
 
-    pose: Array
-    score: float
-    support: float
+    best: Hypothesis
     shares: dict[str, float]
-    yaw_rivals: int = 0
-    spread_m: float = 0.0
+    yaw_rivals: int
+    spread_m: float
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -64,8 +62,10 @@ def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None =
     parts = candidates(template, lit, without=elsewhere)
     places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
     if not places:
+        cameras = ", ".join(view.camera.name for view in lit.scene.views)
+        message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
         within = "" if elsewhere is None else " within its masks"
-        raise ObjectNotVisibleError(name, _no_colors(template, lit) + within + causes(template, lit), HELP_SEE)
+        raise ObjectNotVisibleError(name, message + within + causes(template, lit), HELP_SEE)
     best = places[0][0]
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
@@ -73,7 +73,7 @@ def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None =
     _check_alone(name, template, best, rivals)
     turned = yaw_rivals(template, places[0])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
-    return Found(best.pose.matrix(0), best.value, best.support, shares, len(turned), spread_m)
+    return Found(best, shares, len(turned), spread_m)
 
 
 def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -90,29 +90,20 @@ def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothes
     ]
 
 
-def least_score(template: Template) -> float:
-    """Of a right pose."""
-    return max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
-
-
 def _rank(hypothesis: Hypothesis) -> float:
     return hypothesis.value * min(1.0, hypothesis.support / MIN_SUPPORT)
 
 
 def _check(
-    name: str,
-    template: Template,
-    lit: LitScene,
-    best: Hypothesis,
-    shares: dict[str, float],
-    parts: Sequence[Index],
+    name: str, template: Template, lit: LitScene, best: Hypothesis, shares: dict[str, float], parts: Sequence[Index]
 ) -> None:
     """Refuse what does not look like the object, or shows too little of it."""
     seen = ", ".join(f"{camera} {100 * share:.0f} %" for camera, share in shares.items())
-    if best.value < least_score(template):
-        if _lies(template, lit, parts[0], best):
+    least_score = max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
+    if best.value < least_score:
+        if hypotheses(template, lit, parts[0], fallen=True)[0].value > max(LIES_SCORE, best.value + LIES_BETTER):
             raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
-        message = f"what looks most like it scores {best.value:.2f} of at least {least_score(template):.2f}"
+        message = f"what looks most like it scores {best.value:.2f} of at least {least_score:.2f}"
         remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
         message += f" (of its facing side agree: {seen}){causes(template, lit)}"
         raise ObjectNotVisibleError(name, message, remedy)
@@ -128,33 +119,40 @@ def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequen
         margin = OVERLAP_MARGIN if apart_m < template.narrowest_m else RIVAL_MARGIN
         is_good = rival.value > max(RIVAL_SCORE, best.value - margin) and rival.support > RIVAL_SUPPORT
         if apart_m > SAME_PLACE_M and is_good:
-            places = " and ".join(_place(item) for item in (best, rival))
-            message = f"two places look like it, {100 * apart_m:.0f} cm apart: {places}"
-            raise UncertainPoseError(
-                name, message, "one of its kind in view, or labelled views that show the difference"
+            places = " and ".join(
+                f"x = {item.origin_m[0]:.2f}, y = {item.origin_m[1]:.2f} m (score {item.value:.2f})"
+                for item in (best, rival)
             )
-
-
-def _place(hypothesis: Hypothesis) -> str:
-    x_m, y_m, _ = hypothesis.origin_m
-    return f"x = {x_m:.2f}, y = {y_m:.2f} m (score {hypothesis.value:.2f})"
+            message = f"two places look like it, {100 * apart_m:.0f} cm apart: {places}"
+            remedy = "one of its kind in view, or labelled views that show the difference"
+            raise UncertainPoseError(name, message, remedy)
 
 
 def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> list[Hypothesis]:
     """The best poses in what the found object does not explain: another that touches it."""
-    places_m = best.pose.to_template(lit.scene.points_m)[0]
-    off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
-    explained = off_m < EXPLAINED_M
+    explained = template.distance_m(best.pose.to_template(lit.scene.points_m)[0]) < EXPLAINED_M
     if elsewhere is not None:
         explained[elsewhere] = True
     parts = candidates(template, lit, without=np.flatnonzero(explained))
     return [hypotheses(template, lit, part)[0] for part in parts]
 
 
-def _lies(template: Template, lit: LitScene, part: Index, upright: Hypothesis) -> bool:
-    return hypotheses(template, lit, part, fallen=True)[0].value > max(LIES_SCORE, upright.value + LIES_BETTER)
+def causes(template: Template, lit: LitScene) -> str:
+    """What may be wrong with images in which an object is not found, to follow a message; empty if nothing is seen."""
+    notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
+    taught, seen = (rgb / max(rgb.sum(), 1.0) for rgb in (template.table_rgb, lit.scene.table.rgb))
+    off, off_swapped = np.linalg.norm(seen - taught), np.linalg.norm(seen[::-1] - taught)
+    if off > SWAPPED_OFF and off_swapped < off / 2:
+        notes.append("the table has its taught color if red and blue change places: BGR images?")
+    return "".join(f"; {note}" for note in notes if note)
 
 
-def _no_colors(template: Template, lit: LitScene) -> str:
-    cameras = ", ".join(view.camera.name for view in lit.scene.views)
-    return f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
+def _without_depth(template: Template, lit: LitScene, number: int) -> str:
+    view = lit.scene.views[number]
+    rows, columns = STEP_PX * np.indices(view.depth_m[::STEP_PX, ::STEP_PX].shape).reshape(2, -1)
+    off_lab, _ = template.palette.query(lit.lab_at(number, rows, columns), distance_upper_bound=SAME_LAB)
+    depths_m = view.depth_m[rows, columns][np.isfinite(off_lab)]
+    unknown = int(np.count_nonzero(depths_m == 0))
+    if unknown * STEP_PX**2 < MIN_PIXELS or unknown < MIN_SHARE * len(depths_m):
+        return ""
+    return f"{view.camera.name} has no depth for {100 * unknown / len(depths_m):.0f} % of the pixels of its colors"

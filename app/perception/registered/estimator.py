@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.cloud import Index
 from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, Found, find
-from app.perception.registered.model import RegisteredModel, yaw_symmetry_deg
+from app.perception.registered.geometry import Index
+from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
 from app.pipeline.errors import UncertainPoseError
@@ -20,7 +20,6 @@ from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
-NAME = "registered"
 TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
 SAME_SURFACE_M = 0.02  # a pixel whose depth differs by more shows something before or behind a point
 WELL_SEEN = 0.6  # support from which on nothing lowers the confidence
@@ -54,26 +53,20 @@ class RegisteredPoses:
         templates = [_template_of(query) for query in objects]
         scene = Scene.of(frames)
         return tuple(
-            _pose(query.name, model, template, scene, outside_masks(query, frames, scene.points_m))
+            _pose(query.name, model, template, scene, _outside_masks(query, frames, scene.points_m))
             for query, model, template in zip(objects, models, templates, strict=True)
         )
 
 
 def _template_of(query: ObjectQuery) -> Template:
-    if not isinstance(query, TaughtQuery) or query.template is None:
-        message = "names a template that is not stored here"
-        raise ObjectModelError(
-            query.name, message, f"a question to the task that was taught; {TAUGHT}", within="template"
-        )
-    return query.template
+    if isinstance(query, TaughtQuery) and query.template is not None:
+        return query.template
+    message, remedy = "names a template that is not stored here", f"a question to the task that was taught; {TAUGHT}"
+    raise ObjectModelError(query.name, message, remedy, within="template")
 
 
-def outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Array) -> Index | None:
-    """Those of the points (N, 3) that no camera sees in the object's masks; None if it has none.
-
-    Raises:
-        InvalidInputError: if it has mask ids, and no camera has masks.
-    """
+def _outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Array) -> Index | None:
+    """Those of the points (N, 3) that no camera sees in the object's masks; None if it has none."""
     if not query.mask_ids:
         return None
     masked = [frame for frame in frames if frame.mask is not None]
@@ -96,16 +89,24 @@ def outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Arr
 
 def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, elsewhere: Index | None) -> ObjectPose:
     found = find(name, template, scene.in_light_of(template.table_rgb), elsewhere)
-    symmetry_deg = yaw_symmetry_deg(model.symmetric)
+    symmetry_deg = model.yaw_symmetry_deg
     unknown = "" if symmetry_deg == 0 else _why_no_yaw(found)
-    _check_yaw(name, model, found, unknown)
-    confidence, reason = _confidence(found)
+    if unknown and not model.yaw_may_be_unknown:
+        remedy = 'a further camera that sees it; symmetric: "yaw" if it is round; yaw_may_be_unknown: true'
+        raise UncertainPoseError(name, f"its yaw is undecided: {unknown}", remedy)
+    if unknown and found.spread_m > SAME_PLACE_M:
+        message = f"its yaw is undecided, and its place with it by {100 * found.spread_m:.0f} cm: {unknown}"
+        raise UncertainPoseError(name, message, HELP_SEE)
+    best = found.best
+    well_seen = min(1.0, best.support / WELL_SEEN)
+    confidence = round(min(1.0, best.value) * (0.6 + 0.4 * well_seen), 3)
+    reason = "" if well_seen == 1 else f"{100 * best.support:.0f} % of the side that faces the cameras is seen"
     if confidence < model.min_confidence:
         message = f"confidence {confidence:.2f} is below {model.min_confidence:g}: {reason}"
         raise UncertainPoseError(name, message, HELP_SEE)
-    quaternion = None if unknown else Rotation.from_matrix(found.pose[:3, :3]).as_quat(canonical=True)
+    quaternion = None if unknown else Rotation.from_matrix(best.rotation).as_quat(canonical=True)
     reason = "; ".join(filter(None, (reason, unknown)))
-    pose = ObjectPose(name, found.pose[:3, 3], quaternion, NAME, found.cameras, confidence, reason)
+    pose = ObjectPose(name, best.origin_m, quaternion, "registered", found.cameras, confidence, reason)
     return canonical_pose(pose, symmetry_deg)
 
 
@@ -116,22 +117,3 @@ def _why_no_yaw(found: Found) -> str:
     if len(found.cameras) == 1:
         return f"only {found.cameras[0]} sees it, and one camera does not decide a yaw"
     return ""
-
-
-def _check_yaw(name: str, model: RegisteredModel, found: Found, unknown: str) -> None:
-    if not unknown:
-        return
-    if not model.yaw_may_be_unknown:
-        remedy = 'a further camera that sees it; symmetric: "yaw" if it is round; yaw_may_be_unknown: true'
-        raise UncertainPoseError(name, f"its yaw is undecided: {unknown}", remedy)
-    if found.spread_m > SAME_PLACE_M:
-        message = f"its yaw is undecided, and its place with it by {100 * found.spread_m:.0f} cm: {unknown}"
-        raise UncertainPoseError(name, message, HELP_SEE)
-
-
-def _confidence(found: Found) -> tuple[float, str]:
-    """0..1, and what lowers it."""
-    seen = min(1.0, found.support / WELL_SEEN)
-    confidence = min(1.0, found.score) * (0.6 + 0.4 * seen)
-    reason = "" if seen == 1 else f"{100 * found.support:.0f} % of the side that faces the cameras is seen"
-    return round(confidence, 3), reason

@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.cloud import Index, thinned, unit
 from app.perception.registered.decide import MIN_SCORE, yaw_rivals
-from app.perception.registered.free_space import free_views_of
-from app.perception.registered.hypotheses import Hypothesis, hypotheses
+from app.perception.registered.geometry import Index, thinned, unit
+from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import Scene
 from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
-from roboprompt_client.arrays import Array
+from app.perception.registered.view import free_views
 from roboprompt_client.camera import RgbdFrame
 
 FEWEST_POINTS = 40
@@ -108,22 +107,15 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
 
 
 def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
-    """Whether the first view fits itself turned, or all others fit it so: its own noise fits it unturned only."""
+    """Whether most views fit the first one turned. Its own noise fits it unturned: that it does not, says nothing."""
     template = _first(views[0], None)
-
-    def looks_alike(view: _Seen, yaw_deg: float) -> bool:
-        lit = view.scene.in_light_of(template.table_rgb)
-        return looks_alike_turned(template, lit, view.index, yaw_deg, symmetry_deg)
-
-    if looks_alike(views[0], views[0].yaw_deg or 0.0):
-        return True
-    return len(views) > 1 and all(looks_alike(view, _yaw_deg(template, view, views[0])) for view in views[1:])
-
-
-def _yaw_deg(template: Template, seen: _Seen, root: _Seen) -> float:
-    """At which the object stands in a view."""
-    rotation = _found(template, seen, root)[0].rotation
-    return float(np.degrees(np.arctan2(rotation[1, 0], rotation[0, 0])))
+    yaws_deg = [views[0].yaw_deg or 0.0, *(_found(template, view, views[0])[0].yaw_deg for view in views[1:])]
+    first, *others = (
+        looks_alike_turned(template, view.scene.in_light_of(template.table_rgb), view.index, yaw_deg, symmetry_deg)
+        for view, yaw_deg in zip(views, yaws_deg, strict=True)
+    )
+    votes = [first, *others] if first else others
+    return sum(votes) > len(votes) / 2
 
 
 def labelled_points(scene: Scene) -> Index:
@@ -139,9 +131,8 @@ def labelled_points(scene: Scene) -> Index:
 def _problem(scene: Scene, index: Index) -> str:
     """Why a view cannot teach; empty if it can."""
     if len(index) < FEWEST_POINTS:
-        return (
-            f"its masks hold {len(index)} points above the table with known depth, at least {FEWEST_POINTS} are needed"
-        )
+        known = f"its masks hold {len(index)} points above the table with known depth"
+        return f"{known}, at least {FEWEST_POINTS} are needed"
     span_m = float(np.ptp(scene.points_m[index], axis=0).max())
     return f"its masks span {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}" if span_m > MAX_SPAN_M else ""
 
@@ -172,7 +163,7 @@ def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
     pose[:2, 3] = (points_m[:, :2].min(axis=0) + points_m[:, :2].max(axis=0)) / 2
     pose[2, 3] = scene.table.level_m(pose[:3, 3])
     local_m = (points_m - pose[:3, 3]) @ pose[:3, :3]
-    free = free_views_of(scene.views, pose, local_m, FREE_MARGIN_M)
+    free = tuple(free_views(scene.views, pose, local_m, FREE_MARGIN_M))
     normals = scene.normals[seen.index] @ pose[:3, :3]
     return Template(local_m, normals, scene.rgb[seen.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
 
@@ -180,8 +171,8 @@ def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
 def _found(template: Template, seen: _Seen, root: _Seen) -> Sequence[Hypothesis]:
     """The poses that a view allows the template, whose yaw was that of the root's arrow; the best first."""
     has_arrows = seen.yaw_deg is not None and root.yaw_deg is not None
-    arrows = seen.yaw_deg + ARROW_ERROR_DEG if has_arrows else None
-    return hypotheses(template, seen.scene.in_light_of(template.table_rgb), seen.index, arrows)
+    yaws_deg = seen.yaw_deg + ARROW_ERROR_DEG if has_arrows else START_YAWS_DEG
+    return hypotheses(template, seen.scene.in_light_of(template.table_rgb), seen.index, yaws_deg)
 
 
 def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
@@ -191,11 +182,7 @@ def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
         return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"
     if (seen.yaw_deg is None or root.yaw_deg is None) and (rivals := yaw_rivals(template, found)):
         return f"{len(rivals) + 1} yaws fit the other views: a yaw with each label would decide"
-    return _merged(template, seen, found[0].pose.matrix(0), found[0].value)
-
-
-def _merged(template: Template, seen: _Seen, pose: Array, value: float) -> Template:
-    scene, index = seen.scene, seen.index
+    scene, index, pose = seen.scene, seen.index, found[0].template_to_world
     gain = template.table_rgb / np.maximum(scene.table.rgb, 1)
     local_m = (scene.points_m[index] - pose[:3, 3]) @ pose[:3, :3]
     points_m, rgb, normals = thinned(
@@ -203,12 +190,6 @@ def _merged(template: Template, seen: _Seen, pose: Array, value: float) -> Templ
         np.concatenate([template.rgb, np.clip(scene.rgb[index] * gain, 0, 255)]),
         np.concatenate([template.normals, scene.normals[index] @ pose[:3, :3]]),
     )
-    free = (*template.free_views, *free_views_of(scene.views, pose, points_m, FREE_MARGIN_M))
-    return replace(
-        template,
-        points_m=points_m,
-        normals=unit(normals),
-        rgb=rgb,
-        free_views=free,
-        scores=(*template.scores, value),
-    )
+    free = (*template.free_views, *free_views(scene.views, pose, points_m, FREE_MARGIN_M))
+    scores = (*template.scores, found[0].value)
+    return replace(template, points_m=points_m, normals=unit(normals), rgb=rgb, free_views=free, scores=scores)

@@ -1,17 +1,14 @@
-"""One observation of all cameras: what stands on the table, prepared once for all objects of a request."""
+"""One observation of all cameras: the table and what stands on it, prepared once for all objects of a request."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from app.perception.frame_checks import check_level, check_rgbd
-from app.perception.registered.cloud import normals_of, thinned
-from app.perception.registered.table import Table, find_table
+from app.perception.frame_checks import check_cameras, check_level
+from app.perception.registered.geometry import Bools, Index, normals_of, thinned
 from app.perception.registered.view import FARTHEST_M, RgbImage, View
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
@@ -21,6 +18,100 @@ POINTS_WIDTH_PX = 400  # of the grid of pixels that become points
 LIGHTNESS = 0.4  # how much it counts among colors: shading changes it
 DARKEST_RGB = 5.0  # a darker table does not show the light
 LAB_OFFSET, LAB_SCALE = np.array([0.0, 128, 128]), np.array([LIGHTNESS * 100 / 255, 1, 1])
+MAX_SAMPLES, NUM_TRIALS, NUM_REFINEMENTS = 4000, 60, 3
+FLAT_M = 0.005  # points nearer to the table's plane belong to it
+MAX_SLOPE = 0.05  # of the plane: tables are level
+MIN_SHARE = 0.1  # of the points, for a plane to count
+CELL_M = 0.02  # of the map of what the table covers
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """z = slope_x x + slope_y y + height in the world frame, m.
+
+    Attributes:
+        plane: (3,) slope_x, slope_y, height_m.
+        hull_m: (K, 2) corners of the area that it covers.
+        rgb: (3,) its median color, 0..255.
+    """
+
+    plane: Array
+    hull_m: Array
+    rgb: Array
+
+    def height_m(self, points_m: Array) -> Array:
+        """(N,) how far points (N, 3) lie above it."""
+        return _above(self.plane, points_m)
+
+    def level_m(self, place_m: Array) -> float:
+        """Its z below a place (>= 2,)."""
+        return float(place_m[:2] @ self.plane[:2] + self.plane[2])
+
+    def holds(self, points_m: Array) -> Bools:
+        """(N,) whether points (N, 3) lie above or below the area that it covers."""
+        low = self.hull_m.min(axis=0)
+        size = np.ceil((self.hull_m.max(axis=0) - low) / CELL_M).astype(int) + 1
+        area = np.zeros(size[::-1], np.uint8)
+        cv2.fillConvexPoly(area, np.rint((self.hull_m - low) / CELL_M).astype(np.int32), 1)
+        cells = np.rint((points_m[:, :2] - low) / CELL_M).astype(int)
+        inside = ((cells >= 0) & (cells < size)).all(axis=1)
+        column, row = np.where(inside[:, None], cells, 0).T
+        covered: Bools = inside & (area[row, column] > 0)
+        return covered
+
+
+def find_table(points_m: Array, rgb: Array) -> Table | None:
+    """The level plane near most points (N, 3), whose colors are (N, 3); None if there is none."""
+    if len(points_m) < NUM_TRIALS:
+        return None
+    rng = np.random.default_rng(0)
+    some = points_m[rng.integers(0, len(points_m), MAX_SAMPLES)]
+    plane = _most_supported(some, some[rng.integers(0, len(some), (NUM_TRIALS, 3))])
+    if plane is None:
+        return None
+    for _ in range(NUM_REFINEMENTS):
+        inside = some[np.abs(_above(plane, some)) < FLAT_M]
+        plane = np.asarray(np.linalg.lstsq(_with_one(inside), inside[:, 2], rcond=None)[0], np.float64)
+    near = np.abs(_above(plane, points_m)) < FLAT_M
+    if near.mean() < MIN_SHARE:
+        return None
+    return Table(plane, _hull(points_m[near, :2]), np.median(rgb[near], axis=0))
+
+
+def _most_supported(points_m: Array, triples_m: Array) -> Array | None:
+    """Of the level planes through three points (T, 3, 3) the one near most points."""
+    best, most = None, 0
+    for corners in triples_m:
+        if abs(np.linalg.det(_with_one(corners))) < 1e-9:
+            continue
+        plane = np.linalg.solve(_with_one(corners), corners[:, 2])
+        support = int((np.abs(_above(plane, points_m)) < FLAT_M).sum())
+        if np.hypot(*plane[:2]) < MAX_SLOPE and support > most:
+            best, most = plane, support
+    return best
+
+
+def _above(plane: Array, points_m: Array) -> Array:
+    above: Array = points_m[:, 2] - points_m[:, :2] @ plane[:2] - plane[2]
+    return above
+
+
+def _with_one(points_m: Array) -> Array:
+    return np.column_stack([points_m[:, :2], np.ones(len(points_m))])
+
+
+def _hull(places_m: Array) -> Array:
+    """(K, 2) convex hull of the largest connected part."""
+    low = places_m.min(axis=0)
+    cells = ((places_m - low) / CELL_M).astype(int)
+    size = cells.max(axis=0) + 1
+    full = np.zeros(size, np.uint8)
+    full[tuple(cells.T)] = 1
+    _, parts = cv2.connectedComponents(full)
+    own = parts[tuple(cells.T)]
+    largest = np.bincount(own).argmax()
+    hull = cv2.convexHull(places_m[own == largest].astype(np.float32))
+    return np.asarray(hull[:, 0], np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +136,14 @@ class Scene:
         Raises:
             InvalidInputError: if there is no frame, a frame's images are unusable, or no camera sees a level table.
         """
-        if not frames:
-            raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
+        check_cameras(frames)
         for frame in frames:
-            check_rgbd(frame)
             check_level(frame)
         views = tuple(map(View.of, frames))
         points_m, rgb, eyes_m = (np.concatenate(parts) for parts in zip(*map(_points, views), strict=True))
         table = find_table(points_m, rgb)
         if table is None:
-            seen = ", ".join(f"depth_{view.camera.name} ({_unknown(view)} unknown)" for view in views)
+            seen = ", ".join(f"depth_{view.camera.name} ({np.mean(view.depth_m == 0):.0%} unknown)" for view in views)
             remedy = "images in which a level table fills at least a tenth; camera_to_world in a world whose z is up"
             raise InvalidInputError("cameras", f"no level surface is seen in {seen}", remedy)
         height_m = table.height_m(points_m)
@@ -66,8 +155,9 @@ class Scene:
     def in_light_of(self, table_rgb: Array) -> "LitScene":
         """The scene with its colors as they would be if its table looked like (3,) 0..255."""
         gain = table_rgb / np.maximum(self.table.rgb, DARKEST_RGB)
-        images = tuple(_lab_image(view.rgb, gain) for view in self.views)
-        return LitScene(self, images, to_lab(self.rgb, gain))
+        brighter = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)[None]
+        images = (cv2.cvtColor(cv2.LUT(view.rgb, brighter), cv2.COLOR_RGB2LAB) for view in self.views)
+        return LitScene(self, tuple(np.asarray(image, np.uint8) for image in images), to_lab(self.rgb, gain))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,33 +170,24 @@ class LitScene:
     """
 
     scene: Scene
-    images: tuple[npt.NDArray[np.uint8], ...]
+    images: tuple[RgbImage, ...]
     lab: Array
 
-    def lab_at(self, number: int, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
+    def lab_at(self, number: int, rows: Index, columns: Index) -> Array:
         """(..., 3) colors of pixels of view `number`."""
-        return scaled_lab(self.images[number][rows, columns])
+        return _scaled_lab(self.images[number][rows, columns])
 
 
 def to_lab(rgb: Array, gain: Array | float = 1.0) -> Array:
     """(N, 3) colors for comparison from (N, 3) 0..255 times a gain (3,): Lab, lightness counted less."""
     pixels = np.clip(rgb * gain + 0.5, 0, 255).astype(np.uint8)
-    return scaled_lab(cv2.cvtColor(pixels[None], cv2.COLOR_RGB2LAB)[0]) if len(pixels) else np.zeros((0, 3))
+    return _scaled_lab(cv2.cvtColor(pixels[None], cv2.COLOR_RGB2LAB)[0]) if len(pixels) else np.zeros((0, 3))
 
 
-def scaled_lab(lab_uint8: npt.NDArray[np.uint8]) -> Array:
+def _scaled_lab(lab_uint8: RgbImage) -> Array:
     """(..., 3) from OpenCV's 8-bit Lab."""
     scaled: Array = (lab_uint8 - LAB_OFFSET) * LAB_SCALE
     return scaled
-
-
-def _lab_image(rgb: RgbImage, gain: Array) -> npt.NDArray[np.uint8]:
-    brighter = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)
-    return np.asarray(cv2.cvtColor(cv2.LUT(rgb, brighter[None]), cv2.COLOR_RGB2LAB), np.uint8)
-
-
-def _unknown(view: View) -> str:
-    return f"{np.mean(view.depth_m == 0):.0%}"
 
 
 def _points(view: View) -> tuple[Array, Array, Array]:
@@ -115,5 +196,5 @@ def _points(view: View) -> tuple[Array, Array, Array]:
     depth_m = view.depth_m[::step, ::step]
     rows, columns = np.nonzero((depth_m > 0) & (depth_m < FARTHEST_M))
     rows, columns = step * rows, step * columns
-    points_m = pixels_to_world(view.camera, rows, columns, view.depth_m[rows, columns])
+    points_m = view.camera.deproject(rows, columns, view.depth_m[rows, columns])
     return points_m, view.rgb[rows, columns].astype(np.float64), np.broadcast_to(view.eye_m, points_m.shape)

@@ -7,10 +7,8 @@ where nothing is known.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from app.perception.registered.cloud import VOXEL_M, Index
-from app.perception.registered.poses import Poses
+from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import Template
 from roboprompt_client.arrays import Array
@@ -23,8 +21,6 @@ ALONG_SURFACE = 0.3  # how much an offset along the surface counts beside one ac
 BESIDE_M = 0.05  # a point that is farther from the template belongs to something else
 UNSEEN = 0.3  # how much a point of the scene counts against a pose that leaves it unexplained
 FACING = 0.2  # least cosine between a surface's normal and the ray to a camera that sees it
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +30,7 @@ class Score:
     Attributes:
         value: (S,) 0..1, the share of what both sides see of each other that agrees.
         support: (S,) 0..1, the share of the template's visible side that is found.
-        evidence: (S, E).
+        evidence: (S, E), see above.
     """
 
     value: Array
@@ -49,7 +45,11 @@ def score(template: Template, lit: LitScene, index: Index, poses: Poses, num_poi
         num_points: of the template, that are looked for in the images.
     """
     chosen = np.random.default_rng(0).permutation(len(template))[:num_points]
-    of_template, faces = _in_images(template, chosen, lit, poses)
+    of_template, faces = np.zeros((len(poses), len(chosen))), np.zeros((len(poses), len(chosen)), bool)
+    for number in range(len(lit.scene.views)):  # the strongest evidence of any camera counts
+        one, faces_one = _in_image(template, chosen, lit, number, poses)
+        of_template = np.where(np.abs(one) > np.abs(of_template), one, of_template)
+        faces |= faces_one
     support = np.maximum(of_template, 0).sum(axis=1) / np.maximum(faces.sum(axis=1), 1)
     of_scene, is_unexplained = _in_template(template, lit.scene.points_m[index], lit.lab[index], poses)
     # Both sides count alike, however many points either has.
@@ -61,25 +61,15 @@ def score(template: Template, lit: LitScene, index: Index, poses: Poses, num_poi
 
 
 def shares_seen(template: Template, lit: LitScene, poses: Poses) -> dict[str, float]:
-    """By camera the share of the side which faces it that it sees where the first pose puts it."""
+    """By camera the share of the side which faces it that it sees where the one pose puts it."""
     shares = {}
     for number, view in enumerate(lit.scene.views):
-        one, faces = _in_image(template, np.arange(len(template)), lit, number, poses[:1])
+        one, faces = _in_image(template, np.arange(len(template)), lit, number, poses)
         shares[view.camera.name] = float(np.maximum(one, 0).sum() / max(faces.sum(), 1))
     return shares
 
 
-def _in_images(template: Template, chosen: Index, lit: LitScene, poses: Poses) -> tuple[Floats, Bools]:
-    """(S, P) the strongest evidence of any camera, and whether the point faces one."""
-    strongest, faces = np.zeros((len(poses), len(chosen))), np.zeros((len(poses), len(chosen)), bool)
-    for number in range(len(lit.scene.views)):
-        one, faces_one = _in_image(template, chosen, lit, number, poses)
-        strongest = np.where(np.abs(one) > np.abs(strongest), one, strongest)
-        faces |= faces_one
-    return strongest, faces
-
-
-def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, poses: Poses) -> tuple[Floats, Bools]:
+def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, poses: Poses) -> tuple[Array, Bools]:
     """(S, P) what one camera says of the template's points, and whether they face it."""
     view = lit.scene.views[number]
     world_m = poses.to_world(template.points_m[chosen])
@@ -96,7 +86,7 @@ def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, pos
     return np.where(faces, evidence, 0), faces
 
 
-def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) -> tuple[Floats, Bools]:
+def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) -> tuple[Array, Bools]:
     """(S, P) what the template says of the scene's points, and whether it does not know of anything close by."""
     places_m = poses.to_template(points_m)
     partners = template.closest(places_m)
@@ -114,7 +104,7 @@ def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) 
     return evidence, ~is_near & ~is_free & (distance_m < BESIDE_M)
 
 
-def _agreement(off: Array, hue: Array) -> Floats:
+def _agreement(off: Array, hue: Array) -> Array:
     """1 for the same place and color, 0.25 at the edge of the same, less than 0 for another color there."""
-    agreement: Floats = np.where(hue < 1, 1 - 0.5 * np.minimum(off**2, 1) - 0.25 * hue**2, OTHER_COLOR)
+    agreement: Array = np.where(hue < 1, 1 - 0.5 * np.minimum(off**2, 1) - 0.25 * hue**2, OTHER_COLOR)
     return agreement

@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.cloud import Index, thinned, unit
 from app.perception.registered.decide import yaw_rivals
-from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses
-from app.perception.registered.poses import Poses, about_z
-from app.perception.registered.registration import registered
+from app.perception.registered.geometry import Index, Poses, about_z, thinned, unit
+from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses, registered
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
-from app.perception.registered.view import View
 from roboprompt_client.arrays import Array
 
 NUM_TURNS = 24  # in which a round object is completed
@@ -36,7 +33,7 @@ def completed(name: str, template: Template) -> Template:
     axis_m, problem = _round_axis(template) if symmetry_deg == 0 else _turn_axis(template, symmetry_deg)
     if problem:
         raise ObjectModelError(name, problem, 'views from more sides, or symmetric: "none"')
-    template = moved(template, np.array([*axis_m, 0.0]))
+    template = _moved(template, np.array([*axis_m, 0.0]))
     turns = about_z(np.arange(0, 360, symmetry_deg or 360 / NUM_TURNS))
     points_m, rgb, normals = thinned(
         np.concatenate([template.points_m @ turn.T for turn in turns]),
@@ -53,21 +50,24 @@ def centered(template: Template) -> Template:
         middle_m[2] = (template.bottom_m + template.points_m[:, 2].max()) / 2
     if template.yaw_symmetry_deg is not None:
         middle_m[:2] = 0.0
-    return moved(template, middle_m)
+    return _moved(template, middle_m)
 
 
-def moved(template: Template, origin_m: Array) -> Template:
+def _moved(template: Template, origin_m: Array) -> Template:
     """The template with another origin (3,), given in its frame."""
-    views = tuple(_moved(view, origin_m) for view in template.free_views)
+    views = []
+    for view in template.free_views:
+        pose = view.camera.camera_to_world.copy()
+        pose[:3, 3] -= origin_m
+        views.append(replace(view, camera=replace(view.camera, camera_to_world=pose)))
     points_m, bottom_m = template.points_m - origin_m, template.bottom_m - float(origin_m[2])
-    return replace(template, points_m=points_m, bottom_m=bottom_m, free_views=views)
+    return replace(template, points_m=points_m, bottom_m=bottom_m, free_views=tuple(views))
 
 
 def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> bool:
     """Whether a view from which the template was learned fits it at every yaw."""
     found = hypotheses(template, lit, index)
-    alike = [found[0], *yaw_rivals(template, found)]
-    yaws = np.sort([np.degrees(np.arctan2(item.rotation[1, 0], item.rotation[0, 0])) for item in alike])
+    yaws = np.sort([item.yaw_deg for item in (found[0], *yaw_rivals(template, found))])
     gaps = np.diff(yaws, append=yaws[0] + 360)
     return len(yaws) >= ALL_AROUND and bool(gaps.max() < MAX_GAP_DEG)
 
@@ -76,12 +76,6 @@ def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg:
     """Whether the view from which a template was learned, there at a yaw, fits it turned by so much as well."""
     own, turned = (hypotheses(template, lit, index, np.array([yaw]))[0] for yaw in (yaw_deg, yaw_deg + turn_deg))
     return not own.beats(turned)
-
-
-def _moved(view: View, origin_m: Array) -> View:
-    pose = view.camera.camera_to_world.copy()
-    pose[:3, 3] -= origin_m
-    return replace(view, camera=replace(view.camera, camera_to_world=pose))
 
 
 def _round_axis(template: Template) -> tuple[Array, str]:
@@ -111,8 +105,6 @@ def _turn_axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
     start = Poses(turn, (middle_m - turn[0] @ middle_m)[None])
     pose = registered(template, start, template.points_m, (*COARSE_M, *FINAL_M), lab=template.lab)
     axis_m = np.asarray(np.linalg.solve(np.eye(2) - pose.rotations[0, :2, :2], pose.origins_m[0, :2]), np.float64)
-    places_m = pose.to_template(template.points_m)[0]
-    off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
-    off_mm = 1000 * float(np.median(off_m))
+    off_mm = 1000 * float(np.median(template.distance_m(pose.to_template(template.points_m)[0])))
     problem = f"differs from itself turned by {symmetry_deg:g} degrees: by {off_mm:.0f} mm in the median"
     return axis_m, problem if off_mm > 1000 * MAX_OFF_M else ""

@@ -5,7 +5,7 @@ around. As a file it is an .npz without pickles.
 """
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from zipfile import BadZipFile
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from app.perception.registered.cloud import VOXEL_M, Index
+from app.perception.registered.geometry import VOXEL_M, Index
 from app.perception.registered.scene import to_lab
 from app.perception.registered.view import View
 from roboprompt_client.arrays import Array
@@ -50,10 +50,6 @@ class Template:
     bottom_m: float
     scores: tuple[float, ...] = ()
     yaw_symmetry_deg: float | None = None
-    _low_m: Array = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_low_m", self.points_m.min(axis=0) - MARGIN_M)
 
     def __len__(self) -> int:
         return len(self.points_m)
@@ -95,6 +91,12 @@ class Template:
         return cKDTree(np.concatenate([self.points_m, self.lab * LAB_AS_M], axis=1))
 
     @cached_property
+    def _low_m(self) -> Array:
+        """(3,) the corner of the voxels in which the nearest point is known."""
+        low_m: Array = self.points_m.min(axis=0) - MARGIN_M
+        return low_m
+
+    @cached_property
     def _nearest(self) -> npt.NDArray[np.int32]:
         """Per voxel the index of the nearest point."""
         shape = np.ceil((self.points_m.max(axis=0) + MARGIN_M - self._low_m) / VOXEL_M).astype(int) + 1
@@ -111,6 +113,11 @@ class Template:
         cells = np.clip(cells, 0, np.array(self._nearest.shape) - 1)
         index: Index = self._nearest[cells[..., 0], cells[..., 1], cells[..., 2]].astype(np.intp)
         return index
+
+    def distance_m(self, points_m: Array) -> Array:
+        """(...) from each of (..., 3) to about the nearest point."""
+        distance_m: Array = np.linalg.norm(points_m - self.points_m[self.closest(points_m)], axis=-1)
+        return distance_m
 
     def to_bytes(self) -> bytes:
         """As a file; `from_bytes` is the inverse to 0.1 mm."""
@@ -142,19 +149,19 @@ class Template:
         """
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            return cls._from_arrays(arrays)
+                return cls._from_arrays({name: file[name] for name in file.files})
         except (EOFError, KeyError, ValueError, OSError, BadZipFile) as error:
             raise InvalidInputError("template", f"is no template ({error})", "one that was learned here") from None
 
     @classmethod
     def _from_arrays(cls, arrays: dict[str, Array]) -> "Template":
-        points_m, normals, rgb = (arrays[name].astype(np.float64) for name in ("points_m", "normals", "rgb"))
-        count = sum(name.startswith("pose_") for name in arrays)
-        views = (
-            _free_view(n, *(arrays[f"{part}_{n}"] for part in ("pose", "intrinsics", "nearest"))) for n in range(count)
-        )
+        views = []
+        for number in range(sum(name.startswith("pose_") for name in arrays)):
+            fx_px, fy_px, cx_px, cy_px = arrays[f"intrinsics_{number}"].tolist()
+            camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, arrays[f"pose_{number}"])
+            views.append(View.of_free_space(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
         symmetry_deg = float(arrays["yaw_symmetry_deg"])
+        points_m, normals, rgb = (arrays[name].astype(np.float64) for name in ("points_m", "normals", "rgb"))
         return cls(
             points_m,
             normals,
@@ -165,10 +172,3 @@ class Template:
             tuple(arrays["scores"].tolist()),
             None if np.isnan(symmetry_deg) else symmetry_deg,
         )
-
-
-def _free_view(number: int, camera_to_template: Array, intrinsics: Array, nearest: Array) -> View:
-    fx_px, fy_px, cx_px, cy_px = intrinsics.tolist()
-    camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, camera_to_template)
-    nearest_m = (nearest * DEPTH_UNIT_M).astype(np.float32)
-    return View(camera, nearest_m, nearest_m, np.zeros((0, 0, 3), np.uint8))

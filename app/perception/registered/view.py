@@ -1,5 +1,6 @@
 """One camera's images, prepared: reduced to what a search needs, flying pixels removed."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -7,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from app.perception.registered.geometry import Bools, Index
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 
@@ -32,8 +34,8 @@ class Seen(NamedTuple):
     depth_m: Array
     nearest_m: Array
     point_m: Array
-    rows: npt.NDArray[np.intp]
-    columns: npt.NDArray[np.intp]
+    rows: Index
+    columns: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class View:
     depth_m: DepthImage
     nearest_m: DepthImage
     rgb: RgbImage
-    mask: npt.NDArray[np.bool_] | None = None
+    mask: Bools | None = None
 
     @classmethod
     def of(cls, frame: RgbdFrame) -> "View":
@@ -58,13 +60,19 @@ class View:
         assert frame.rgb is not None
         assert frame.depth_m is not None
         step = -(-frame.depth_m.shape[1] // WIDTH_PX)
+        intrinsics = {name: getattr(frame.camera, name) / step for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
+        camera = replace(frame.camera, **intrinsics, image_size_px=None)
         reduced_m = np.minimum(frame.depth_m[::step, ::step], np.float32(FARTHEST_M))
-        camera = _reduced(frame.camera, step)
         depth_m = _without_flying(np.ascontiguousarray(reduced_m, np.float32), camera.fx_px)
         rgb = np.asarray(cv2.blur(frame.rgb, (max(3, step),) * 2)[::step, ::step], np.uint8)
         nearest_m = np.asarray(cv2.erode(depth_m, np.ones((NEAREST_PX, NEAREST_PX))), np.float32)
         mask = None if frame.mask is None else frame.mask[::step, ::step] != 0
         return cls(camera, depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
+
+    @classmethod
+    def of_free_space(cls, camera: Camera, nearest_m: DepthImage) -> "View":
+        """Of a template: only what lies before its depths is known, to be free."""
+        return cls(camera, nearest_m, nearest_m, np.zeros((0, 0, 3), np.uint8))
 
     @property
     def eye_m(self) -> Array:
@@ -76,11 +84,27 @@ class View:
         pixels, point_m = self.camera.project(points_m)
         height, width = self.depth_m.shape
         inside = (point_m > 0) & (pixels > -0.5).all(axis=-1) & (pixels < (width - 0.5, height - 0.5)).all(axis=-1)
-        columns, rows = (
-            np.rint(np.where(inside[..., None], pixels, 0)).astype(np.intp).transpose(-1, *range(inside.ndim))
-        )
+        columns, rows = np.moveaxis(np.rint(np.where(inside[..., None], pixels, 0)).astype(np.intp), -1, 0)
         depth_m, nearest_m = self.depth_m[rows, columns], self.nearest_m[rows, columns]
         return Seen(np.where(inside, depth_m, 0), np.where(inside, nearest_m, 0), point_m, rows, columns)
+
+
+def free_views(views: Sequence[View], template_to_world: Array, points_m: Array, margin_m: float) -> Iterator[View]:
+    """What the views show to be free around a template's points (N, 3), cut to where those and a margin appear."""
+    for view in views:
+        camera_to_template = np.linalg.inv(template_to_world) @ view.camera.camera_to_world
+        camera_to_template[3] = 0, 0, 0, 1
+        camera = replace(view.camera, camera_to_world=camera_to_template)
+        pixels, depth_m = camera.project(points_m)
+        if (depth_m <= 0).any():
+            continue
+        margin_px = margin_m * max(camera.fx_px, camera.fy_px) / depth_m.min()
+        height, width = view.depth_m.shape
+        left, top = np.clip(np.floor(pixels.min(axis=0) - margin_px), 0, (width, height)).astype(int)
+        right, bottom = np.clip(np.ceil(pixels.max(axis=0) + margin_px) + 1, 0, (width, height)).astype(int)
+        if right - left >= 2 and bottom - top >= 2:
+            cut = replace(camera, cx_px=camera.cx_px - left, cy_px=camera.cy_px - top)
+            yield View.of_free_space(cut, view.nearest_m[top:bottom, left:right].copy())
 
 
 def _without_flying(depth_m: DepthImage, focal_px: float) -> DepthImage:
@@ -88,9 +112,3 @@ def _without_flying(depth_m: DepthImage, focal_px: float) -> DepthImage:
     near, far = cv2.erode(depth_m, window), cv2.dilate(depth_m, window)
     step_m = np.maximum(np.float32(FLYING_STEP_M), near * np.float32(SLOPE / focal_px))
     return np.where((far - near > step_m) | (near == 0), np.float32(0), depth_m)
-
-
-def _reduced(camera: Camera, step: int) -> Camera:
-    """The camera of an image of which every step-th pixel is kept."""
-    intrinsics = {name: getattr(camera, name) / step for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
-    return replace(camera, **intrinsics, image_size_px=None)

@@ -11,15 +11,7 @@ from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, Ta
 from app.pipeline.check.settings import symmetry_findings
 from app.pipeline.keyframes import manner_of
 from app.pipeline.keyframes.resting import path_left_m, paths_left_m
-from app.pipeline.plans import (
-    Demonstration,
-    PlanRow,
-    Recording,
-    by_plan,
-    demonstrated,
-    plan_rows,
-    shown_together,
-)
+from app.pipeline.plans import Demonstration, PlanRow, Recording, by_plan, demonstrated, plan_rows, shown_together
 from app.pipeline.plans.rows import robust_centre
 from roboprompt_client.trajectory import EndEffectorAction
 

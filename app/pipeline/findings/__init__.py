@@ -28,13 +28,8 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """As answers carry it: the numbers stand beside the other members."""
-        return {
-            "code": self.code,
-            "severity": self.severity,
-            "message": self.message,
-            "where": self.where,
-            **self.numbers,
-        }
+        own = {"code": self.code, "severity": self.severity, "message": self.message, "where": self.where}
+        return {**own, **self.numbers}
 
 
 def worst_severity(findings: Iterable[Finding]) -> Severity | None:

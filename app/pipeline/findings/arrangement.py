@@ -92,12 +92,11 @@ def parted_findings(query: Query, pairs: Sequence[RigidPair], followed: frozense
     Args:
         followed: the objects that rows of the asked motion are relative to.
     """
-    off = [(pair.off_m(query), pair) for pair in pairs]
-    parted = [(off_m, pair) for off_m, pair in off if ARRANGED.severity(off_m) is not None]
+    off = [(not followed.isdisjoint((pair.one, pair.other)), pair.off_m(query), pair) for pair in pairs]
+    parted = [item for item in off if ARRANGED.severity(item[1]) is not None]
     if not parted:
         return
-    off_m, pair = max(parted, key=lambda item: (not followed.isdisjoint((item[1].one, item[1].other)), item[0]))
-    follows = not followed.isdisjoint((pair.one, pair.other))
+    follows, off_m, pair = max(parted, key=lambda item: item[:2])
     message = (
         f"{pair.one} is {100 * off_m:.1f} cm from where it stands to {pair.other} in every demonstration, as if they"
         " were one thing: is one taken for another, or were they parted?"
@@ -112,9 +111,8 @@ def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: fr
     if any(len(names) != len(asked) for names in named):
         return
     for i, j in combinations(range(len(asked)), 2):
-        ways_m = np.array(
-            [d.object(n[i]).position_m - d.object(n[j]).position_m for d, n in zip(shown, named, strict=True)]
-        )
+        pairs = [(d.object(names[i]), d.object(names[j])) for d, names in zip(shown, named, strict=True)]
+        ways_m = np.array([one.position_m - other.position_m for one, other in pairs])
         way_m = query.object(asked[i]).position_m - query.object(asked[j]).position_m
         same = np.ptp(ways_m, axis=0) < RIGID_M
         off_m = float((outside_m(way_m, ways_m.min(axis=0), ways_m.max(axis=0)) * same).max())

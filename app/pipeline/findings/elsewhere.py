@@ -1,6 +1,7 @@
-"""Demonstrations that others overrule though they act elsewhere.
+"""Demonstrations that do otherwise than the others, which overrule them.
 
-Prompts leave out a rare plan, and move each row to where most demonstrations of its plan have it.
+Prompts leave out a rare plan, and move each row to where most demonstrations of its plan have it. Some act elsewhere,
+some have two objects under each other's names, and some use the gripper otherwise.
 """
 
 from collections import Counter

@@ -27,6 +27,7 @@ from roboprompt_client.arrays import Array
 PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
 TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
 PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
+# What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 MOVES_M_S = 0.05
@@ -106,26 +107,22 @@ def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str]
 
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
-    verb, taken = demonstration.order.clauses[0].verb, _taken(demonstration)
+    clause = demonstration.order.clauses[0]
+    found = DIRECT_OBJECT.match(clause.form)
+    taken = clause.objects[0] if found and found["verb"] in TAKING | PUTTING else None
     closings = [act for act in hand.acts if not act.opens]
     lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
     if lets_go and not hand.may_hold:  # nor comes to take it
         return UNHELD
-    if verb in PRESSING and hand.acts and not closings and not hand.may_hold:
+    if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    if verb in TAKING | PUTTING and not hand.acts:
+    if clause.verb in TAKING | PUTTING and not hand.acts:
         return TAKES_NOTHING
     if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
         return None
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
-
-
-def _taken(demonstration: Demonstration) -> str | None:
-    """The object that the instruction says to take, where it follows right upon such a verb."""
-    found = DIRECT_OBJECT.match(demonstration.order.clauses[0].form)
-    return demonstration.order.clauses[0].objects[0] if found and found["verb"] in TAKING | PUTTING else None
 
 
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:

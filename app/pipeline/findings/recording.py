@@ -55,12 +55,7 @@ def recording_findings(motion: Motion, keyframes: Sequence[Keyframe], rule: Keyf
     Args:
         rule: by which the keyframes were found.
     """
-    return (
-        *_steps(motion),
-        *_times(motion),
-        *_gripper(motion),
-        *_keyframes(motion, keyframes, rule),
-    )
+    return (*_steps(motion), *_times(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
 
 
 def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:

@@ -50,12 +50,7 @@ class Rule:
         return reached[-1] if reached else None
 
     def finding(
-        self,
-        message: str,
-        where: str = "",
-        numbers: Mapping[str, float] | None = None,
-        *,
-        value: float = ALWAYS,
+        self, message: str, where: str = "", numbers: Mapping[str, float] | None = None, *, value: float = ALWAYS
     ) -> Finding:
         """The doubt as a finding.
 

@@ -61,17 +61,12 @@ def source_findings(
     for pose in observed:
         taught = [item for one in shown for item in one.objects if item.name == pose.name]
         sources = {item.estimator for item in taught} - {pose.estimator}
-        if not sources or _repeats(pose, taught):
+        repeated = any(np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught)
+        if not sources or (repeated and pose.estimator == GIVEN):  # it was read from an episode
             continue
         measured = [item for item in compared if item.given.name == pose.name]
         if not measured or not all(item.agrees for item in measured):
             yield _finding(pose, sources, measured)
-
-
-def _repeats(pose: ObjectPose, taught: Sequence[ObjectPose]) -> bool:
-    return pose.estimator == GIVEN and any(
-        np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught
-    )
 
 
 def _finding(pose: ObjectPose, sources: set[str], measured: Sequence[Compared]) -> Finding:

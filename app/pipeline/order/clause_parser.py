@@ -109,7 +109,7 @@ class ClauseParser:
             if self._has_form(at, phrase[0], passive=passive):
                 yield " ".join(phrase), at + len(phrase)
         text = self._text(at)
-        base = text if text in self._verbs else verbs.forms().get(text, "")  # "placed" is a word of places, too
+        base = text if text in self._verbs else verbs.FORMS.get(text, "")  # "placed" is a word of places, too
         if base and (base != text or base not in verbs.PHRASES) and self._has_form(at, base, passive=passive):
             yield base, at + 1
 
@@ -187,9 +187,8 @@ class ClauseParser:
         while self._text(start) in ("of", "the"):
             start, of = start + 1, True
         self._phrases.at(start)
-        for end, names in sorted(
-            (each.end, each.candidates) for each in self._phrases.unmatched if each.start == start
-        ):
+        found = sorted((each.end, each.candidates) for each in self._phrases.unmatched if each.start == start)
+        for end, names in found:
             words = self._words[start:end]
             right_number = words[-1].plural == (quantifier in ("all", "both") or of)
             described = all(word.text not in vocabulary.FUNCTION_WORDS for word in words)
@@ -204,10 +203,7 @@ class ClauseParser:
     def _is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
         """Whether a list may describe a single object: "the red and green button" may have two colors."""
         first, last = phrases[0], phrases[-1]
-        with_article = (
-            self._text(first.start) in vocabulary.DETERMINERS,
-            self._text(last.start) in vocabulary.DETERMINERS,
-        )
+        with_article = tuple(self._text(each.start) in vocabulary.DETERMINERS for each in (first, last))
         nouns = first.with_noun, last.with_noun
         return with_article == (True, False) and nouns == (False, True) and not last.plural
 

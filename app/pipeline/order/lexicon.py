@@ -109,7 +109,7 @@ class Lexicon:
             return min(nouns)
         if text in self._exact:
             return text
-        return verbs.forms().get(text)
+        return verbs.FORMS.get(text)
 
     @cached_property
     def _nouns(self) -> frozenset[str]:

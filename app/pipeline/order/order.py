@@ -140,7 +140,8 @@ def _mentions(names: Sequence[str], text: str) -> list[Mention]:
         for start, end, _ in phrases:
             text = text[:start] + "\0" * (end - start) + text[end:]
     for name in set(names) - {mention.name for mention in found}:
-        by_word = [_occurrences(word, text, name) for word in _distinctive_words(name, names)]
+        others = {word for other in names if other != name for word in _words(other)}
+        by_word = [_occurrences(word, text, name) for word in _words(name) - others]
         if all(by_word):
             found += [mention for mentions in by_word for mention in mentions]
     return sorted(found)
@@ -148,11 +149,6 @@ def _mentions(names: Sequence[str], text: str) -> list[Mention]:
 
 def _occurrences(phrase: str, text: str, name: str) -> list[Mention]:
     return [Mention(*match.span(), name) for match in re.finditer(rf"\b{re.escape(phrase)}\b", text)]
-
-
-def _distinctive_words(name: str, names: Sequence[str]) -> set[str]:
-    others = {word for other in names if other != name for word in _words(other)}
-    return _words(name) - others
 
 
 def _words(name: str) -> set[str]:

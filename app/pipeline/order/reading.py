@@ -163,10 +163,9 @@ def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> In
     if meanings:
         listed = " or ".join(repr(text) for text in meanings[:3])
         return UngroundedInstructionError(FIELD, f"{instruction!r} may mean {listed}", valid)
-    missed = _missed(phrases)
     if not _asks_for_taught(taught, words):
         return UnfamiliarInstructionError(FIELD, f"{instruction!r} is unlike what the task was taught", valid)
-    if (missed := missed or _unknown_thing(words)) is not None:
+    if (missed := _missed(phrases)) is not None:
         return _ungrounded(phrases, missed, valid)
     if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
         message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
@@ -187,7 +186,7 @@ def _passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[Noun
     valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
     if forbids(words):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
-    if (missed := _missed(phrases) or _unknown_thing(words)) is not None:
+    if (missed := _missed(phrases)) is not None:
         raise _ungrounded(phrases, missed, valid)
     found = _longest(phrases)
     if not found and any(clause_of(text, taught.names).objects for text in taught.instructions):
@@ -215,17 +214,15 @@ def _longest(phrases: NounPhrases) -> list[NounPhrase]:
 
 
 def _missed(phrases: NounPhrases) -> Unmatched | None:
-    """The longest phrase that reads like an object and is none, unless it is a part of one that is."""
+    """The longest phrase that reads like an object and is none, unless it is a part of one that is; an unknown word."""
     found = _longest(phrases)
 
     def is_part(missed: Unmatched) -> bool:
         return any(each.start < missed.end and missed.start < each.end and not _holds(missed, each) for each in found)
 
-    return max(
-        (missed for missed in phrases.unmatched if not is_part(missed)),
-        key=lambda missed: (missed.end - missed.start, -missed.start, missed.candidates),
-        default=None,
-    )
+    missed = [each for each in phrases.unmatched if not is_part(each)]
+    longest = max(missed, key=lambda each: (each.end - each.start, -each.start, each.candidates), default=None)
+    return longest or _unknown_thing(phrases.words)
 
 
 def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:

@@ -15,6 +15,9 @@ from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.words import PhraseTable
 
 Mood = Literal["do", "not", "skip", "rather", "except"]
+FORBIDDING: dict[Mood, PhraseTable] = {
+    "not": vocabulary.NOT, "skip": vocabulary.SKIP, "rather": vocabulary.RATHER, "except": vocabulary.EXCEPT,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -81,12 +84,8 @@ class Sentences(ClauseParser):
         if units and not goes_on and all(self._text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
-        forbidding: tuple[tuple[Mood, PhraseTable], ...] = (
-            ("not", vocabulary.NOT), ("skip", vocabulary.SKIP), ("rather", vocabulary.RATHER),
-            *((("except", vocabulary.EXCEPT),) if self._of_steps else ()),
-        )  # fmt: skip
-        for mood, table in forbidding:
-            if (end := self._end(start, table)) is not None:
+        for mood, table in FORBIDDING.items():
+            if (self._of_steps or mood != "except") and (end := self._end(start, table)) is not None:
                 for clause, after in self._clauses_at(end, forbidden=True):
                     yield from self._after(after, (*units, _unit(clause, units, mood, joined, start, after)))
         for begin in {at, start}:

@@ -53,7 +53,10 @@ class Frame:
         if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
             return None
         pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]
-        return self._checked([(mine.name, other.name) for mine, other in pairs])
+        filled = {mine.name: other.name for mine, other in pairs if mine.name and other.name}
+        replaceable = {mention.name for mention in self.named}
+        is_clear = len(pairs) == len(filled) == len(set(filled.values()))
+        return filled if is_clear and all(a in replaceable or a == b for a, b in filled.items()) else None
 
     def _one_destination(self, clause: ParsedClause) -> bool | None:
         """Whether a destination may be put in any way; None if the verbs ask for different things.
@@ -72,13 +75,6 @@ class Frame:
         number = len(clause.objects_in(DIRECT))
         clear = number == 1 or clause.verb is None or " " not in clause.verb or clause.verb == self.clause.verb
         return {name: name} if number <= 1 and clear else None
-
-    def _checked(self, pairs: Sequence[tuple[str | None, str | None]]) -> Mapping[str, str] | None:
-        filled = {mine: other for mine, other in pairs if mine and other}
-        replaceable = {mention.name for mention in self.named}
-        if len(filled) < len(pairs) or len(set(filled.values())) < len(filled):
-            return None
-        return filled if all(mine in replaceable or mine == other for mine, other in filled.items()) else None
 
     def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str | None:
         """The taught text with other objects; None if it would not name them in the order that they have."""
@@ -116,13 +112,12 @@ def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool)
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
     """The frames of a taught instruction's clauses; none if one of them is beyond this grammar."""
     texts = clause_texts(instruction)
-    read = [_read(text, lexicon) for text in texts]
-    if not all(read):
+    clauses = [clause for text in texts if (clause := _read(text, lexicon)) is not None]
+    plan = tuple(clause.signature for clause in clauses)
+    if len(clauses) < len(texts):
         return ()
-    known = [clause for clause in read if clause]
-    plan = tuple(clause.signature for clause in known)
     named = [mentions_in(text, lexicon.names) for text in texts]
-    return tuple(Frame(*parts, plan) for parts in zip(texts, known, named, strict=True))
+    return tuple(Frame(*parts, plan) for parts in zip(texts, clauses, named, strict=True))
 
 
 def taught_verb(text: str, lexicon: Lexicon) -> str:

@@ -6,7 +6,6 @@ only. The families keep apart what differs for a robot: pulling is not opening, 
 """
 
 from collections.abc import Callable, Collection
-from functools import lru_cache
 from typing import NamedTuple
 
 from app.pipeline.order.words import PhraseTable, verb_forms
@@ -92,8 +91,6 @@ PARTICLES = frozenset(word for phrase in PHRASES for word in phrase.split()[1:])
 _IRREGULAR = {"took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep"}
 
 
-@lru_cache
-def forms() -> dict[str, str]:
-    """From every form of the verbs to their base form."""
-    found = {form: verb for verb in FIRST_WORDS for form in verb_forms(verb)}
-    return found | _IRREGULAR | {verb: verb for verb in FIRST_WORDS}
+# From every form of the verbs to their base form
+FORMS = {form: verb for verb in FIRST_WORDS for form in verb_forms(verb)}
+FORMS |= _IRREGULAR | {verb: verb for verb in FIRST_WORDS}

@@ -20,18 +20,7 @@ from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Frame, Taught
 from app.pipeline.order.words import IsWord
-from app.pipeline.steps.several import (
-    IT,
-    TIMES_WORDS,
-    counted,
-    is_akin,
-    is_placed_after_moving,
-    is_unclear_what_is_forbidden,
-    order_of,
-    picked_up_to_put,
-    with_objects,
-    without_excepted,
-)
+from app.pipeline.steps import several
 
 MAX_STEPS = 24  # that one sentence asks for
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
@@ -133,7 +122,7 @@ class _Reader:
 
     def read(self) -> list[tuple[Step, ...]]:
         """The different sequences of steps that may be meant; of very many the first."""
-        fixed = self._scene.fixed_words | TIMES_WORDS
+        fixed = self._scene.fixed_words | several.TIMES_WORDS
         sentences = Sentences(self._phrases, fixed, self._scene.verbs, of_steps=True)
         found: dict[tuple[Step, ...], None] = {}
         try:
@@ -162,21 +151,21 @@ class _Reader:
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
-        done = wanted(without_excepted([unit for unit in units if not forbidden.get(unit)]))
-        if is_unclear_what_is_forbidden(units):
+        done = wanted(several.without_excepted([unit for unit in units if not forbidden.get(unit)]))
+        if several.is_unclear_what_is_forbidden(units):
             return
-        order = order_of(done, units)
+        order = several.order_of(done, units)
         if done and not order:
             self._miss(len(done), units[-1], 'leaves open what comes first: say "then"')
         clauses = self._resolved(done) if order else ()
         choices = [self._choices(clause) for clause in clauses]
-        for place in picked_up_to_put(done, clauses):
+        for place in several.picked_up_to_put(done, clauses):
             choices[place] = [*choices[place], ()]
         for place, (unit, choice) in enumerate(zip(done, choices, strict=False)):
             if not choice:
                 self._miss(place, unit, "is nothing that a task was taught to do with these objects")
                 return
-        if clauses and not is_placed_after_moving([clauses[place] for place in order]):
+        if clauses and not several.is_placed_after_moving([clauses[place] for place in order]):
             of_each = [choices[place] for place in order]
             every = (tuple(step for part in parts for step in part) for parts in product(*of_each))
             yield from (steps for steps in every if left_out.isdisjoint(steps))
@@ -191,8 +180,9 @@ class _Reader:
                 if not meant:
                     self._miss(place, unit, "does not say for certain what 'it' or 'them' is")
                     return ()
-                clause = with_objects(clause, meant)
-            if counted(clause)[1] > 1 and unit.joined == {"and"} and any(is_akin(clause, other) for other in found):
+                clause = several.with_objects(clause, meant)
+            akin = any(several.is_akin(clause, other) for other in found)
+            if several.counted(clause)[1] > 1 and unit.joined == {"and"} and akin:
                 self._miss(place, unit, "does not say what is done so often: all that is said, or only this")
                 return ()
             found.append(clause)
@@ -214,9 +204,9 @@ class _Reader:
             return group if at == DIRECT and len(group) > 1 else ()
         found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
         if len(found) > 1 and clause.verb in CONTAINING and at == DIRECT:
-            found = {role: phrase for role, phrase in found.items() if self._choices(with_objects(clause, [phrase]))}
+            found = {role: one for role, one in found.items() if self._choices(several.with_objects(clause, [one]))}
             found = {} if DIRECT in found else found
-        elif (same := found.get(at)) is not None and same.by == IT:
+        elif (same := found.get(at)) is not None and same.by == several.IT:
             found = {at: same}
         return tuple(found.values()) if len(found) == 1 else ()
 
@@ -231,16 +221,16 @@ class _Reader:
             return []  # "the red button" does not say what to do
         if whole := self._whole(clause):
             return [(step,) for step in whole]
-        once, times = counted(clause)
+        once, times = several.counted(clause)
         if times > 1:  # "both twice" does not say in which order
             return [steps * times for steps in self._choices(once) if len(steps) == 1]
-        several = [role for role, phrases in clause.roles if len(phrases) > 1]
-        to_both = several != [DIRECT] and clause.objects_in(DIRECT)  # one lid is not put on two pots
-        if len(several) != 1 or to_both or clause.verb in TOGETHER:
+        repeated = [role for role, phrases in clause.roles if len(phrases) > 1]
+        to_both = repeated != [DIRECT] and clause.objects_in(DIRECT)  # one lid is not put on two pots
+        if len(repeated) != 1 or to_both or clause.verb in TOGETHER:
             return []
         each = [
-            replace(clause, roles=tuple((role, (phrase,) if role == several[0] else of) for role, of in clause.roles))
-            for phrase in clause.objects_in(several[0])
+            replace(clause, roles=tuple((role, (phrase,) if role == repeated[0] else of) for role, of in clause.roles))
+            for phrase in clause.objects_in(repeated[0])
         ]
         return list(product(*map(self._whole, each)))
 

@@ -13,7 +13,7 @@ from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from roboprompt_client import quaternions
-from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array

@@ -73,10 +73,10 @@ class Scenes:
 def read_scenes(connection: Connection, task: str) -> Scenes:
     """The scenes of the task's episodes, with the objects that all have."""
     stored = episodes.scenes(connection, task)
-    names = in_all([[item.name for item in scene.objects] for scene in stored])
-    places_m = [{item.name: item.position_m for item in scene.objects} for scene in stored]
+    names = in_all([[item.name for item in objects] for objects in stored.values()])
+    places_m = [{item.name: item.position_m for item in objects} for objects in stored.values()]
     positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(len(stored), len(names), 3)
-    return Scenes(tuple(scene.id for scene in stored), names, positions_m)
+    return Scenes(tuple(stored), names, positions_m)
 
 
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:

@@ -9,8 +9,8 @@ from sqlalchemy import Connection
 
 from app.llm.baselines import YARDSTICKS
 from app.pipeline.success_rate import Pairs
-from app.store import configurations, tasks
-from app.store.configurations import Configuration, Counts, Trial
+from app.store import prediction_lists, tasks
+from app.store.prediction_lists import Configuration, Counts, Trial
 from roboprompt_client.errors import InvalidInputError
 
 MAX_COMPARED = 8
@@ -90,7 +90,8 @@ def task_stats(connection: Connection, task: str | None) -> TaskStats:
     """
     if task is not None:
         tasks.get(connection, task)
-    counted, latest = configurations.counts(connection, task), configurations.latest(connection, task)
+    counted = prediction_lists.counts_by_configuration(connection, task)
+    latest = prediction_lists.latest_by_configuration(connection, task)
     standings = [Standing(key, counts, latest.get(key, ())) for key, counts in counted.items()]
     surest = sorted(standings, key=lambda standing: standing.counts.rate.interval[0], reverse=True)
     names = ("predictions", "errors", "successes", "failures")

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.images import ImageBytes
-from app.perception.registered.click import masks_from_marks
-from app.perception.registered.marks import Marks, Mask, Pixel, yaw_of_arrow_deg
+from app.perception.registered.marks import Marks, Mask, Pixel, masks_from_marks, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
 from app.services.cache import Cache
 from app.services.scene_images import put_images, read_frame

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.blocks import SlideBlock, SortShape
 from app.sim.tasks.buttons import PressInOrder, PushButton, PushButtonReal, PushMultipleButtons
-from app.sim.tasks.carriers import PickDrifting, PickFromConveyor
+from app.sim.tasks.carrying import PickDrifting, PickFromConveyor, WayRound
 from app.sim.tasks.cubes import BuildTower, DestackCube, StackBlocks, StackCube
 from app.sim.tasks.cups import PlaceCups, StackCups
 from app.sim.tasks.drawers import OpenDrawer, PutInDrawer
@@ -19,7 +19,6 @@ from app.sim.tasks.rearranging import ClearKind, PlaceBeside, SwapCubes
 from app.sim.tasks.screwing import CloseJar, ScrewBulb
 from app.sim.tasks.shelves import PutInCupboard, PutInSafe
 from app.sim.tasks.sweep_to_dustpan import SweepToDustpan
-from app.sim.tasks.way_round import WayRound
 from roboprompt_client.errors import InvalidInputError
 
 TASKS: Mapping[str, type[SimTask]] = {

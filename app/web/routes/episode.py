@@ -1,9 +1,8 @@
 """One episode: what was recorded, what was made of it, and what another keyframe rule would find.
 
-It is also shown as the LLM reads it, in each representation.
+It is also shown as the LLM reads it, in each representation; and an object of it is taught by clicks in its pictures.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -16,10 +15,8 @@ from app.api.documents import episode_document
 from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.episode import Demonstration, stretches
+from app.pipeline.episode import stretches
 from app.pipeline.keyframes import Motion, Rule
-from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
-from app.pipeline.spans import Span, prompt_spans
 from app.services.container import Services
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.scene_images import read_frame
@@ -30,17 +27,14 @@ from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
-from app.web.keyframe_preview import Preview, preview
+from app.web.episode_views import EpisodeText, Preview, episode_texts, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.play import recorded_motion
-from app.web.point_cloud import point_cloud
+from app.web.play import point_cloud, recorded_motion
 from app.web.scene import scene
-from roboprompt_client.arrays import Array
-from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
 
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
+MAX_TRIED = 100  # episodes in which a page looks for an object, the newest
 ABOUT_RULES: dict[Rule, str] = {
     "auto": "rests where the robot rests, else where its path bends",
     "waypoints": "gripper changes and where the path bends",
@@ -48,49 +42,6 @@ ABOUT_RULES: dict[Rule, str] = {
     "authors": "their published code",
     "uniform": "every n-th frame",
 }
-
-
-@dataclass(frozen=True)
-class EpisodeText:
-    """A demonstration's part of a prompt.
-
-    Attributes:
-        usual: whether a request that names no representation gets this one.
-        spans: colored as in the paper; empty where there is an error.
-        error: why it cannot be written so, in words.
-    """
-
-    representation: str
-    prompt_format: str
-    usual: bool
-    spans: tuple[Span, ...]
-    error: str = ""
-
-
-def episode_texts(
-    demonstrations: Sequence[Demonstration],
-    shown: int,
-    settings: TaskSettings,
-    usual_representation: str,
-    usual_format: str,
-) -> tuple[EpisodeText, ...]:
-    """One of the demonstrations of a prompt in each representation, the usual first.
-
-    Args:
-        demonstrations: as the prompt shows them.
-        shown: which of the demonstrations, all of which the representations are fitted to.
-    """
-    texts = []
-    for name in sorted(REPRESENTATIONS, key=lambda name: name != usual_representation):
-        usual = name == usual_representation
-        prompt_format = usual_format if usual or usual_format != KAT_FORMAT else "paper"
-        try:
-            codec = fit_codec(name, prompt_format, demonstrations, settings.workspace.workspace())
-            text, error = codec.demonstration_text(demonstrations[shown]), ""
-        except InvalidInputError as refused:
-            text, error = "", str(refused)
-        texts.append(EpisodeText(name, prompt_format, usual, prompt_spans(text, name, prompt_format), error))
-    return tuple(texts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,13 +113,14 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     times_s, trajectory = recording.motion.times_s, recording.motion.trajectory
     by_gripper = stretches(trajectory.gripper_open)
     ends_s = np.append(times_s, times_s[-1])
+    ways_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
     shown = scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m)
     if any(camera.has_rgbd for camera in recording.record.cameras):
         shown["points"] = f"/ui/episodes/{episode_id}/points"
     document: JsonObject = {
         "has_joints": trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
-        "hand_m_s": _hand_m_s(trajectory, times_s).round(5).tolist(),
+        "hand_m_s": np.append(ways_m / np.diff(times_s), 0.0).round(5).tolist(),
         "speed_rad_s": recording.motion.joint_speeds_rad_s.round(5).tolist(),
         "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
         "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
@@ -193,12 +145,6 @@ def _points(services: Services, episode_id: str) -> bytes:
     if camera is None:
         raise NotFoundError("picture with color and depth of episode", episode_id)
     return point_cloud(read_frame(services.store.blobs, camera), settings.workspace)
-
-
-def _hand_m_s(trajectory: Trajectory, times_s: Array) -> Array:
-    """(T,) the hand's speed from frame to frame."""
-    ways_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
-    return np.append(ways_m / np.diff(times_s), 0.0)
 
 
 @documents.get("/ui/episodes/{episode_id}/keyframes")
@@ -245,3 +191,26 @@ def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, 
         return settings.representation, settings.prompt_format or profile.prompt_format, "First as the task is set."
     whose = f"First as {profile.name} reads it."
     return profile.representation, settings.prompt_format or profile.prompt_format, whose
+
+
+@router.get("/ui/episodes/{episode_id}/object")
+def object_page(request: Request, services: Wired, episode_id: str, name: str = "") -> Response:
+    """Where an object is shown in the pictures of an episode."""
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+        task = tasks.get(connection, record.task)
+        ids = episodes.list_ids(connection, record.task)[::-1]
+        older, newer = episodes.neighbours(connection, record)
+    names = task.object_names or ()
+    return render(
+        request,
+        "object.html",
+        episode=record,
+        cameras=[camera for camera in record.cameras if camera.has_rgbd],
+        names=names,
+        chosen=name if name in names else names[0],
+        settings=TaskSettings.model_validate(task.settings),
+        older=older,
+        newer=newer,
+        page={"task": record.task, "episode": record.id, "episodes": ids[:MAX_TRIED], "num_episodes": len(ids)},
+    )

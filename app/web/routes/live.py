@@ -1,7 +1,6 @@
 """What runs now, in every process of the service."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -49,25 +48,12 @@ class Running:
         return left_s if left_s is not None and left_s > 0 else None
 
 
-@dataclass(frozen=True)
-class JobProgress:
-    """A re-extraction of a task's episodes.
-
-    Attributes:
-        left_s: seconds that it will still take at its pace so far; None where that is not known yet.
-    """
-
-    record: JobRecord
-    left_s: float | None
-
-    @classmethod
-    def of(cls, record: JobRecord) -> "JobProgress":
-        """The job's progress now."""
-        if record.status != "running" or not record.num_extracted:
-            return cls(record, None)
-        elapsed_s = (datetime.now(UTC) - record.created_at).total_seconds()
-        remaining = max(record.num_episodes - record.num_extracted, 0)
-        return cls(record, elapsed_s * remaining / record.num_extracted)
+def job_left_s(record: JobRecord) -> float | None:
+    """Seconds that a re-extraction will still take at its pace so far; None where that is not known yet."""
+    if record.status != "running" or not record.num_extracted:
+        return None
+    elapsed_s = (datetime.now(UTC) - record.created_at).total_seconds()
+    return elapsed_s * max(record.num_episodes - record.num_extracted, 0) / record.num_extracted
 
 
 @router.get("/ui/live")
@@ -121,16 +107,14 @@ def _run(connection: Connection, record: RunRecord) -> JsonObject:
     }
 
 
-def _now(services: Services) -> tuple[list[Running], list[JobProgress]]:
-    notes = tuple(note for note in services.store.under_way.all() if present().has_task(note.task))
+def _now(services: Services) -> tuple[list[Running], list[tuple[JobRecord, float | None]]]:
+    notes = [note for note in services.store.under_way.all() if present().has_task(note.task)]
     with services.store.read() as connection:
         latest = jobs.list_page(connection, limit=NUM_JOBS).items
-        return list(_timed(connection, notes)), [JobProgress.of(record) for record in latest]
-
-
-def _timed(connection: Connection, notes: tuple[UnderWay, ...]) -> Iterator[Running]:
-    now_s = time.time()
-    usual_ms = {model: prediction_lists.usual_llm_ms(connection, model) for model in {note.model for note in notes}}
+        usual_ms = {model: prediction_lists.usual_llm_ms(connection, model) for model in {note.model for note in notes}}
+    running = []
     for note in notes:
         milliseconds = usual_ms[note.model]
-        yield Running(note, now_s - note.started_s, None if milliseconds is None else milliseconds / 1000)
+        usual_s = None if milliseconds is None else milliseconds / 1000
+        running.append(Running(note, time.time() - note.started_s, usual_s))
+    return running, [(record, job_left_s(record)) for record in latest]

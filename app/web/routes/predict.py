@@ -4,7 +4,7 @@ The form is filled in from a task, an episode, or a prediction that is asked for
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Annotated, Any, get_args
 from urllib.parse import quote
@@ -22,34 +22,18 @@ from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.spans import prompt_spans
 from app.services.predict.question import Question
-from app.services.predict.request import Selection
+from app.services.predict.request import PredictOptions, Selection
 from app.services.scene_images import stored_image
 from app.services.task_settings import PromptFormat, Representation, TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from app.store.visibility import present
-from app.web.page import HEADERS, PageRoute, render, render_part
+from app.web.page import HEADERS, PageRoute, by_origin, render, render_part
 from app.web.scene import scene
-from app.web.texts import by_origin
 
 NUM_EPISODES = 100  # offered to take a scene from
-SETTINGS = (
-    "model",
-    "representation",
-    "prompt_format",
-    "system_prompt",
-    "num_demonstrations",
-    "selection",
-    "seed",
-    "episode_ids",
-    "unfamiliar",
-    "max_actions",
-    "timeout_s",
-    "num_samples",
-    "temperature",
-    "end_effector",
-)
+UNSET = dict.fromkeys((*PredictOptions.model_fields, "end_effector"))
 Id = Annotated[str, Query(max_length=64)]
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
@@ -83,7 +67,7 @@ class PredictForm:
     episodes: tuple[EpisodeRecord, ...]
     from_episode: EpisodeRecord | None
     again: str | None = None
-    settings: Mapping[str, Any] = field(default_factory=lambda: dict.fromkeys(SETTINGS))
+    settings: Mapping[str, Any] = field(default_factory=UNSET.copy)
 
     @property
     def looks(self) -> bool:
@@ -106,18 +90,14 @@ def form_again(connection: Connection, prediction_id: str) -> PredictForm:
     form = form_of_task(connection, record.task, None)
     asked = {item["name"]: tuple(item.get("mask_ids", ())) for item in record.request.get("objects", ())}
     objects = tuple(ObjectField(item.name, item, asked.get(item.name, ())) for item in record.objects)
-    settings = {name: record.request.get(name) for name in SETTINGS}
-    return PredictForm(
-        form.task,
-        form.task_settings,
-        record.instruction,
-        objects or form.objects,
-        record.cameras or form.cameras,
-        form.instructions,
-        form.episodes,
-        None,
-        record.id,
-        {**settings, "model": record.model},
+    return replace(
+        form,
+        instruction=record.instruction,
+        objects=objects or form.objects,
+        cameras=record.cameras or form.cameras,
+        from_episode=None,
+        again=record.id,
+        settings={**UNSET, **record.request, "model": record.model},
     )
 
 
@@ -130,24 +110,20 @@ def form_of_task(connection: Connection, name: str, episode_id: str | None) -> P
     task = tasks.get(connection, name)
     listed = episodes.list_page(connection, name, NUM_EPISODES).items
     chosen = episodes.get(connection, episode_id) if episode_id else next(iter(listed), None)
-    instruction, objects, cameras = "", tuple(ObjectField(each, None) for each in task.object_names or ()), ()
+    objects = [ObjectField(each, None) for each in task.object_names or ()]
     if chosen is not None:
-        instruction, objects = chosen.instruction, _objects(chosen)
+        mask_ids = {item["name"]: tuple(item["mask_ids"]) for item in chosen.given_objects}
+        objects = [ObjectField(item.name, item, mask_ids.get(item.name, ())) for item in chosen.objects]
     return PredictForm(
         task,
         TaskSettings.model_validate(task.settings),
-        instruction,
-        objects,
-        cameras if chosen is None else chosen.cameras,
+        "" if chosen is None else chosen.instruction,
+        tuple(objects),
+        () if chosen is None else chosen.cameras,
         episodes.instructions(connection, name),
         listed,
         chosen,
     )
-
-
-def _objects(episode: EpisodeRecord) -> tuple[ObjectField, ...]:
-    mask_ids = {item["name"]: tuple(item["mask_ids"]) for item in episode.given_objects}
-    return tuple(ObjectField(item.name, item, mask_ids.get(item.name, ())) for item in episode.objects)
 
 
 @router.get("/ui/predict")

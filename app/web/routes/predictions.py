@@ -10,11 +10,10 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
 from app.services.predict.standing import task_stats
-from app.store import cases, prediction_lists, tasks
+from app.store import prediction_lists, predictions, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
-from app.web.over_time import over_time
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.prediction_views import compare, view_prediction
+from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
 
 PAGE_SIZE = 50
@@ -126,7 +125,7 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
         view = view_prediction(connection, prediction_id)
         of_task = PredictionFilter(task=view.record.task)
         others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
-        is_case = cases.is_case(connection, prediction_id)
+        is_case = predictions.is_case(connection, prediction_id)
     others = tuple(item for item in others if item.id != prediction_id)
     return render(request, "prediction.html", view=view, others=others, is_case=is_case)
 

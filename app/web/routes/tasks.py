@@ -19,9 +19,8 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.page import PageRoute, render, thumbnail
+from app.web.page import PageRoute, is_evaluated, render, thumbnail
 from app.web.scene import scene
-from app.web.texts import is_evaluated
 
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50

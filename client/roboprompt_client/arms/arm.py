@@ -10,30 +10,29 @@ from dataclasses import replace
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.arrival import TOLERANCE, Tolerance
-from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable
+from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.arms.steering import Steer, problem_ahead
+from roboprompt_client.arms.tolerance import Tolerance, problem_ahead
 from roboprompt_client.arrays import Array
-from roboprompt_client.cameras.rig import Rig
-from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
-from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.cameras.rig import SETTLE_S, Rig
+from roboprompt_client.errors import InvalidInputError, MotionError, NotConfirmedError, UnsafeActionError
 from roboprompt_client.live import OnLost
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
+ConfirmViewpoint = Callable[[int, Pose], bool]
+Steer = Callable[[Array, Array], str]
 log = logging.getLogger(__name__)
 MAX_START_S = 0.2
+TOLERANCE = Tolerance()
 
 
 class Arm:
-    """An arm behind the Robot Protocol.
-
-    Once it was stopped, from whatever thread, and once a motion failed, it moves no more until `recover` is called.
+    """An arm behind the Robot Protocol; once it was stopped, or a motion failed, it moves no more until `recover`.
 
     Args:
         observe_scene: what there is to see, in the world frame; None: nothing.
@@ -41,7 +40,7 @@ class Arm:
         open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
         geometry: of its joints, for the preview; None: the driver's own, if it has one.
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
-        cameras: whose pictures `observe` takes; None: none.
+        cameras: whose pictures `observe` takes.
         viewpoints: to which the hand goes for the pictures of cameras that it carries.
         on_lost: what a watched run does without the service (`Live`).
 
@@ -78,7 +77,7 @@ class Arm:
         self._stopped, self._moving = threading.Event(), threading.Lock()
         self._starting = threading.Lock()  # a stop comes before a motion begins or after it, never in between
         self._open_width_m = open_width_m
-        self._known_geometry, self._reach_m = geometry, reach_m
+        self._geometry, self._reach_m = geometry, reach_m
         if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
             remedy = "an arm that reports them, such as a Franka or UR"
             raise InvalidInputError("max_contact_force_n", f"is set, but {driver.name} reports no forces", remedy)
@@ -106,9 +105,26 @@ class Arm:
         """The arm as it is now, in the world frame; safe to call from another thread."""
         return self._calibration.state_to_world(self.driver.state())
 
+    def look_around(self) -> tuple[RgbdFrame, ...]:
+        """The frames of all cameras (`Rig.look_around`); the hand goes to the viewpoints.
+
+        Raises:
+            CameraError: naming the camera whose picture cannot be used.
+            NotConfirmedError: if a person did not let the hand go to a viewpoint; else as `execute`.
+        """
+        if self.cameras is None:
+            return ()
+        return self.cameras.look_around(self.hand_to_world, self.viewpoints, self._go_to_viewpoint)
+
+    def _go_to_viewpoint(self, number: int, pose: Pose) -> None:
+        if self.confirm_viewpoint is not None and not self.confirm_viewpoint(number, pose):
+            raise NotConfirmedError(f"viewpoint {number} was not allowed: there is no picture from it")
+        self.go_to(pose)
+        time.sleep(SETTLE_S)
+
     def observe(self) -> Observation:
         """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
-        frames = () if self.cameras is None else look_around(self, self.cameras)
+        frames = self.look_around()
         if self.cameras is not None and self.cameras.table is not None:
             self.cameras.table.check(frames)
         seen = Observation() if self._observe_scene is None else self._observe_scene()
@@ -117,48 +133,47 @@ class Arm:
         return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose())
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
-        """What a plan asks of the arm from where it is; nothing moves.
+        """What a plan asks of the arm from where it is; nothing moves. Raises MotionError if the arm does not answer.
 
         Args:
             limits: of the task; the way is checked against its boxes and the cell's.
-
-        Raises:
-            MotionError: if the arm does not answer.
         """
-        state = self.state()
+        state, geometry = self.state(), self._geometry
+        if geometry is None and isinstance(self.driver, KnowsItsJoints):
+            geometry = self.driver.geometry()
         boxes = (*self._limits.keep_out, *limits.keep_out)
-        bounds = MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m))
         return preview_plan(
             actions,
             self._calibration,
-            bounds,
-            geometry=self._geometry(),
+            MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m)),
+            geometry=geometry,
             reach_m=self._reach_m,
             joints_rad=state.joint_positions_rad,
             start_m=state.position_m.tolist(),
         )
 
-    def _check_reach(self, action: EndEffectorAction) -> None:
-        self.driver.check(*self._calibration.to_base(action.position_m, action.quaternion_xyzw))
-
-    def _geometry(self) -> Geometry | None:
-        if self._known_geometry is None and isinstance(self.driver, KnowsItsJoints):
-            return self.driver.geometry()
-        return self._known_geometry
+    def _check_reach(self, action: EndEffectorAction) -> tuple[Array, Array]:
+        """The action's pose in the base frame; raises MotionError if it is out of reach."""
+        pose = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
+        self.driver.check(*pose)
+        return pose
 
     def execute(self, action: EndEffectorAction) -> None:
         """Move, and set the gripper.
 
         Raises:
             UnsafeActionError: if the action is beyond the cell's limits; nothing moved.
-            MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
-                arrive, or if the gripper did not do as commanded. The arm is stopped.
+            MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if arm or
+                gripper did not do as commanded. The arm is stopped.
         """
         with self._alone():
             before_m = self._move(action).gripper_width_m
             self.driver.set_gripper(is_open=action.gripper_open)
             self._refuse_if_stopped()
-            self._check_gripper(before_m, is_open=action.gripper_open)
+            width_m = self.driver.state().gripper_width_m
+            if width_m is not None and before_m is not None:
+                self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
+                self._tolerance.check_gripper(width_m, self._open_width_m, is_open=action.gripper_open)
 
     def go_to(self, pose: Pose) -> None:
         """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
@@ -180,8 +195,8 @@ class Arm:
         """While it lasts a person moves the arm by hand; it holds still afterwards.
 
         Raises:
-            InvalidInputError: if the driver cannot let go of its arm.
-            MotionError: if the arm moves, was stopped, or refuses.
+            InvalidInputError: if the driver cannot do so.
+            MotionError: if the arm moves, was stopped, or refuses; the arm is stopped.
         """
         if not isinstance(self.driver, Guidable):
             raise InvalidInputError("guide", f"{self.driver.name} cannot be guided by its driver", "its maker's button")
@@ -193,14 +208,10 @@ class Arm:
 
     @contextmanager
     def steered(self) -> Iterator[Steer]:
-        """While it lasts a person steers the hand; it rests afterwards.
+        """While it lasts a person steers the hand; it rests afterwards. Raises as `guided`.
 
         Yields a function of a velocity (3,) m/s and a turning (3,) rad/s along and about the world's axes: the hand
         moves so for 0.15 s at most. It returns why the hand rests instead, such as a bound of the cell ahead.
-
-        Raises:
-            InvalidInputError: if the driver cannot follow velocities.
-            MotionError: if the arm moves, was stopped, or refuses; the arm is stopped.
         """
         if not isinstance(driver := self.driver, Steerable):
             raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
@@ -221,11 +232,7 @@ class Arm:
             self._wait(replace(self._tolerance, max_contact_force_n=None))  # what it rests against is no error
 
     def set_gripper(self, *, is_open: bool) -> None:
-        """Open or close the gripper where the arm is, also while it is guided.
-
-        Raises:
-            MotionError: if the arm was stopped, or the gripper does not answer.
-        """
+        """Open or close the gripper where the arm is, also while it is guided; raises MotionError once stopped."""
         self._refuse_if_stopped()
         self.driver.set_gripper(is_open=is_open)
 
@@ -264,8 +271,7 @@ class Arm:
         self._refuse_if_stopped()
         before = self.state()
         MotionGuard(self._limits, before=before.pose()).check(action)
-        wanted = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
-        self.driver.check(*wanted)
+        wanted = self._check_reach(action)
         with self._starting:
             self._refuse_if_stopped()
             self.driver.start(*wanted)
@@ -287,12 +293,6 @@ class Arm:
             if time.monotonic() > end_s:
                 raise MotionError(f"the motion did not end within {tolerance.motion_s:g} s")
         self._refuse_if_stopped()
-
-    def _check_gripper(self, before_m: float | None, *, is_open: bool) -> None:
-        width_m = self.driver.state().gripper_width_m
-        if width_m is not None and before_m is not None:
-            self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
-            self._tolerance.check_gripper(width_m, self._open_width_m, is_open=is_open)
 
 
 def _at(pose: Pose) -> EndEffectorAction:

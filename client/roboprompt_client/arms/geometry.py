@@ -1,13 +1,16 @@
 """What is known of an arm's joints: whether a straight way can be gone, and where they are at its end."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.driver import pose_matrix
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import MotionError
+from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.extras import import_extra
 
 # The end effector (4, 4) in the base frame for joints (J,), and the Jacobian (6, J) of its linear and angular velocity
 Forward = Callable[[Array], tuple[Array, Array]]
@@ -45,11 +48,7 @@ class KnowsItsJoints(Protocol):
     """A driver whose arm's geometry is known."""
 
     def geometry(self) -> Geometry:
-        """With the tool that the arm has now.
-
-        Raises:
-            MotionError: if the arm does not answer.
-        """
+        """With the tool that the arm has now; raises MotionError if the arm does not answer."""
         ...
 
 
@@ -103,3 +102,47 @@ def _check_limits(joints_rad: Array, low_rad: Array, high_rad: Array, part: floa
             bound = f"{low:.3f} to {high:.3f} rad"
             where = f"after {100 * part:.0f} % of the way"
             raise MotionError(f"joint {number} would come to {angle:.3f} rad {where} (allowed: {bound})")
+
+
+class UrdfGeometry:
+    """An arm's joints after its URDF; a `Geometry`.
+
+    Args:
+        frame: of the file: the end effector whose pose the arm's driver tells.
+
+    Raises:
+        InvalidInputError: if pinocchio is not installed, the file is none, has no such frame, or a joint that turns
+            without end or has no single coordinate.
+    """
+
+    def __init__(self, path: Path, frame: str) -> None:
+        self._pin = pin = import_extra("pinocchio", "pinocchio", "urdf")
+        try:
+            self._model = pin.buildModelFromUrdf(str(path))
+        except ValueError as error:
+            raise InvalidInputError("urdf", f"{path}: {error}", "a URDF file") from error
+        if not self._model.existFrame(frame):
+            valid = ", ".join(item.name for item in self._model.frames)
+            raise InvalidInputError("urdf_frame", f"{frame!r:.80} is not in {path}", valid)
+        if self._model.nq != self._model.nv:
+            raise InvalidInputError("urdf", f"{path} has a joint without limits", "joints with limits")
+        self._data, self._frame = self._model.createData(), self._model.getFrameId(frame)
+
+    def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
+        if len(joints_rad) != self._model.nq:
+            raise MotionError(f"the arm says {len(joints_rad)} joints, its URDF has {self._model.nq}")
+        goal = pose_matrix(position_m, quaternion_xyzw)
+        return follow_line(self._forward, joints_rad, goal, *self._limits_rad)
+
+    def nearest_limit(self, joints_rad: Array) -> Nearest:
+        return nearest_limit(joints_rad, *self._limits_rad)
+
+    @property
+    def _limits_rad(self) -> tuple[Array, Array]:
+        return np.array(self._model.lowerPositionLimit), np.array(self._model.upperPositionLimit)
+
+    def _forward(self, joints_rad: Array) -> tuple[Array, Array]:
+        axes = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = self._pin.computeFrameJacobian(self._model, self._data, joints_rad, self._frame, axes)
+        self._pin.updateFramePlacement(self._model, self._data, self._frame)
+        return np.array(self._data.oMf[self._frame].homogeneous), np.array(jacobian)

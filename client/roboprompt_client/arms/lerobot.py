@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import STEERED_S, ArmState, straight_way
+from roboprompt_client.arms.driver import STEERED_S, ArmState, require_reach, straight_way
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 
@@ -64,9 +64,7 @@ class LeRobotArm:
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        away_m = float(np.linalg.norm(position_m))
-        if away_m > self._reach_m:
-            raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the base, at most {self._reach_m:g} m")
+        require_reach(position_m, self._reach_m)
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._halted = False

@@ -35,23 +35,22 @@ SHOULDER_M = np.array([0.0, 0.0, 0.333])
 
 def flange(joints_rad: Array) -> tuple[Array, Array]:
     """The flange in the base frame (4, 4), and the Jacobian (6, 7) of its linear and angular velocity."""
-    frames, frame = [], np.eye(4)
-    for a, d, alpha, angle in zip(_A_M, _D_M, _ALPHA_RAD, joints_rad, strict=True):
-        frame = frame @ _link(a, d, alpha, float(angle))
-        frames.append(frame)
-    frame = frame @ _link(0.0, _FLANGE_M, 0.0, 0.0)
-    axes = np.array([item[:3, 2] for item in frames])
-    arms = frame[:3, 3] - np.array([item[:3, 3] for item in frames])
-    return frame, np.concatenate([np.cross(axes, arms), axes], axis=1).T
+    frames = _frames(joints_rad)
+    axes, arms = frames[1:-1, :3, 2], frames[-1, :3, 3] - frames[1:-1, :3, 3]
+    return frames[-1], np.concatenate([np.cross(axes, arms), axes], axis=1).T
 
 
 def skeleton(joints_rad: Array) -> Array:
     """(9, 3) base, the seven joints and the flange in the base frame: the arm as lines from point to point."""
+    return _frames(joints_rad)[:, :3, 3]
+
+
+def _frames(joints_rad: Array) -> Array:
+    """(9, 4, 4) of the base, the seven joints and the flange, in the base frame."""
     frames = [np.eye(4)]
     for a, d, alpha, angle in zip(_A_M, _D_M, _ALPHA_RAD, joints_rad, strict=True):
         frames.append(frames[-1] @ _link(a, d, alpha, float(angle)))
-    frames.append(frames[-1] @ _link(0.0, _FLANGE_M, 0.0, 0.0))
-    return np.array([frame[:3, 3] for frame in frames])
+    return np.array([*frames, frames[-1] @ _link(0.0, _FLANGE_M, 0.0, 0.0)])
 
 
 def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Geometry, Nearest
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
@@ -96,15 +96,6 @@ def preview_plan(
             nearest = geometry.nearest_limit(joints_rad)
             previewed.append(Previewed(action, away_m, True, "", nearest, touches))
     return tuple(previewed)
-
-
-def table(previewed: Sequence[Previewed]) -> str:
-    """The plan for a terminal, warnings below it."""
-    rows = [COLUMNS, *(item.cells(number) for number, item in enumerate(previewed, 1))]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    warnings = [f"! action {number}: {item.warning}" for number, item in enumerate(previewed, 1) if item.warning]
-    return "\n".join([*lines, *warnings])
 
 
 def _box(box: Box) -> str:

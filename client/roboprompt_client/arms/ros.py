@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState, straight_way
+from roboprompt_client.arms.driver import STEERED_S, ArmState, require_reach, straight_way
 from roboprompt_client.arms.rosbridge import Message, Rosbridge
 from roboprompt_client.arrays import Array, finite_array, unit_quaternions
 from roboprompt_client.errors import InvalidInputError, MotionError
@@ -113,9 +113,8 @@ class Ros:
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
         """By `reach_m`; what else cannot be reached is the controller's to refuse."""
         self.state()
-        away_m = float(np.linalg.norm(position_m))
-        if self._reach_m is not None and away_m > self._reach_m:
-            raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the base, at most {self._reach_m:g} m")
+        if self._reach_m is not None:
+            require_reach(position_m, self._reach_m)
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._steps, self._sent = straight_way(self.state(), position_m, quaternion_xyzw, *self._step), None

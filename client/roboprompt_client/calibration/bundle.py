@@ -113,11 +113,10 @@ class _View:
     @classmethod
     def of(cls, sighting: Sighting, k: Intrinsics, *, carried: bool) -> "_View":
         hand = sighting.hand_to_world
-        matrix = np.array([[k.fx_px, 0, k.cx_px], [0, k.fy_px, k.cy_px], [0, 0, 1]])
-        turn, shift = find_board(sighting.points_m, sighting.corners_px, matrix)
+        turn, shift = find_board(sighting.points_m, sighting.corners_px, k.matrix)
         alone = _transform(np.concatenate([turn.ravel(), shift.ravel()]))
         carrier = np.asarray(hand if carried else np.linalg.inv(hand), np.float64)
-        return cls(carrier, sighting, matrix, alone)
+        return cls(carrier, sighting, k.matrix, alone)
 
     def errors_px(self, mount: Array, board: Array) -> Array:
         """(N, 2) how far the corners are from where a camera's mount and the board's pose (4, 4) put them."""
@@ -145,9 +144,8 @@ def _check_poses(name: str, views: Sequence[_View]) -> None:
     turns = [cv2.Rodrigues(views[0].carrier[:3, :3].T @ view.carrier[:3, :3])[0].ravel() for view in views]
     spread_deg = np.degrees(np.linalg.svd(np.array(turns), compute_uv=False) / np.sqrt(len(views)))
     if spread_deg[1] < MIN_TURN_DEG / 2:
-        message = (
-            f"the hand turned by about {2 * spread_deg[0]:.0f} and {2 * spread_deg[1]:.0f} degrees between the poses"
-        )
+        turned = " and ".join(f"{2 * spread:.0f}" for spread in spread_deg[:2])
+        message = f"the hand turned by about {turned} degrees between the poses"
         raise InvalidInputError(field, message, f"at least {MIN_TURN_DEG:g} about two axes: tilt the hand both ways")
 
 

@@ -24,6 +24,11 @@ class Intrinsics:
     width_px: int
     height_px: int
 
+    @property
+    def matrix(self) -> npt.NDArray[np.float64]:
+        """(3, 3) as OpenCV has it."""
+        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1]])
+
     @classmethod
     def from_json(cls, field: str, document: object) -> "Intrinsics":
         """From the `intrinsics` of a camera's JSON; raises InvalidInputError naming `field`."""
@@ -82,9 +87,7 @@ def undistorted(picture: Picture, distortion: Sequence[float]) -> Picture:
     if not any(distortion):
         return picture
     cv2 = import_extra("cv2", "opencv-python-headless", "images")
-    k = picture.intrinsics
-    matrix = np.array([[k.fx_px, 0, k.cx_px], [0, k.fy_px, k.cy_px], [0, 0, 1]])
-    size_px = (k.width_px, k.height_px)
+    matrix, size_px = picture.intrinsics.matrix, (picture.intrinsics.width_px, picture.intrinsics.height_px)
     maps = cv2.initUndistortRectifyMap(matrix, np.array(distortion, np.float64), None, matrix, size_px, cv2.CV_32FC1)
     rgb = cv2.remap(picture.rgb, *maps, cv2.INTER_LINEAR)
     # A depth between those of two surfaces would be on neither.

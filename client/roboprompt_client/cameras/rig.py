@@ -12,11 +12,13 @@ from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.picture import CameraDriver, Picture
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
+from roboprompt_client.motion_limits import Pose
 
 MAX_UNKNOWN_DEPTH = 0.5  # share of the pixels
 MAX_SKEW_S = 0.25  # of a camera's clock against this computer's
 # Of the hand while its camera takes a picture: at 0.5 m an object then moves by 2 mm at most.
 MAX_HAND_MOTION_M, MAX_HAND_TURN_RAD = 0.001, 0.002
+SETTLE_S = 0.3  # after a motion: arms swing a little
 HandPose = Callable[[], Array]
 
 
@@ -95,6 +97,26 @@ class Rig:
         """
         chosen = [camera for camera in self.cameras if only is None or camera.name in only]
         return tuple(camera.calibrated(*self.picture(camera, hand)) for camera in chosen)
+
+    def look_around(
+        self, hand: HandPose, viewpoints: Sequence[Pose], go_to: Callable[[int, Pose], None]
+    ) -> tuple[RgbdFrame, ...]:
+        """The frames of all cameras: of one in the hand one at each viewpoint, as NAME.1, NAME.2 ...
+
+        Cameras that stand still take theirs before the hand moves, and where there are no viewpoints, all take one.
+
+        Args:
+            go_to: moves the hand to a viewpoint, with its number from 1. What it raises goes on.
+        """
+        carried = [camera for camera in self.cameras if camera.in_hand]
+        if not viewpoints or not carried:
+            return self.frames(hand)
+        frames = list(self.frames(only=[camera.name for camera in self.cameras if not camera.in_hand]))
+        for number, pose in enumerate(viewpoints, 1):
+            go_to(number, pose)
+            for camera in carried:
+                frames.append(camera.calibrated(*self.picture(camera, hand), name=f"{camera.name}.{number}"))
+        return tuple(frames)
 
     def picture(self, camera: MountedCamera, hand: HandPose | None = None) -> tuple[Picture, Array | None]:
         """A picture of one camera with the hand's pose when it was taken (None for one that does not move with it)."""

@@ -1,32 +1,45 @@
-"""What the cameras see: their pictures, the table in each, and where the service finds the objects."""
+"""What the cameras see, as tables and as a page: the table in each picture, and where the service finds the objects."""
 
+from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from html import escape
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.cameras.table import FlatSurface, find_flat_surface
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
-from roboprompt_client.flat_surface import FlatSurface, find_flat_surface
-from roboprompt_client.quaternions import yaw_rad
+from roboprompt_client.extras import import_extra
+from roboprompt_client.quaternions import to_matrix, yaw_rad
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_TILT_DEG, MAX_APART_M = 1.0, 0.006  # of the table; a calibrated camera's is within 0.3 degrees and 2 mm
 TABLE_DEG = 40.0  # what is steeper is a wall
 CAMERA_COLUMNS = ("camera", "pixels", "depth known", "middle depth", "table")
 OBJECT_COLUMNS = ("object", "position, m", "yaw", "confidence", "seen by")
+AXIS_M = 0.05
+AXIS_COLORS = ("#e5342b", "#2b9e3f", "#2f6fe4")
+STYLE = (
+    "body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:1000px;padding:0 1em}"
+    "svg{width:100%;max-width:640px;display:block}table{border-collapse:collapse;margin:1em 0}"
+    "td,th{text-align:left;padding:.2em .8em;border-bottom:1px solid #ccc}.doubt{color:#a40000;font-weight:600}"
+    "text{font:600 14px system-ui,sans-serif;paint-order:stroke;stroke:#000;stroke-width:3px;fill:#fff}"
+    "figure{display:inline-block;margin:0 1em 1em 0;width:min(100%,480px)}"
+)
+# A click says the pixel under the mouse, as `roboprompt-robot label` takes it.
+SCRIPT = (
+    "for(const picture of document.querySelectorAll('svg'))picture.onclick=event=>{"
+    "const at=new DOMPoint(event.clientX,event.clientY).matrixTransform(picture.getScreenCTM().inverse());"
+    "document.getElementById('clicked').textContent="
+    "`--click ${picture.dataset.camera} ${Math.floor(at.x)} ${Math.floor(at.y)}`}"
+)
 
 
-@dataclass(frozen=True)
-class Found:
-    """An object that was looked for.
-
-    Attributes:
-        pose: None if it was not found.
-        problem: why not.
-    """
+class Found(NamedTuple):
+    """An object that was looked for; its pose is None where it was not found, and `problem` says why."""
 
     name: str
     pose: ObjectPose | None
@@ -35,11 +48,20 @@ class Found:
 
 @dataclass(frozen=True)
 class Sight:
-    """What the cameras see at one moment."""
+    """What the cameras see at one moment; `tables` has one item a frame."""
 
     frames: tuple[RgbdFrame, ...]
-    tables: tuple[FlatSurface | None, ...]  # one a frame
+    tables: tuple[FlatSurface | None, ...]
     objects: tuple[Found, ...]
+
+    @classmethod
+    def of(
+        cls, client: RoboPromptClient, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
+    ) -> "Sight":
+        """Let the service find each object in the frames; raises ServiceUnreachableError if it does not answer."""
+        surfaces = [find_flat_surface(frame) for frame in frames]
+        tables = tuple(None if item is None or item.tilt_deg > TABLE_DEG else item for item in surfaces)
+        return cls(tuple(frames), tables, tuple(_find(client, frames, *item) for item in object_models.items()))
 
     def doubts(self) -> list[str]:
         """What says that a camera is not where its pose says: it was bumped, or calibrated wrongly."""
@@ -61,18 +83,13 @@ class Sight:
                 doubts.append(f"the cameras do not agree how high the table is: {listed}: calibrate them again")
         return doubts
 
+    def camera_rows(self) -> list[tuple[str, ...]]:
+        """A table of the cameras, its head first."""
+        return [CAMERA_COLUMNS, *map(_camera_row, self.frames, self.tables)]
 
-def take_in(
-    client: RoboPromptClient, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
-) -> Sight:
-    """Let the service find each object in the frames.
-
-    Raises:
-        ServiceUnreachableError: if it does not answer.
-    """
-    surfaces = [find_flat_surface(frame) for frame in frames]
-    tables = tuple(None if item is None or item.tilt_deg > TABLE_DEG else item for item in surfaces)
-    return Sight(tuple(frames), tables, tuple(_find(client, frames, *item) for item in object_models.items()))
+    def object_rows(self) -> list[tuple[str, ...]]:
+        """A table of the objects, its head first; of one that was not found the reason."""
+        return [OBJECT_COLUMNS, *map(_object_row, self.objects)]
 
 
 def _find(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> Found:
@@ -93,11 +110,6 @@ def _color_hint(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str
     return "; it is found once red and blue are swapped: the camera's driver gives them the other way round"
 
 
-def camera_rows(sight: Sight) -> list[tuple[str, ...]]:
-    """Cells of `CAMERA_COLUMNS`."""
-    return [_camera_row(*item) for item in zip(sight.frames, sight.tables, strict=True)]
-
-
 def _camera_row(frame: RgbdFrame, table: FlatSurface | None) -> tuple[str, ...]:
     size = "none" if frame.rgb is None else "{1}x{0}".format(*frame.rgb.shape)
     known = middle = "no depth"
@@ -109,11 +121,6 @@ def _camera_row(frame: RgbdFrame, table: FlatSurface | None) -> tuple[str, ...]:
     return frame.camera.name, size, known, middle, level
 
 
-def object_rows(sight: Sight) -> list[tuple[str, ...]]:
-    """Cells of `OBJECT_COLUMNS`; of an object that was not found the reason."""
-    return [_object_row(item) for item in sight.objects]
-
-
 def _object_row(found: Found) -> tuple[str, ...]:
     pose = found.pose
     if pose is None:
@@ -123,9 +130,56 @@ def _object_row(found: Found) -> tuple[str, ...]:
     return found.name, place, yaw, f"{pose.confidence:.2f}", ", ".join(pose.cameras)
 
 
-def in_columns(rows: Iterable[Sequence[str]]) -> str:
-    """Rows of cells for a terminal; the last cell of a row may be longer than its column."""
-    listed = list(rows)
-    widths = [max(len(row[k]) for row in listed if len(row) > k + 1) for k in range(max(map(len, listed)) - 1)]
-    lines = ["  ".join([*(c.ljust(w) for c, w in zip(row[:-1], widths, strict=False)), row[-1]]) for row in listed]
-    return "\n".join(line.rstrip() for line in lines)
+def sight_page(sight: Sight) -> str:
+    """One HTML file: the pictures with the objects drawn in, and the tables.
+
+    Raises:
+        InvalidInputError: if OpenCV, which encodes the pictures, is not installed.
+    """
+    poses = [found.pose for found in sight.objects if found.pose is not None]
+    doubts = "".join(f'<p class="doubt">{escape(doubt)}</p>' for doubt in sight.doubts())
+    figures = "".join(_figure(frame, poses) for frame in sight.frames)
+    tables = "".join(_table(*rows) for rows in (sight.object_rows(), sight.camera_rows()))
+    head = f'<meta charset="utf-8"><title>What the cameras see</title><style>{STYLE}</style>'
+    title = '<h1>What the cameras see</h1><p id="clicked">Click into a picture for the option of `label`.</p>'
+    return f'<!doctype html><html lang="en">{head}{title}{doubts}{figures}{tables}<script>{SCRIPT}</script></html>\n'
+
+
+def _table(columns: Sequence[str], *rows: Sequence[str]) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+    body = "".join(f"<tr>{''.join(_cells(row, len(columns)))}</tr>" for row in rows)
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _cells(row: Sequence[str], columns: int) -> Iterable[str]:
+    *cells, last = map(escape, row)
+    yield from (f"<td>{cell}</td>" for cell in cells)
+    yield f'<td colspan="{columns - len(cells)}">{last}</td>'
+
+
+def _figure(frame: RgbdFrame, poses: Iterable[ObjectPose]) -> str:
+    if frame.rgb is None:
+        return ""
+    height_px, width_px = frame.rgb.shape[:2]
+    png = import_extra("cv2", "opencv-python-headless", "images").imencode(".png", frame.rgb[..., ::-1])[1].tobytes()
+    address = f"data:image/png;base64,{b64encode(png).decode()}"
+    picture = f'<image href="{address}" width="{width_px}" height="{height_px}"/>'
+    marks = "".join(_mark(frame, pose) for pose in poses)
+    name = escape(frame.camera.name)
+    box = f'data-camera="{name}" viewBox="0 0 {width_px} {height_px}"'
+    return f"<figure><svg {box}>{picture}{marks}</svg><figcaption>{name}</figcaption></figure>"
+
+
+def _mark(frame: RgbdFrame, pose: ObjectPose) -> str:
+    """The object's name at its place, and its axes where its rotation is known; empty behind the camera."""
+    rotation = np.eye(3) if pose.quaternion_xyzw is None else to_matrix(pose.quaternion_xyzw)
+    pixels, depth_m = frame.camera.project(np.vstack([pose.position_m, pose.position_m + AXIS_M * rotation.T]))
+    if (depth_m <= 0).any():
+        return ""
+    (x, y), *tips = (pixels + 0.5).round(1).tolist()  # the page counts from pixels' corners, a camera from their middle
+    axes = "".join(
+        f'<line x1="{x}" y1="{y}" x2="{u}" y2="{v}" stroke="{color}" stroke-width="3"/>'
+        for (u, v), color in zip(() if pose.quaternion_xyzw is None else tips, AXIS_COLORS, strict=False)
+    )
+    dot = f'<circle cx="{x}" cy="{y}" r="5" fill="none" stroke="#fff" stroke-width="2"/>'
+    return f'{axes}{dot}<text x="{x + 9}" y="{y - 9}">{escape(pose.name)}</text>'

@@ -37,7 +37,7 @@ class Table:
     def demonstrate(self, task, seed, images=False):
         taught = recording(np.random.default_rng(seed), "red cube")
         scene = replace(self.view(task, seed), objects=taught.objects)
-        return RecordedDemonstration(scene, taught.trajectory, 20.0, 4, True, "", ())
+        return RecordedDemonstration(scene, taught.trajectory, 20.0, True, "")
 
     def execute(self, scene, actions):
         self.judged += 1
@@ -45,7 +45,7 @@ class Table:
         closed = next((action for action in actions if not action.gripper_open), None)
         is_near = closed is not None and bool(np.linalg.norm(closed.position_m - goal) < NEAR_M)
         solved = is_near and scene.task != "unsolvable"
-        return RolloutResult(scene.task, scene.seed, len(actions), solved, "" if solved else "missed it", ())
+        return RolloutResult(len(actions), solved, "" if solved else "missed it")
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from rich.progress import Progress
 
-from app.evaluation.baselines.models import Models
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan
 from app.evaluation.results import Crash, TaskEvaluation
 from app.evaluation.run import Run
 from app.evaluation.scores import task_result
 from app.evaluation.sweeps import VOXPOSER
+from app.evaluation.voxposer.ask import Models
 from app.llm.llm_settings import LlmSettings
 from roboprompt_client.client import RoboPromptClient
 from tests.e2e.processes import running_server

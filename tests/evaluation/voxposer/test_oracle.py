@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.evaluation.baselines.voxposer.oracle import PROGRAMS, oracle_actions, oracle_program
-from app.evaluation.baselines.voxposer.sandbox import Scene, SeenObject, run_program
 from app.evaluation.failures import ProgramRefusedError
 from app.evaluation.sweeps import VOXPOSER_ORACLE
 from app.evaluation.teach import Lesson
 from app.evaluation.trials import PlannedTrial, TrialRunner
+from app.evaluation.voxposer.ask import PROGRAMS, oracle_actions, oracle_program
+from app.evaluation.voxposer.sandbox import run_program
 from app.sim.demonstrate import view_scene
 from app.sim.tasks import COMPOSITION_TASKS, TASKS
 from tests.evaluation.test_run import InlineExecutor
-from tests.evaluation.voxposer.scenes import SCENE, START
+from tests.evaluation.voxposer.scenes import SCENE
 
 SEED = 100_000
 LESSON = Lesson("push_button", 1, ())
@@ -27,9 +27,9 @@ def test_every_task_of_the_paper_has_a_program():
 @pytest.mark.parametrize("task", ["push_multiple_buttons", "stack_cube", "place_cups"])
 def test_programs_run_with_their_objects(task):
     names = TASKS[task].object_names
-    objects = tuple(SeenObject(replace(SCENE.objects[0].pose, name=name), SCENE.objects[0].points_m) for name in names)
+    objects = tuple(replace(SCENE.objects[0], name=name) for name in names)
     instruction = "first the " + ", then the ".join(names)
-    moves = run_program(oracle_program(task, instruction, names), Scene(SCENE.workspace, objects, START))
+    moves = run_program(oracle_program(task, instruction, names), replace(SCENE, objects=objects))
     assert len(moves) >= 6
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from app.evaluation.baselines.voxposer.plan import plan_moves
-from app.evaluation.baselines.voxposer.planner import ValueMaps, cost_map, plan_way
-from app.evaluation.baselines.voxposer.sandbox import run_program
 from app.evaluation.failures import ProgramRefusedError
+from app.evaluation.voxposer import planner
+from app.evaluation.voxposer.planner import ValueMaps, cost_map, plan_moves, plan_way
+from app.evaluation.voxposer.sandbox import run_program
 from tests.evaluation.voxposer.scenes import CUBE_M, DOWN_XYZW, SCENE, START
 
 EVERYWHERE = [[0, 100], [0, 100], [0, 100]]
@@ -69,8 +69,8 @@ def test_a_way_that_is_walled_in_goes_straight_to_the_target():
     assert way[-1].tolist() == [90, 50, 50]
 
 
-def planned(program, max_actions=25):
-    return plan_moves(run_program(program, SCENE), SCENE, max_actions)
+def planned(program):
+    return plan_moves(run_program(program, SCENE), SCENE)
 
 
 def test_actions_read_rotation_and_gripper_at_their_place():
@@ -130,9 +130,10 @@ def test_zeros_over_the_target_are_refused():
         planned("t = empty_affordance_map()\nset_voxels(t, hand())\nt[0:99, :, :] = 0\nmove(t)")
 
 
-def test_more_actions_than_allowed_are_refused():
+def test_more_actions_than_allowed_are_refused(monkeypatch):
+    monkeypatch.setattr(planner, "MAX_ACTIONS", 1)
     with pytest.raises(ProgramRefusedError, match="more than max_actions = 1 actions"):
-        planned("for z in (5, 10, 15):\n    t = empty_affordance_map()\n    t[9, 9, z] = 1\n    move(t)", max_actions=1)
+        planned("for z in (5, 10, 15):\n    t = empty_affordance_map()\n    t[9, 9, z] = 1\n    move(t)")
 
 
 def test_maps_hold_what_was_painted_last():

@@ -1,9 +1,16 @@
-"""Actions that are not where demonstrations have them: one finding for a cause, whatever the number of rows."""
+"""Actions that are not where demonstrations have them, and what the hand passes by; one finding for a cause."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.findings.actions import ActionDoubt, action_findings
+from app.pipeline.findings.actions import ActionDoubt, ShownWays, action_findings, distances_m, passing_findings
+
+from ..scenes import action, demonstration, pose
 
 
 def unsupported(index):
@@ -41,3 +48,85 @@ def test_rows_that_stray_are_one_finding_with_the_farthest():
 def test_both_kinds_are_two_findings_the_danger_first():
     found = action_findings([ActionDoubt(0, 0.012, 0.0, "cube"), unsupported(1)])
     assert [finding.code for finding in found] == ["unsupported-action", "straying-action"]
+
+
+CUP_M, PLATE_M = (0.0, 0.0, 0.8), (0.4, 0.0, 0.8)
+ASIDE_M = (0.2, 0.2, 0.8)
+INSTRUCTION = "put the cup on the plate"
+
+
+def carried(vase_m, instruction=INSTRUCTION, names=("cup", "plate", "vase")):
+    """A cup is carried straight to a plate, with a vase somewhere."""
+    objects = [pose(name, place_m) for name, place_m in zip(names, (CUP_M, PLATE_M, vase_m), strict=True)]
+    return demonstration(instruction, objects, [action(CUP_M, gripper_open=False), action(PLATE_M)])
+
+
+SHOWN = ShownWays((carried(ASIDE_M), carried((0.1, 0.15, 0.8)), carried((0.3, -0.2, 0.8))))
+
+
+def found(vase_m, shown=SHOWN, start=None, **how):
+    asked = carried(vase_m, **how)
+    return list(passing_findings(replace(asked, start=start), asked.actions, shown))
+
+
+@pytest.mark.parametrize(
+    ("off_m", "severities"), [(0.0, ["danger"]), (0.04, ["warning"]), (0.09, []), (0.15, []), (0.5, [])]
+)
+def test_what_stands_in_the_way_is_named(off_m, severities):
+    findings = found((0.2, off_m, 0.8))
+    assert [finding.severity for finding in findings] == severities
+    for finding in findings:
+        assert (finding.code, finding.where) == ("passes-close", "objects[vase]")
+        np.testing.assert_allclose(
+            [finding.numbers["distance_m"], finding.numbers["demonstrated_m"], finding.numbers["action"]],
+            [off_m, 0.15, 1],
+        )
+
+
+def test_the_way_from_the_start_counts_where_the_robot_says_it():
+    start = action((-0.2, 0.3, 0.8))
+    (finding,) = found((-0.1, 0.15, 0.8), start=start)
+    assert finding.numbers["action"] == 0
+    assert found((-0.1, 0.15, 0.8)) == []
+
+
+def test_demonstrations_that_pass_as_close_say_that_it_does_no_harm():
+    close = ShownWays((*SHOWN.demonstrations, carried((0.1, 0.03, 0.8))))
+    assert found((0.2, 0.02, 0.8), shown=close) == []
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_few_demonstrations_say_nothing_of_what_is_near(number):
+    assert found((0.2, 0.0, 0.8), shown=ShownWays(SHOWN.demonstrations[:number])) == []
+
+
+def test_demonstrations_without_actions_keep_no_distance():
+    still = demonstration(INSTRUCTION, SHOWN.demonstrations[0].objects, [])
+    assert found((0.2, 0.0, 0.8), shown=ShownWays((still, still, still))) == []
+    (finding,) = found((0.2, 0.0, 0.8), shown=ShownWays((still, *SHOWN.demonstrations)))
+    assert finding.numbers["demonstrated_m"] == pytest.approx(0.15)
+
+
+def test_an_object_is_held_against_what_had_its_place_in_the_instruction():
+    """The vase is carried for the first time: the hand goes to it as it went to the cup."""
+    names = ("vase", "plate", "cup")
+    assert found(ASIDE_M, instruction="put the vase on the plate", names=names) == []
+    (finding,) = found((0.2, 0.0, 0.8), names=("cup", "plate", "vase"))
+    assert "'vase'" in finding.message
+
+
+def test_an_object_that_no_demonstration_has_is_not_judged():
+    assert found((0.2, 0.0, 0.8), names=("cup", "plate", "lamp")) == []
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10_000), number=st.integers(1, 6))
+def test_distances_are_those_of_the_nearest_of_many_points(seed, number):
+    random = np.random.default_rng(seed)
+    way_m, place_m = random.uniform(-0.5, 0.5, (number, 3)), random.uniform(-0.5, 0.5, 3)
+    before_m = np.concatenate([way_m[:1], way_m[:-1]])
+    share = np.linspace(0, 1, 2001)[:, None]
+    many_m = before_m[:, None] + share * (way_m - before_m)[:, None]
+    np.testing.assert_allclose(
+        distances_m(way_m, place_m), np.linalg.norm(many_m - place_m, axis=2).min(axis=1), atol=1e-4
+    )

@@ -163,9 +163,16 @@ def test_a_refusal_lists_what_the_task_knows():
     )
 
 
-def test_an_ambiguous_phrase_names_its_candidates():
-    with pytest.raises(UngroundedInstructionError, match="'the button' may be red button, blue button"):
-        read("push the button", taught(BUTTONS, PUSH))
+@pytest.mark.parametrize(
+    ("names", "phrase", "candidates"),
+    [
+        (BUTTONS, "the button", "red button, blue button"),
+        (("green button", "blue button", "button"), "the turquoise button", "green button, blue button"),  # or none
+    ],
+)
+def test_an_ambiguous_phrase_names_its_candidates(names, phrase, candidates):
+    with pytest.raises(UngroundedInstructionError, match=f"{phrase!r} may be {candidates}"):
+        read(f"push {phrase}", taught(names, [f"push the {name}" for name in names[:2]]))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,248 @@
+"""Objects in images: found in them, drawn over them, and shown in them for the estimator `registered` to learn.
+
+Another instance of the service, or any other client, may ask this one's estimators for poses. Labels are masks.
+"""
+
+from enum import Enum
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi import Body as FromBody
+from fastapi.responses import JSONResponse
+from starlette.concurrency import run_in_threadpool
+
+from app.api.body import Body, read_body
+from app.api.decoding import UniqueKeysRoute
+from app.api.image_work import decode_frames, image_work, split_images
+from app.api.routes import Wired, body_of, problems
+from app.api.schemas.objects import (
+    LabelBody,
+    LabelList,
+    LabelOut,
+    LabelPreviewOut,
+    LearnedLabelsOut,
+    LearnLabelsBody,
+    PosesBody,
+    PosesOut,
+)
+from app.perception.frame_checks import check_rgbd
+from app.perception.images import decode_mask
+from app.perception.poses_wire import PoseQuestion, poses_document
+from app.perception.registered.marks import Marks, outlines
+from app.services.limits import Limits
+from app.services.pose_servers import find_poses
+from app.services.teach.label_masks import LabelDraft
+from app.store import labels
+from app.store.blobs import BlobStore
+from app.store.labels import LabelRecord
+from app.store.values import JsonObject
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_name
+
+router = APIRouter(route_class=UniqueKeysRoute)
+LABELS: list[str | Enum] = ["labels"]
+FEW_VIEWS = 3  # with fewer, advice asks for more
+PATH = "/tasks/{name}/labels"
+_REFUSED = problems(
+    _400="the body cannot be read",
+    _404="no such task or episode",
+    _413="the body is too large",
+    _415="neither multipart nor JSON",
+    _422="a value is not valid, or no mask follows from it",
+)
+PNG = "image/png"
+_RESPONSES: dict[int | str, dict[str, object]] = {
+    200: {"description": "the image with masks, outlines, axes and names", "content": {PNG: {}}}
+}
+
+
+@router.post(
+    "/poses",
+    operation_id="find_poses",
+    tags=["poses"],
+    response_model=PosesOut,
+    openapi_extra=body_of(PosesBody),
+    responses=problems(
+        _400="the body cannot be read",
+        _413="the body is too large",
+        _415="neither multipart nor JSON",
+        _422="a value is not valid, an object is not in view, or its pose is not certain",
+    ),
+)
+async def poses(request: Request, services: Wired) -> Response:
+    """Find objects in calibrated RGB-D images; nothing is stored.
+
+    The protocol of the pose estimator `remote`: another instance's `object_models` may name this address. Multipart: a
+    part `metadata` with `objects` and `cameras`, and the cameras' images as in an upload.
+    """
+    body = await read_body(request)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        return JSONResponse(await decode(_find, body, services.limits, services.store.blobs))
+
+
+def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
+    asked = PosesBody.model_validate(body.document)
+    limits.check_views([item.name for item in asked.objects], [item.name for item in asked.cameras])
+    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
+    questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
+    return poses_document(find_poses(questions, frames, blobs))
+
+
+@router.get(
+    "/episodes/{episode_id}/images/{camera}/overlay",
+    operation_id="get_episode_overlay",
+    tags=["episodes"],
+    response_class=Response,
+    responses=_RESPONSES | problems(_404="no such episode or camera, or no color image"),
+)
+async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
+    """A camera's first image with the objects as they were found."""
+    draw = services.draw_overlay.of_episode
+    return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
+
+
+@router.get(
+    "/predictions/{prediction_id}/images/{camera}/overlay",
+    operation_id="get_prediction_overlay",
+    tags=["predictions"],
+    response_class=Response,
+    responses=_RESPONSES | problems(_404="no such prediction or camera, or no color image"),
+)
+async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
+    """What the robot saw when it asked, with the objects as they were found."""
+    draw = services.draw_overlay.of_prediction
+    return Response(await image_work(request).run(request, draw, prediction_id, camera), media_type=PNG)
+
+
+@router.post(
+    PATH, tags=LABELS, status_code=201, response_model=LabelOut, openapi_extra=body_of(LabelBody), responses=_REFUSED
+)
+async def label_object(request: Request, services: Wired, name: str) -> Response:
+    """Say where an object is in the images of an episode, or in images that are sent with it.
+
+    One click on it is enough: its mask grows in depth over the table, and in color where it touches something, and the
+    other cameras' masks follow. Nothing changes for the task until it is learned.
+    """
+    body = await read_body(request)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        draft = await decode(_draft, name, body, services.limits)
+        record = await run_in_threadpool(services.label_objects, draft)
+    return JSONResponse(label_document(record), 201)
+
+
+@router.post(
+    PATH + "/preview", tags=LABELS, response_model=LabelPreviewOut, openapi_extra=body_of(LabelBody), responses=_REFUSED
+)
+async def preview_label(request: Request, services: Wired, name: str) -> Response:
+    """What a label would say: the object's mask in every camera. Nothing is stored."""
+    body = await read_body(request)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        draft = await decode(_draft, name, body, services.limits)
+        preview = await run_in_threadpool(services.label_objects.preview, draft)
+    cameras = [
+        {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)}
+        for camera, mask in preview.masks.items()
+    ]
+    return JSONResponse({"cameras": cameras, "yaw_deg": preview.yaw_deg})
+
+
+@router.get(PATH, tags=LABELS, response_model=LabelList, responses=problems(_404="no such task"))
+def list_labels(
+    services: Wired,
+    name: str,
+    of: Annotated[str | None, Query(alias="object", max_length=64, description="only of this object")] = None,
+) -> Response:
+    """The labels of a task's objects."""
+    with services.store.read() as connection:
+        records = labels.all_of(connection, name, of)
+    return JSONResponse({"labels": [label_document(record) for record in records]})
+
+
+@router.delete(PATH + "/{label_id}", tags=LABELS, status_code=204, responses=problems(_404="no such task or label"))
+def delete_label(services: Wired, name: str, label_id: str) -> Response:
+    """Delete a label. What was learned from it stays until the object is learned again."""
+    with services.store.write() as connection:
+        labels.remove(connection, name, label_id)
+    return Response(status_code=204)
+
+
+@router.post(
+    PATH + "/learn",
+    tags=LABELS,
+    response_model=LearnedLabelsOut,
+    responses=problems(
+        _404="no such task",
+        _409="the task changed meanwhile",
+        _422="the labels do not give a template, or an episode cannot be extracted with it",
+    ),
+)
+def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
+    """Learn what an object looks like from its last ten labels, and find it by that from now on.
+
+    Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
+    did not fit, and why.
+    """
+    model = services.learn_from_labels(
+        name, body.object, body.symmetric, yaw_may_be_unknown=body.yaw_may_be_unknown, dry_run=body.dry_run
+    )
+    if not body.dry_run:
+        services.prefix_warmer.changed(name)
+    number = len(model["views"])
+    views = "1 view" if number == 1 else f"{number} views"
+    advice = "" if number >= FEW_VIEWS else f"{views}: enough to try, three to rely on"
+    return JSONResponse({"object": body.object, "model": model, "advice": advice})
+
+
+def label_document(record: LabelRecord) -> JsonObject:
+    """A `LabelOut`."""
+    return {
+        "id": record.id,
+        "task": record.task,
+        "object": record.object,
+        "episode_id": record.episode_id,
+        "cameras": [
+            {"name": camera.name, "num_pixels": record.num_pixels.get(camera.name, 0)} for camera in record.cameras
+        ],
+        "yaw_deg": record.yaw_deg,
+        "created_at": record.created_at.isoformat(),
+    }
+
+
+def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
+    """A label, checked and decoded."""
+    asked = LabelBody.model_validate(body.document)
+    checked_name("object", asked.object)
+    if (asked.episode_id is None) != bool(asked.cameras):
+        remedy = "episode_id, or cameras with their images"
+        raise InvalidInputError("episode_id", "and cameras are both given, or neither is", remedy)
+    limits.check_views([asked.object], [camera.name for camera in asked.cameras])
+    if asked.episode_id is None:
+        images = split_images(asked.cameras, body.parts)
+        frames = decode_frames(asked.cameras, images, limits.max_image_pixels)
+        for frame in frames:
+            check_rgbd(frame)
+        masks = {frame.camera.name: frame.mask for frame in frames if frame.mask is not None}
+    else:
+        images, frames = {}, ()
+        masks = {
+            _camera_of(part): decode_mask(part, data, limits.max_image_pixels) for part, data in body.parts.items()
+        }
+    return LabelDraft(
+        task,
+        asked.object,
+        asked.episode_id,
+        frames,
+        images,
+        masks,
+        asked.mask_ids,
+        asked.polygons,
+        Marks(asked.clicks, asked.clicks_off, asked.boxes),
+        asked.arrows,
+        asked.yaw_deg,
+    )
+
+
+def _camera_of(part: str) -> str:
+    if not part.startswith("mask_"):
+        raise InvalidInputError(part, "is not a part of a label of an episode", "metadata, mask_NAME")
+    return part.removeprefix("mask_")

@@ -1,1 +1,0 @@
-"""Folders that RLBench's and PerAct's dataset generators write, without RLBench."""

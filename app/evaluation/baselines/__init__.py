@@ -1,1 +1,0 @@
-"""Methods that RoboPrompt is compared with. Of the service they need only what it has stored of a task."""

@@ -1,0 +1,141 @@
+"""What OpenCV reads: a color camera on USB, and a folder of frames that another program writes or that were recorded.
+
+In a cell's file:
+
+{"name": "side", "driver": "opencv",
+ "options": {"device": 0, "intrinsics": {"fx": 600, "fy": 600, "cx": 320, "cy": 240, "width": 640, "height": 480},
+             "distortion": [0.1, -0.2, 0, 0]}}
+{"name": "front", "driver": "files", "options": {"folder": "frames"}}
+
+A folder has 0001_color.png (or .jpg), 0001_depth.png (16 bit), and camera.json: {"intrinsics": {...}, "depth_scale":
+0.001}. A frame is complete when its color image is there: write depth first, under another name if it takes long.
+"""
+
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from roboprompt_client.cameras.picture import Intrinsics, Picture, undistorted
+from roboprompt_client.errors import CameraError, InvalidInputError
+from roboprompt_client.extras import import_extra
+
+QUEUED_FRAMES = 5  # that drivers keep: they were taken before the call
+WARM_UP_FRAMES = 30
+MAX_WAIT_S = 5.0
+POLL_S = 0.02
+CALIBRATION, COLOR, DEPTH = "camera.json", "_color", "_depth.png"
+
+
+class UsbCamera:
+    """One color camera; it has no depth.
+
+    Args:
+        device: its number, a path as /dev/video2, or an address that OpenCV opens.
+        intrinsics: of the image size that is asked for, as in a camera's JSON.
+        distortion: OpenCV's k1 k2 p1 p2 [k3 ...] of the lens; it is removed.
+
+    Raises:
+        CameraError: if it cannot be opened.
+        InvalidInputError: if the intrinsics are none, or OpenCV is not installed.
+    """
+
+    def __init__(self, device: int | str, intrinsics: object, distortion: Sequence[float] = ()) -> None:
+        self._cv2 = cv2 = import_extra("cv2", "opencv-python-headless", "images")
+        self._intrinsics = k = Intrinsics.from_json("intrinsics", intrinsics)
+        self._distortion = tuple(distortion)
+        self._capture = cv2.VideoCapture(device)
+        if not self._capture.isOpened():
+            raise CameraError(f"{device!r} cannot be opened", "a camera that is plugged in and free, as /dev/video0")
+        self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, k.width_px)
+        self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, k.height_px)
+        self._pass_over(WARM_UP_FRAMES)
+
+    def read(self) -> Picture:
+        self._pass_over(QUEUED_FRAMES)
+        taken_s = time.time()
+        done, bgr = self._capture.read()
+        if not done:
+            raise CameraError("sends no frame", "its cable, and no other program that uses it")
+        height_px, width_px = bgr.shape[:2]
+        if (width_px, height_px) != (self._intrinsics.width_px, self._intrinsics.height_px):
+            remedy = "intrinsics of a size that the camera offers"
+            raise CameraError(f"sends {width_px}x{height_px} pixels, other than its intrinsics say", remedy)
+        rgb = self._cv2.cvtColor(bgr, self._cv2.COLOR_BGR2RGB)
+        return undistorted(Picture(rgb, None, self._intrinsics, taken_s), self._distortion)
+
+    def close(self) -> None:
+        self._capture.release()
+
+    def _pass_over(self, frames: int) -> None:
+        for _ in range(frames):
+            self._capture.grab()
+
+
+class FrameFolder:
+    """The newest frame of a folder, once it is newer than the call; or recorded frames in the order of their names.
+
+    Args:
+        folder: with `camera.json`.
+        recorded: whether the frames are old: each is read once, as if it were taken then.
+
+    Raises:
+        InvalidInputError: if there is no folder with a `camera.json`, or OpenCV is not installed.
+    """
+
+    def __init__(self, folder: str, *, recorded: bool = False) -> None:
+        self._cv2 = import_extra("cv2", "opencv-python-headless", "images")
+        self._folder, self._recorded = Path(folder), recorded
+        try:
+            document = json.loads((self._folder / CALIBRATION).read_text())
+            self._intrinsics = Intrinsics.from_json(f"{CALIBRATION}: intrinsics", document["intrinsics"])
+            self._depth_scale = float(document.get("depth_scale", 0.001))
+        except InvalidInputError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            remedy = f"a folder with {CALIBRATION}: intrinsics, depth_scale"
+            raise InvalidInputError("folder", f"{folder}: {error!r}", remedy) from error
+        self._last = ""
+
+    def read(self) -> Picture:
+        color = self._next() if self._recorded else self._newest(time.time())
+        taken_s = time.time() if self._recorded else color.stat().st_mtime
+        self._last = color.name
+        bgr = self._cv2.imread(str(color), self._cv2.IMREAD_COLOR | self._cv2.IMREAD_IGNORE_ORIENTATION)
+        if bgr is None:
+            raise CameraError(f"{color} is no image", "a PNG or JPEG")
+        depth = color.with_name(color.stem.removesuffix(COLOR) + DEPTH)
+        depth_m = self._depth_m(depth) if depth.exists() else None
+        rgb = np.ascontiguousarray(bgr[..., ::-1])
+        return Picture(rgb, depth_m, self._intrinsics, taken_s, self._depth_scale)
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+    def _frames(self) -> list[Path]:
+        return sorted(path for end in ("png", "jpg") for path in self._folder.glob(f"*{COLOR}.{end}"))
+
+    def _next(self) -> Path:
+        for path in self._frames():
+            if path.name > self._last:
+                return path
+        raise CameraError(f"{self._folder} has no frame after {self._last or 'none'}", "more recorded frames")
+
+    def _newest(self, asked_s: float) -> Path:
+        end_s = time.monotonic() + MAX_WAIT_S
+        while time.monotonic() < end_s:
+            frames = self._frames()
+            if frames and frames[-1].stat().st_mtime >= asked_s:
+                return frames[-1]
+            time.sleep(POLL_S)
+        remedy = 'a program that writes frames; for recorded ones the option "recorded": true'
+        raise CameraError(f"no frame came into {self._folder} within {MAX_WAIT_S:g} s", remedy)
+
+    def _depth_m(self, path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+        units = self._cv2.imread(str(path), self._cv2.IMREAD_UNCHANGED)
+        if units is None or units.dtype != np.uint16 or units.ndim != 2:
+            raise CameraError(f"{path} is no depth image", f"a 16-bit PNG in units of {self._depth_scale:g} m")
+        depth_m: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = units.astype(np.float32) * self._depth_scale
+        return depth_m.astype(np.float32)

@@ -1,0 +1,214 @@
+"""A cell's file: which arm, where it stands, what bounds it, what there is to see.
+
+    {"arm": "franka", "options": {"address": "172.16.0.2"},
+     "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
+     "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
+     "objects": "objects.json", "tolerance": {"position_m": 0.005, "max_contact_force_n": 30}, "open_width_m": 0.08,
+     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"}, "lost_contact": "stop",
+     "cameras": [{"name": "front", "driver": "realsense", "options": {"serial": ".."}, "camera_to_world": [[...], ...]},
+                 {"name": "wrist", "driver": "my_cell:make_camera", "camera_to_hand": null}],
+     "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}],
+     "table": {"position": [0.3, 0, 0.75], "normal": [0, 0, 1]}}
+
+Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`. Without the
+service a run goes on unless `lost_contact` is "stop". A camera has `camera_to_world` where it stands still, and
+`camera_to_hand` where the hand carries it: (4, 4) in meters, OpenCV axes (x right, y down, z forward), null until
+`roboprompt-robot calibrate` has found it.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.driver import Calibration
+from roboprompt_client.arms.geometry import UrdfGeometry
+from roboprompt_client.arms.tolerance import Tolerance
+from roboprompt_client.camera import checked_camera_pose
+from roboprompt_client.cameras.rig import MountedCamera, Rig
+from roboprompt_client.cameras.table import Table
+from roboprompt_client.errors import CameraError, InvalidInputError
+from roboprompt_client.extras import make_driver
+from roboprompt_client.live import checked_on_lost
+from roboprompt_client.motion_limits import MotionLimits, Pose, checked_bound
+from roboprompt_client.robot import Robot, observation_from_file
+from roboprompt_client.wording import checked_name
+
+ARMS = {
+    "franka": "roboprompt_client.arms.franka:Franka",
+    "ur": "roboprompt_client.arms.ur:UR",
+    "xarm": "roboprompt_client.arms.xarm:XArm",
+    "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
+    "ros": "roboprompt_client.arms.ros:Ros",
+}
+CAMERAS = {
+    "realsense": "roboprompt_client.cameras.realsense:RealSense",
+    "opencv": "roboprompt_client.cameras.opencv:UsbCamera",
+    "files": "roboprompt_client.cameras.opencv:FrameFolder",
+}
+OF_ARM = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
+CELL_FIELDS = (*OF_ARM, "cameras", "viewpoints", "table", "lost_contact")
+MOUNTS = ("camera_to_world", "camera_to_hand")
+CAMERA_FIELDS = ("name", "driver", "options", *MOUNTS)
+ONE_CAMERA = '{"name": "front", "driver": "realsense", "camera_to_world": null}'
+MAX_VIEWPOINTS = 8
+
+
+def open_robot(name: str, *, cameras: bool = True) -> Robot:
+    """A robot by MODULE:FACTORY, or by a cell's file.
+
+    Args:
+        cameras: whether a cell's are opened, too; without them its arm does not go to viewpoints, either.
+
+    Raises:
+        InvalidInputError: if there is no such factory, or the file says something that cannot be.
+        MotionError: if the arm cannot be reached.
+        CameraError: if a camera cannot be opened.
+    """
+    path = Path(name)
+    if ":" in name and not path.exists():
+        robot: Robot = make_driver("arm", name, ARMS, {})
+        return robot
+    cell = read_cell(path)
+    with ExitStack() as opened:
+        rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if cameras and "cameras" in cell else None
+        if rig is not None:
+            opened.callback(rig.close)
+        robot = _robot(cell, path.parent, rig)
+        opened.pop_all()
+    return robot
+
+
+@contextmanager
+def closing_robot(robot: Robot) -> Iterator[Robot]:
+    """The robot, which is stopped and left in the end, its cameras too, where it is a cell's."""
+    try:
+        yield robot
+    finally:
+        if isinstance(robot, Arm):
+            robot.close()
+
+
+def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
+    tolerance = _tolerance(cell.get("tolerance", {}))
+    limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
+    calibration = Calibration.from_json(cell) if "base_to_world" in cell else None
+    viewpoints = viewpoints_from_json(cell.get("viewpoints", []))
+    made: Any = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
+    if not hasattr(made, "halt"):
+        if "cameras" in cell:
+            remedy = "a factory that returns a driver for Arm; the observe() of a Robot takes its pictures itself"
+            raise InvalidInputError("cameras", "are given, but `arm` returns a Robot", remedy)
+        robot: Robot = made
+        return robot
+    observe_scene = None
+    if "objects" in cell:
+        observe_scene = partial(observation_from_file, "objects", folder / cell["objects"])  # read again at each look
+        observe_scene()
+    return Arm(
+        made,
+        calibration=calibration,
+        observe_scene=observe_scene,
+        limits=limits,
+        tolerance=tolerance,
+        open_width_m=cell.get("open_width_m"),
+        geometry=_geometry(folder, cell["urdf"]) if "urdf" in cell else None,
+        reach_m=checked_bound("reach_m", cell["reach_m"]) if "reach_m" in cell else None,
+        cameras=rig,
+        viewpoints=viewpoints,
+        on_lost=checked_on_lost(cell.get("lost_contact", "continue")),
+    )
+
+
+def read_cell(path: Path) -> dict[str, Any]:
+    """A cell's file as a document; raises InvalidInputError if it is none, or has fields that are not known."""
+    try:
+        cell = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
+    if not isinstance(cell, dict) or not isinstance(cell.get("arm"), str):
+        raise InvalidInputError("arm", "is missing", ", ".join(ARMS))
+    if unknown := [name for name in cell if name not in CELL_FIELDS]:
+        raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
+    return cell
+
+
+def write_cell(path: Path, cell: Mapping[str, Any]) -> None:
+    """Write a cell's file; whatever goes wrong, the old one or the new one is there as a whole."""
+    begun = path.with_name(f"{path.name}.part")
+    begun.write_text(json.dumps(cell, indent=1) + "\n")
+    begun.replace(path)
+
+
+def _tolerance(document: object) -> Tolerance:
+    known = [field.name for field in fields(Tolerance)]
+    if not isinstance(document, Mapping) or not set(document) <= set(known):
+        raise InvalidInputError("tolerance", f"is {document!r:.80}", f"an object with {', '.join(known)}")
+    return Tolerance(**document)
+
+
+def _geometry(folder: Path, document: object) -> UrdfGeometry:
+    if not isinstance(document, Mapping) or not {"file", "frame"} == set(document):
+        raise InvalidInputError("urdf", f"is {document!r:.80}", '{"file": "arm.urdf", "frame": "tool0"}')
+    return UrdfGeometry(folder / str(document["file"]), str(document["frame"]))
+
+
+def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:
+    """The `cameras` of a cell's file, opened.
+
+    Args:
+        folder: of the file: a folder of frames is relative to it.
+        table: the cell's `table`, if there is one.
+
+    Raises:
+        InvalidInputError: if the document says something that cannot be.
+        CameraError: if a camera cannot be opened.
+    """
+    if not isinstance(document, list) or not document:
+        raise InvalidInputError("cameras", f"is {document!r:.80}", f"a list, each as {ONE_CAMERA}")
+    with ExitStack() as opened:
+        cameras = []
+        for k, item in enumerate(document):
+            cameras.append(_camera(k, item, folder))
+            opened.callback(cameras[-1].driver.close)
+        rig = Rig(cameras, None if table is None else Table.from_json(table))
+        opened.pop_all()
+    return rig
+
+
+def _camera(k: int, document: object, folder: Path) -> MountedCamera:
+    item: Mapping[str, Any] = document if isinstance(document, Mapping) else {}
+    mounts = [name for name in MOUNTS if name in item]
+    if not isinstance(item.get("driver"), str) or not isinstance(item.get("name"), str) or len(mounts) != 1:
+        raise InvalidInputError(f"cameras[{k}]", f"is {document!r:.120}", f"{ONE_CAMERA} or camera_to_hand")
+    name, mount = checked_name(f"cameras[{k}].name", item["name"]), mounts[0]
+    if unknown := [key for key in item if key not in CAMERA_FIELDS]:
+        raise InvalidInputError(f"cameras[{name}].{unknown[0]}", "is not known", ", ".join(CAMERA_FIELDS))
+    pose = None if item[mount] is None else checked_camera_pose(f"cameras[{name}].{mount}", item[mount])
+    options = item.get("options", {})
+    if item["driver"] == "files" and isinstance(options, Mapping) and isinstance(options.get("folder"), str):
+        options = {**options, "folder": str(folder / options["folder"])}
+    try:
+        driver = make_driver(f"cameras[{name}].driver", item["driver"], CAMERAS, options)
+    except CameraError as error:
+        raise error.of(name) from error
+    return MountedCamera(name, driver, mount == "camera_to_hand", pose)
+
+
+def viewpoints_from_json(document: object) -> tuple[Pose, ...]:
+    """Poses of the hand in the world; raises InvalidInputError for anything else."""
+    if not isinstance(document, list) or len(document) > MAX_VIEWPOINTS:
+        valid = f'at most {MAX_VIEWPOINTS} of {{"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}'
+        raise InvalidInputError("viewpoints", f"are {document!r:.80}", valid)
+    found = []
+    for k, item in enumerate(document):
+        try:
+            pose = Calibration.from_json({"base_to_world": item})
+        except InvalidInputError as error:
+            raise InvalidInputError(f"viewpoints[{k}]", error.message, error.valid) from error
+        found.append(Pose(tuple(pose.position_m.tolist()), tuple(pose.quaternion_xyzw.tolist())))
+    return tuple(found)

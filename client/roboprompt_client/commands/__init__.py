@@ -1,0 +1,1 @@
+"""What `roboprompt-robot` does, a module for each command or two."""

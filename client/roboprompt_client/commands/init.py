@@ -1,0 +1,184 @@
+"""`roboprompt-robot init`: a cell's file, from a person's answers and from what the arm itself measures."""
+
+import math
+from argparse import Namespace
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.driver import Guidable
+from roboprompt_client.arms.panda import LIMITS_RAD
+from roboprompt_client.arrays import Array
+from roboprompt_client.cameras.realsense import realsense_serials
+from roboprompt_client.cell import open_robot, write_cell
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.commands.terminal import ask, ask_yes, say
+from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.robot import observation_from_file
+from roboprompt_client.wording import checked_name
+
+ADDRESSED = ("franka", "ur", "xarm")  # a LeRobot arm is made by a function, and one of ROS has topics
+MARGIN_M = 0.01  # around the corners that were touched: a hand on the table is not below it
+MIN_SIDE_M = 0.05
+REALTIME = Path("/sys/kernel/realtime")
+WITHOUT_REALTIME = (
+    "This computer has no real-time kernel: a Franka may stop with communication errors. Go on without one? [y/N] "
+)
+WITHOUT_CAMERAS = "Where are the objects? A file that says it, such as objects.json [Enter: none, or cameras later] "
+CORNERS = (
+    "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
+    "farthest right one. Fingers on the table are the lowest."
+)
+
+
+def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
+    """Ask, measure, and write the file; nothing but the gripper moves by itself.
+
+    Raises:
+        InvalidInputError: if the file exists, an answer cannot be, or standard input ends.
+        MotionError: if the arm cannot be reached; the file is not kept.
+    """
+    path: Path = arguments.file
+    if path.exists():
+        raise InvalidInputError("FILE", f"{path} exists", "a name of its own: nothing is overwritten")
+    cell = {**_arm(), "base_to_world": _base()}
+    if cameras := [camera for serial in realsense_serials() if (camera := _camera(serial))]:
+        cell["cameras"] = cameras
+    elif objects := _answer(WITHOUT_CAMERAS, partial(_objects_file, path.parent)):
+        cell["objects"] = objects
+    write_cell(path, cell)
+    try:
+        robot = open_robot(str(path), cameras=False)
+        measured = {}
+        if isinstance(robot, Arm):
+            with robot:
+                measured = _measured(robot)
+    except BaseException:
+        path.unlink()
+        raise
+    write_cell(path, {**cell, **measured})
+    then = f", then calibrate --robot {path}" if "cameras" in cell else ""
+    say(f"\nwritten to {path}; next: roboprompt-robot check --robot {path} --move{then}")
+    return 0
+
+
+def _arm() -> dict[str, Any]:
+    name = _answer(f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] ", _known_arm)
+    if name not in ADDRESSED:
+        return {"arm": name}
+    options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
+    if name == "franka":
+        options["model"] = _answer("Its model [panda or fr3]: ", _known_model)
+        if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
+            options["realtime"] = False
+    return {"arm": name, "options": options}
+
+
+def _realtime_kernel() -> bool:
+    """Whether Linux runs with the real-time patches (PREEMPT_RT)."""
+    try:
+        return REALTIME.read_text().strip() == "1"
+    except OSError:
+        return False
+
+
+def _base() -> dict[str, Any]:
+    say("Where does the base stand in the frame in which objects are said? Enter: that frame is the base's own.")
+    position_m = _answer("x y z, meters: ", lambda text: _numbers(text or "0 0 0", 3))
+    (yaw_deg,) = _answer("Turned about z by, degrees: ", lambda text: _numbers(text or "0", 1))
+    return {"position": position_m, "quaternion_xyzw": rotations.about_z(math.radians(yaw_deg)).tolist()}
+
+
+def _objects_file(folder: Path, text: str) -> str:
+    """The name of a file with objects' poses, from the cell's folder; empty for none."""
+    if text:
+        try:
+            observation_from_file("objects", folder / text)
+        except InvalidInputError as error:
+            raise ValueError(str(error)) from error
+    return text
+
+
+def _camera(serial: str) -> dict[str, Any]:
+    """A camera that is plugged in, its pose not known yet; empty where it is left out."""
+    question = f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] "
+    if not (name := _answer(question, lambda text: checked_name("name", text) if text else "")):
+        return {}
+    mount = "camera_to_hand" if ask_yes("Does the hand carry it? [y/N] ") else "camera_to_world"
+    return {"name": name, "driver": "realsense", "options": {"serial": serial}, mount: None}
+
+
+def _measured(arm: Arm) -> dict[str, Any]:
+    """What the arm says of itself: where the hand may be, and how wide the fingers are when open."""
+    state = arm.state()
+    place = state.position_m.round(3).tolist()
+    say(f"\nThe arm answers: its hand is at {place} m in that frame. Compare with a ruler.")
+    found: dict[str, Any] = {}
+    if ask_yes("Measure the space that the hand may use, by hand? [y/N] "):
+        found["limits"] = {"workspace": _box(arm)}
+    width_m = state.gripper_width_m
+    if width_m is not None and ask_yes("May the gripper close and open now? Nothing else moves. [y/N] "):
+        arm.set_gripper(is_open=False)
+        arm.set_gripper(is_open=True)
+        found["open_width_m"] = round(float(arm.state().gripper_width_m or width_m), 4)
+    return found
+
+
+def _box(arm: Arm) -> dict[str, Any]:
+    """Two opposite corners that a person guided the hand to."""
+    say(CORNERS)
+    yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand meanwhile? Hold it. [y/N] ")
+    with arm.guided() if yields else nullcontext():
+        while True:
+            corners_m = np.array([_corner(arm, which) for which in ("lowest", "highest")])
+            low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
+            if (high_m - low_m).min() >= MIN_SIDE_M:
+                return {"min": (low_m - MARGIN_M).round(3).tolist(), "max": (high_m + MARGIN_M).round(3).tolist()}
+            sides_m = (high_m - low_m).round(3).tolist()
+            say(f"These corners span {sides_m} m: every side needs {MIN_SIDE_M} m at least. Once more.")
+
+
+def _corner(arm: Arm, which: str) -> Array:
+    if ask(f"At the {which} corner? Enter: ") is None:
+        raise MotionError("standard input ended before both corners were touched")
+    place_m = arm.state().position_m
+    say(f"  {place_m.round(3).tolist()} m")
+    return place_m
+
+
+def _answer(question: str, read: Callable[[str], Any]) -> Any:  # noqa: ANN401
+    """The first answer that can be read; what is wrong with the others is said."""
+    while (text := ask(question)) is not None:
+        try:
+            return read(text)
+        except ValueError as error:
+            say(f"  {error}")
+    raise InvalidInputError("standard input", "ended before all was answered", "a person who answers")
+
+
+def _known_arm(text: str) -> str:
+    if text in ADDRESSED or ":" in text:
+        return text
+    raise ValueError(f"{text!r:.40} is none of {', '.join(ADDRESSED)}, and no MODULE:FACTORY")
+
+
+def _known_model(text: str) -> str:
+    if text in LIMITS_RAD:
+        return text
+    raise ValueError(f"{text!r:.40} is none of {', '.join(LIMITS_RAD)}")
+
+
+def _numbers(text: str, count: int) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise ValueError(f"{text!r:.40} is not {count} numbers")
+    return numbers

@@ -1,0 +1,190 @@
+"""Records an arm's state while a person moves it; samples are on disk within a second."""
+
+import json
+import os
+import threading
+import time
+from itertools import count
+from pathlib import Path
+from typing import BinaryIO, NamedTuple, Protocol
+
+import numpy as np
+
+from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
+
+RATE_HZ = 50.0
+MIN_RATE_HZ = 20.0
+FLUSH_S = 1.0
+OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
+_FIXED_COLUMNS = 10  # time, position, quaternion, width, open; then joints' positions and velocities, and a wrench
+WRENCH = 6
+
+
+class Progress(NamedTuple):
+    """What a recording has so far: its frames, how long it takes, and the arm as it was seen last."""
+
+    frames: int
+    elapsed_s: float
+    state: ArmState
+
+    @property
+    def rate_hz(self) -> float:
+        """As it was sampled, not as it was asked for."""
+        return (self.frames - 1) / self.elapsed_s if self.elapsed_s else 0.0
+
+
+class HasState(Protocol):
+    """What can be recorded, such as an `Arm`."""
+
+    def state(self) -> ArmState:
+        """The arm as it is now, in the world frame; called from another thread."""
+        ...
+
+
+class Recorder:
+    """Samples an arm in a thread of its own, and writes what it has to a journal.
+
+        recorder = Recorder(arm, Path("pick-1.journal"))
+        recorder.start()
+        input("Guide the arm, then press Enter: ")
+        client.upload("pick", "pick up the cube", recorder.stop(), observation)
+
+    Args:
+        journal: a file that does not exist; `trajectory_from_journal` reads it, also after a crash.
+        rate_hz: at least 20.
+
+    Raises:
+        InvalidInputError: for a rate that is too low, or a journal that exists.
+    """
+
+    def __init__(self, arm: HasState, journal: Path, rate_hz: float = RATE_HZ) -> None:
+        if not MIN_RATE_HZ <= rate_hz <= 1000:
+            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
+        if journal.exists():
+            raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
+        self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
+        self._ended = threading.Event()
+        self._progress: Progress | None = None
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+
+    def start(self) -> None:
+        """Begin to sample."""
+        self._thread.start()
+
+    @property
+    def progress(self) -> Progress | None:
+        """None before the first sample; raises as `stop`, once the arm or the journal fails."""
+        if self._error is not None:
+            raise self._error
+        return self._progress
+
+    def stop(self) -> Trajectory:
+        """End, and what was recorded.
+
+        Raises:
+            MotionError: if the arm stopped answering; the journal has what came before.
+            InvalidInputError: if what was recorded is no trajectory, or could not be written.
+        """
+        self._ended.set()
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        return trajectory_from_journal(self._journal)
+
+    def _run(self) -> None:
+        try:
+            self._sample()
+        except MotionError as error:
+            self._error = error
+        except OSError as error:
+            self._error = InvalidInputError("journal", f"cannot be written: {error}", "a file of its own")
+
+    def _sample(self) -> None:
+        began_s, state = self._read()
+        joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
+        with create_private(self._journal) as file:
+            file.write(json.dumps({"joints": joints, "wrench": WRENCH}).encode() + b"\n")
+            flushed_s = due_s = seen_s = began_s
+            for frames in count(1):  # at least once, however soon it ends
+                self._progress = Progress(frames, seen_s - began_s, state)
+                file.write(_row(seen_s - began_s, state, joints).tobytes())
+                if seen_s - flushed_s > FLUSH_S:
+                    file.flush()
+                    flushed_s = seen_s
+                due_s = max(due_s + self._period_s, seen_s)
+                if self._ended.wait(due_s - time.monotonic()):
+                    return
+                seen_s, state = self._read()
+
+    def _read(self) -> tuple[float, ArmState]:
+        """The state, and its time: the middle of the interval in which the arm answered."""
+        asked_s = time.monotonic()
+        state = self._arm.state()
+        return (asked_s + time.monotonic()) / 2, state
+
+
+def create_private(path: Path) -> BinaryIO:
+    """A new file for this user alone; raises FileExistsError for anything at `path`, be it a link to nowhere."""
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), "wb")
+
+
+def trajectory_from_journal(path: Path) -> Trajectory:
+    """What a journal holds but a row that a crash cut off; raises InvalidInputError if that is no trajectory."""
+    rows, joints = _rows(path)
+    if not len(rows):
+        raise InvalidInputError("recording", f"{path} has no frames", "at least one")
+    times_s, widths_m, states = rows[:, 0], rows[:, 8], rows[:, 9]
+    later = np.concatenate([[True], np.diff(times_s) > 0])
+    rows, times_s, widths_m, states = rows[later], times_s[later], widths_m[later], states[later]
+    arrays = {
+        "timestamps": times_s,
+        "end_effector_positions": rows[:, 1:4],
+        "end_effector_quaternions_xyzw": rows[:, 4:8],
+        **_gripper(widths_m, states),
+    }
+    positions, velocities, wrenches = np.split(rows[:, _FIXED_COLUMNS:], [joints, 2 * joints], axis=1)
+    if joints:
+        arrays["joint_positions"] = positions
+    if joints and np.isfinite(velocities).all():
+        arrays["joint_velocities"] = velocities
+    if wrenches.size and np.isfinite(wrenches).all():
+        arrays["wrenches"] = wrenches
+    return trajectory_from_arrays(arrays)
+
+
+def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
+    """Measured fingers, else what was commanded; without a gripper it counts as open."""
+    if np.isfinite(widths_m).all():
+        still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
+        opened = {"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}
+        return {"gripper_width": widths_m, **opened}
+    return {"gripper_open": np.where(np.isfinite(states), states, 1.0)}
+
+
+def _row(time_s: float, state: ArmState, joints: int) -> Array:
+    unknown = np.full(joints, np.nan)
+    width_m = np.nan if state.gripper_width_m is None else state.gripper_width_m
+    is_open = np.nan if state.gripper_open is None else float(state.gripper_open)
+    positions = unknown if state.joint_positions_rad is None else state.joint_positions_rad
+    velocities = unknown if state.joint_velocities_rad_s is None else state.joint_velocities_rad_s
+    wrench = np.full(WRENCH, np.nan) if state.wrench_n_nm is None else state.wrench_n_nm
+    return np.concatenate(
+        [[time_s], state.position_m, state.quaternion_xyzw, [width_m, is_open], positions, velocities, wrench]
+    ).astype("<f8")
+
+
+def _rows(path: Path) -> tuple[Array, int]:
+    head, _, body = path.read_bytes().partition(b"\n")
+    try:
+        known = json.loads(head)
+        joints, wrench = int(known["joints"]), int(known.get("wrench", 0))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InvalidInputError("recording", f"{path} is no journal", "a file of roboprompt-robot record") from error
+    width = _FIXED_COLUMNS + 2 * joints + wrench
+    whole = len(body) // (8 * width) * width
+    return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints

@@ -1,0 +1,206 @@
+"""A person's keys at a terminal, and how they or a SpaceMouse move the hand.
+
+A direction is (6,): along the world's x, y, z and about them, each -1 to 1, 1 being the full speed. Where the base is
+not turned x points away from it, y to its left, z up.
+"""
+
+import os
+import re
+import select
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
+
+try:
+    import termios
+    import tty
+except ImportError:  # Windows
+    HAS_TERMIOS = False
+else:
+    HAS_TERMIOS = True
+
+MAX_KEYS = 64  # at a time
+END = "x"  # what a terminal that has gone is read as
+SPEED_M_S, TURN_RAD_S = 0.10, 0.5
+TICK_S = 0.04  # between two commands to the arm
+HELD_S = 0.15  # after its last press a key counts as held: terminals repeat it 20 to 30 times a second
+# A key that is tapped moves the hand by millimeters, one that is held has its full speed after a while.
+TAPPED_SHARE, FULL_AFTER_S = 0.2, 1.0
+STALE_S = 0.2  # a SpaceMouse that is pushed reports more often
+MAX_REPORTS, MAX_REPORT_BYTES = 64, 64  # that are read at once
+FULL_TRAVEL = 350  # what a cap reports at the end of its travel
+TO_WORLD = (1, 0, 2, 4, 3, 5)  # of the cap's axes, each the other way round
+HIDRAW = Path("/sys/class/hidraw")
+MADE_BY_3DCONNEXION = r"HID_ID=\w+:0000(256F:\w+|046D:0000C6\w\w)"  # its own devices, and those from Logitech's time
+DEAD_SHARE = 0.05  # of a cap's travel: what a hand that rests on it does
+
+_ALONG, _ABOUT = np.eye(6)[:3], np.eye(6)[3:]
+DIRECTIONS: Mapping[str, Array] = {
+    key: sign * axis
+    for keys, axis in zip(("ws", "ad", "rf", "lj", "ik", "qe"), (*_ALONG, *_ABOUT), strict=True)
+    for key, sign in zip(keys, (1.0, -1.0), strict=True)
+}
+MOVES = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   i k, j l: tilt"
+
+
+class Said(NamedTuple):
+    """What a person wants: a direction (6,), and the keys of the recording that were pressed."""
+
+    direction: Array
+    keys: str
+
+
+Pressed = Callable[[float], str]
+Read = Callable[[str], Said]  # from the keys that were pressed since the last call
+
+
+def has_keyboard() -> bool:
+    """Whether standard input is a terminal whose keys can be read one by one."""
+    return HAS_TERMIOS and sys.stdin.isatty()
+
+
+@contextmanager
+def keyboard() -> Iterator[Pressed]:
+    """A function that returns the keys pressed since its last call, and waits for the first at most some seconds.
+
+    Keys are unseen until the terminal is as it was before. Where there are no single keys it waits for a line.
+    """
+    if not has_keyboard():
+        yield _line
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
+    try:
+        yield _pressed
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _pressed(wait_s: float) -> str:
+    ready, _, _ = select.select([sys.stdin], [], [], wait_s)
+    if not ready:
+        return ""
+    return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or END
+
+
+def _line(_wait_s: float) -> str:
+    try:
+        return input("").strip() or "\n"
+    except EOFError:
+        return "\n"
+
+
+class HeldKeys:
+    """Since when, and until when, each key counts as held."""
+
+    def __init__(self) -> None:
+        self._spans_s: dict[str, tuple[float, float]] = {}
+
+    def press(self, key: str, now_s: float) -> None:
+        """Note one of `DIRECTIONS`."""
+        since_s, until_s = self._spans_s.get(key, (now_s, now_s))
+        self._spans_s[key] = (since_s if now_s < until_s else now_s, now_s + HELD_S)
+
+    def direction(self, now_s: float) -> Array:
+        """(6,), of all that are held."""
+        total: Array = np.zeros(6)
+        for key, (since_s, until_s) in self._spans_s.items():
+            if now_s < until_s:
+                total = total + min(1.0, TAPPED_SHARE + (now_s - since_s) / FULL_AFTER_S) * DIRECTIONS[key]
+        return total
+
+
+class SpaceMouse:
+    """A 3Dconnexion SpaceMouse by its raw reports; its buttons close (left) and open (right) the gripper.
+
+    Reports 1 and 2 have little-endian int16 along and about the cap's axes, to the right, to the person and down, in
+    one report or in two; report 3 has the buttons' bits.
+
+    Args:
+        reports: a file descriptor that does not block, from which each read is one report (Linux's hidraw).
+    """
+
+    def __init__(self, reports: int) -> None:
+        self._reports = reports
+        self._pushed: Array = np.zeros(6)
+        self._came_s = -np.inf
+        self._buttons = 0
+
+    def read(self, keys: str) -> Said:
+        """What it reported last; a report that is old, of a device that was unplugged, moves nothing."""
+        buttons = self._buttons
+        with suppress(OSError):  # none waits, or the device is gone
+            for _ in range(MAX_REPORTS):
+                self._take(os.read(self._reports, MAX_REPORT_BYTES))
+        clicked = "".join(key for bit, key in ((1, "c"), (2, "o")) if self._buttons & bit and not buttons & bit)
+        fresh = time.monotonic() - self._came_s < STALE_S
+        pushed = np.where(np.abs(self._pushed) < DEAD_SHARE, 0.0, np.clip(self._pushed, -1, 1))
+        return Said(pushed if fresh else np.zeros(6), keys + clicked)
+
+    def _take(self, report: bytes) -> None:
+        if report[:1] == b"\x03":
+            self._buttons = report[1]
+            return
+        first = {b"\x01": 0, b"\x02": 3}.get(report[:1])
+        if first is None:
+            return
+        values = np.frombuffer(report[1:], "<i2", count=min(6 - first, (len(report) - 1) // 2))
+        for axis, value in zip(TO_WORLD[first:], values, strict=False):
+            self._pushed[axis] = -value / FULL_TRAVEL
+        self._came_s = time.monotonic()
+
+
+@contextmanager
+def opened(device: str) -> Iterator[Read]:
+    """What a person moves the hand with.
+
+    Args:
+        device: `keyboard` or `spacemouse`.
+
+    Raises:
+        InvalidInputError: if there is no such device, or this user may not read it.
+    """
+    if device == "keyboard":
+        if not has_keyboard():
+            raise InvalidInputError("--teleop", "standard input is no terminal whose keys can be read", "a terminal")
+        yield _of_keyboard(HeldKeys())
+        return
+    path = _space_mouse()
+    try:
+        reports = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError as error:
+        raise InvalidInputError(
+            "--teleop", f"{path} cannot be read: {error}", "a udev rule that lets this user"
+        ) from error
+    try:
+        yield SpaceMouse(reports).read
+    finally:
+        os.close(reports)
+
+
+def _space_mouse() -> Path:
+    """The device of one that is plugged in."""
+    for device in sorted(HIDRAW.glob("hidraw*")):
+        uevent = (device / "device/uevent").read_text()
+        if re.search(MADE_BY_3DCONNEXION, uevent):
+            return Path("/dev") / device.name
+    raise InvalidInputError("--teleop", "no SpaceMouse is plugged in", "Linux, and a 3Dconnexion SpaceMouse")
+
+
+def _of_keyboard(held: HeldKeys) -> Read:
+    def read(keys: str) -> Said:
+        now_s = time.monotonic()
+        for key in keys:
+            if key in DIRECTIONS:
+                held.press(key, now_s)
+        return Said(held.direction(now_s), keys)
+
+    return read
