@@ -100,7 +100,9 @@ class Taught:
     @cached_property
     def scenes(self) -> ShownScenes:
         """Where their objects are."""
-        return ShownScenes(() if self.moves else self.usual)
+        if self.moves:
+            return ShownScenes(())
+        return ShownScenes(self.usual, tuple(item for item in self.demonstrations if item not in self.usual))
 
     @cached_property
     def ways(self) -> ShownWays:

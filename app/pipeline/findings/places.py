@@ -146,6 +146,7 @@ class ShownScenes:
     """The scenes of demonstrations; what they say of an object is computed once."""
 
     demonstrations: tuple[Demonstration, ...]
+    left_out: tuple[Demonstration, ...] = ()  # of plans that no prompt shows
     _places: dict[str, ShownPlaces] = field(default_factory=dict, init=False, repr=False)
     _least_apart_m: dict[tuple[str, str], float] = field(default_factory=dict, init=False, repr=False)
 

@@ -44,7 +44,7 @@ def scene_findings(
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
-    if (old := _of_a_demonstration(observed, places, shown)) is not None:
+    if (old := _of_a_demonstration(observed, places, (*shown, *scenes.left_out))) is not None:
         return (*uncertain, old)
     found, confused = _one_place(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):

@@ -104,8 +104,10 @@ def test_an_object_that_is_taken_for_another_is_one_finding():
 def test_a_scene_that_repeats_measured_places_is_an_old_one(fine_m, off_m, expected):
     """Not one that is written down in whole millimetres, nor one that is seen again."""
     shown = [demonstration(STACK, scene(0.02 * k + fine_m, 0.03 * (k % 5)), []) for k in range(10)]
-    codes = [code for code, _, _ in found(scene(0.06 + fine_m + off_m, 0.09), shown)]
-    assert codes == (["scene-of-a-demonstration"] if expected else [])
+    query = Query(STACK, scene(0.06 + fine_m + off_m, 0.09))
+    for scenes in (ShownScenes(tuple(shown)), ShownScenes(tuple(shown[:3] + shown[4:]), left_out=(shown[3],))):
+        codes = [finding.code for finding in scene_findings(query, scenes)]
+        assert codes == (["scene-of-a-demonstration"] if expected else [])
 
 
 def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
