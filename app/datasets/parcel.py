@@ -174,7 +174,7 @@ def _as_uploaded(metadata: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _essence(value: Any) -> Any:  # noqa: ANN401
-    """The document without what is empty, and with whole numbers as any other: a service tells both in its own way."""
+    """The document without what is empty, and with whole numbers as any other: services write both as they like."""
     if isinstance(value, Mapping):
         return {name: _essence(item) for name, item in value.items() if item is not None and item not in ([], (), {})}
     if isinstance(value, list | tuple):

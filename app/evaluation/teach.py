@@ -87,7 +87,7 @@ def _model_from_labels(
     ahead_deg = 90 * round(yaws_deg[0] / 90)
     for (id_, scene), yaw_deg in zip(episodes, yaws_deg, strict=True):
         arrow: dict[str, Any] = {} if symmetry_deg == 0 else {"yaw_deg": 10.0 * round((yaw_deg - ahead_deg) / 10)}
-        # What hangs on it by a joint is not labeled: an object is rigid.
+        # Parts that a joint connects to it are not labeled: an object is rigid.
         client.label_object(school, name, id_, mask_ids=scene.mask_ids[name][:1], **arrow)
     known: str | float = "none" if symmetry_deg is None else symmetry_deg or "yaw"
     reasons = []

@@ -105,7 +105,7 @@ def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
 
 
 def _seen(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Observation:
-    """What the robot tells the service of the scene."""
+    """What the robot sends of the scene."""
     if planned.method.poses == "vision":
         photographed = call(runner.executor, runner.world.view, planned.task, planned.seed, True)
         return images_only(photographed.frames, scene.objects)

@@ -93,7 +93,7 @@ class ModelRegistry:
         finally:
             with self._lock:
                 self._users[name] -= 1
-                self._users += Counter()  # forget those that nobody uses
+                self._users += Counter()  # forget those that are not in use
 
     def _get(self, name: str, *, using: bool = False) -> _Made:
         new = None if name in self._models else self._make(name)

@@ -64,7 +64,7 @@ def error_message(body: str) -> str:
     try:
         error = from_json(body)[
             "error"
-        ]  # unlike json.loads it takes no half of a surrogate pair, which nobody can send on
+        ]  # unlike json.loads it takes no half of a surrogate pair, which cannot be sent on
         return str(error["message"] if isinstance(error, dict) else error)
     except (ValueError, LookupError, TypeError):
         return " ".join(body[:300].split()) or "no message"

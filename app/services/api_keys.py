@@ -1,6 +1,6 @@
 """Who may do what: keys are made, recognised and taken back, and browsers log in with them.
 
-A key is 256 random bits, so that nobody can guess one, and SHA-256 of it is as good as any slow hash: those are for
+A key is 256 random bits, which cannot be guessed, and SHA-256 of it is as good as any slow hash: those are for
 passwords, which people choose. A browser that has logged in has a token of its own, which ends on the server when it
 logs out.
 """
@@ -79,11 +79,11 @@ class KeyRing:
         self._noting: set[asyncio.Task[None]] = set()
 
     async def recognise(self, token: str) -> Caller | None:
-        """Whose key it is, or None if it is nobody's, or was revoked.
+        """Whose key it is, or None if there is no such key, or it was revoked.
 
         Raises:
             ExpiredKeyError: if it has expired.
-            StoreUnavailableError: if the keys cannot be read: then nobody is let in.
+            StoreUnavailableError: if the keys cannot be read: then no request is let in.
         """
         records = await self._current()
         _, _, rest = token.partition("_")
@@ -166,7 +166,7 @@ def create_key(
     tasks: Sequence[str] | None = None,
     expires_at: datetime | None = None,
 ) -> str:
-    """Make a key and store its digest; returns the key, which nobody can read again. Synchronous.
+    """Make a key and store its digest; returns the key, which cannot be read again. Synchronous.
 
     Args:
         tasks: the only ones that the key is for, which need not exist yet; None or empty: any.
@@ -227,7 +227,7 @@ class Sessions:
         return token
 
     async def recognise(self, token: str) -> Caller | None:
-        """Whose session it is, or None if it is nobody's, has ended, or its key was revoked.
+        """Whose session it is, or None if there is no such session, it has ended, or its key was revoked.
 
         The database is asked only about tokens that name a valid key, so that junk costs nothing.
 

@@ -71,7 +71,7 @@ def record(
     details: Mapping[str, Any] | None = None,
     actor: str | None = None,
 ) -> None:
-    """Add an entry; call it last in the transaction that does what it tells, so that both are there or neither.
+    """Add an entry; call it last in the transaction of the deed, so that both are there or neither.
 
     Args:
         details: JSON.

@@ -48,8 +48,8 @@ def lock_for_migration(connection: Connection) -> None:
 def meaning(error: exc.DatabaseError) -> tuple[bool, bool, str]:
     """Whether a later attempt may succeed, whether the server's files are damaged, and what it says.
 
-    Only errors that the driver does not count among the operational ones are told apart. Of a failed connection it says
-    no more than that: the rest names host, port and user.
+    Only errors that the driver does not count among the operational ones are distinguished. Of a failed connection it
+    says no more than that: the rest names host, port and user.
     """
     state: str | None = getattr(error.orig, "sqlstate", None)
     message: str | None = getattr(getattr(error.orig, "diag", None), "message_primary", None)

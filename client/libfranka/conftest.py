@@ -9,7 +9,7 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.franka import Franka
 
 ADDRESS = "127.0.61.1"
-FAST = 0.3  # of the arm's dynamics: a simulated arm hurts nobody
+FAST = 0.3  # of the arm's dynamics: a simulated arm is harmless
 
 
 class Simulated:

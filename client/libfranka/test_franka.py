@@ -269,7 +269,7 @@ def test_a_hand_that_is_steered_follows_and_rests_by_itself(arm):
         for _ in range(25):
             assert steer(np.array([0.0, 0.05, 0.0]), np.zeros(3)) == ""
             time.sleep(0.04)
-        wait_for_rest(arm)  # nobody said so: the last velocity has ended
+        wait_for_rest(arm)  # unasked: the last velocity has ended
         assert_stands_still(arm)
         moved_m = arm.state().position_m - before_m
         assert 0.01 < moved_m[1] < 0.07

@@ -76,7 +76,7 @@ class TaskCheckOut(BaseModel):
 
 
 class AnchorOut(BaseModel):
-    """What an action hangs on: the robot that sees the object move can move the action with it."""
+    """What an action is relative to: the robot that sees the object move can move the action with it."""
 
     object: Annotated[str | None, Field(description="null for the frames world and start")]
     frame: Annotated[

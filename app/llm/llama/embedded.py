@@ -128,7 +128,7 @@ class WarmSlots:
 
     @asynccontextmanager
     async def turn(self, prefix: str) -> AsyncIterator[None]:
-        """Inside the block one of the slots that know the prefix is this request's; for an empty one nobody waits."""
+        """Inside the block one of the slots that know the prefix is this request's; an empty one waits for none."""
         if not prefix:
             yield
             return

@@ -66,7 +66,7 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
 
     Args:
         symmetry_deg: the turn about the vertical that leaves it unchanged: 0 any, None none.
-        needs_yaw: refuse an object whose yaw could never be told.
+        needs_yaw: refuse an object whose yaw could never be known.
 
     Raises:
         ObjectModelError: if no view shows the object, none of several fits another, or it is not as symmetric as said.

@@ -121,7 +121,7 @@ class Recording:
 
 
 def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
-    """The demonstrations, those of one plan with equally many actions; `plan` tells which are of one plan.
+    """The demonstrations, those of one plan with equally many actions; `plan` says which are of one plan.
 
     Args:
         group: recordings that ask for the same.

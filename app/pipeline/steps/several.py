@@ -99,7 +99,7 @@ def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> 
 
 
 def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
-    """Whether an object is told by its place after something was moved: only where objects are now is known."""
+    """Whether an object is identified by its place after something was moved: only where objects are now is known."""
     return any(
         any(phrase.by == "relation" for phrase in later.phrases)
         and (earlier.verb in PICKING or earlier.takes_somewhere)

@@ -116,7 +116,7 @@ class PredictRequest:
         frames: calibrated images, for estimators that look.
         cameras: those of the frames, where these are no longer kept.
         images: the same as they came, by camera, to be stored with the prediction.
-        end_effector: where the robot's end effector is, where the robot tells.
+        end_effector: where the robot's end effector is, where it is known.
         meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         as_sent: the request as it came, to be stored with the prediction.
         alike: the objects that came with one name, and are numbered in `objects`.

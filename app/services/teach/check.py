@@ -28,7 +28,7 @@ from roboprompt_client.motion_limits import Pose
 
 MAX_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MAX_ASKED = 10  # of them that an LLM is asked about, some seconds each
-ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
+ASKED_TIMEOUT_S = 120.0  # each; no robot waits
 KEPT = 32  # checks of tasks that have not changed since
 REFUSALS = (ReplyParseError, UnsafeActionError, UnsupportedActionError, InvalidInputError)
 

@@ -1,4 +1,4 @@
-"""Object models from what is stored of a task, so that nobody has to type in colors and sizes."""
+"""Object models from what is stored of a task, instead of colors and sizes that somebody types in."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -22,7 +22,7 @@ export function listenForOutcome(place, recorded) {
       for (const button of buttons) button.disabled = false;
     }
   });
-  // Enter in the note must not record an outcome that nobody chose.
+  // Enter in the note must not record an outcome that was not chosen.
   form.elements.note.addEventListener("keydown", (event) => {
     if (event.key === "Enter") event.preventDefault();
   });

@@ -114,7 +114,7 @@ class Calibration:
 class Driver(Protocol):
     """A maker's interface. Only `halt` and `state` are called from another thread than the others.
 
-    Every method raises MotionError if the arm does not answer, refuses, or does not do as it was told.
+    Every method raises MotionError if the arm does not answer, refuses, or does not do as commanded.
 
     Attributes:
         name: for people.

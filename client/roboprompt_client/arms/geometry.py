@@ -108,7 +108,7 @@ class UrdfGeometry:
     """An arm's joints after its URDF; a `Geometry`.
 
     Args:
-        frame: of the file: the end effector whose pose the arm's driver tells.
+        frame: of the file: the end effector whose pose the arm's driver reports.
 
     Raises:
         InvalidInputError: if pinocchio is not installed, the file is none, has no such frame, or a joint that turns
