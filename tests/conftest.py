@@ -5,6 +5,8 @@ from tempfile import NamedTemporaryFile
 import certifi
 from hypothesis import settings
 
+import app.sim  # noqa: F401  it chooses MuJoCo's OpenGL, before a test imports MuJoCo
+
 pytest_plugins = ["tests.postgres", "tests.s3"]
 
 # The same examples on every run; a slow machine is no failure.
