@@ -8,6 +8,7 @@ from sqlalchemy import Connection, Row, delete, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
+from app.store.database import lock
 from app.store.errors import NotFoundError
 from app.store.records import Page, PredictionDraft, PredictionRecord
 from app.store.tables import fetch_page
@@ -68,6 +69,7 @@ def record_outcome(connection: Connection, prediction_id: str, success: bool, no
 def keep_as_case(connection: Connection, prediction_id: str) -> None:
     """Make the prediction a case, also if it is one; it is not deleted for its age or size. Raises NotFoundError."""
     get(connection, prediction_id)
+    lock(connection, f"case {prediction_id}")  # of two requests at once the second finds it
     if not is_case(connection, prediction_id):
         connection.execute(insert(_CASES).values(prediction_id=prediction_id, created_at=datetime.now(UTC)))
 

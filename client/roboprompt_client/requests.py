@@ -136,9 +136,13 @@ class Requests:
         """Tell that a run has ended; returns whether it was to be stopped."""
         return ask("DELETE", f"/runs/{run_id}", timeout=timeout_s).then(_stop)
 
-    def configure_task(self, /, task: str, **settings: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
-        """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
-        return ask("PUT", f"/tasks/{task}", json=settings)
+    def configure_task(self, /, task: str, *, version: int | None = None, **settings: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
+        """Set a task's settings, see `PUT /tasks/{name}`; returns all of them.
+
+        Args:
+            version: of the task that the settings were made from: refused (409) if it is another by now; None: any.
+        """
+        return ask("PUT", f"/tasks/{task}", json=settings, params={} if version is None else {"version": version})
 
     def motion_limits(self, task: str) -> Request[MotionLimits]:
         """What the task allows an action; raises InvalidInputError for bounds that can bound nothing."""

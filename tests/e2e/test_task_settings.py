@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory, upload
 
 TABLE_M = [(0.0, 0.1, 0.02), (0.1, -0.2, 0.02), (0.3, 0.2, 0.02), (0.25, -0.1, 0.02)]
@@ -87,3 +89,5 @@ def test_a_change_of_an_older_version_is_refused(http):
         refused = http.put(f"/tasks/{name}", params={"version": version}, json={"num_demonstrations": 5})
         assert (refused.status_code, said in refused.json()["detail"]) == (409, True)
     assert http.get("/tasks/shared").json()["num_demonstrations"] == 4
+    with RoboPromptClient(str(http.base_url)) as client, pytest.raises(ServiceProblemError, match="read it again"):
+        client.configure_task("shared", version=version, num_demonstrations=5)

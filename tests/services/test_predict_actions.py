@@ -8,6 +8,8 @@ from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.services.errors import UnparsableReplyError
+from app.services.predict import task_reading
+from app.services.predict.demonstrations import recordings_of
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.store import predictions
 from tests.services.conftest import ONE_ACTION
@@ -96,6 +98,15 @@ def test_template_is_made_once_per_task_version(taught):
     assert changed.cache_key == first.cache_key
     services.upload_episode(upload("cube"), respond)
     assert prefix(services).cache_key != first.cache_key
+
+
+def test_recordings_are_read_once_per_task_version(taught, monkeypatch):
+    """Though a prompt shows them and an answer is held against them."""
+    services, read = taught(ONE_ACTION), []
+    monkeypatch.setattr(task_reading, "recordings_of", lambda *given: read.append(given) or recordings_of(*given))
+    for _ in range(2):
+        prefix(services)
+    assert len(read) == 1
 
 
 def test_settings_follow_request_then_task_then_model(taught):

@@ -96,7 +96,8 @@ class KnownReader:
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
                 taught = task.taught(style.from_start, style.closed_loop)
-                demonstrations = task.demonstrations(_ids(task, request, scene, previous), style.closed_loop)
+                ids = _ids(task, request, scene, previous)
+                demonstrations = task.stepwise(ids) if style.closed_loop else task.demonstrations(ids)
         if scene.absent:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, task.record.object_names or (), taught.needed | demonstrations.needed)

@@ -16,6 +16,7 @@ from app.services.predict.request import Selection
 from app.services.predict.select import Scenes, read_scenes
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
+from app.store.records import DemonstrationRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
@@ -33,11 +34,13 @@ def kept(
     """For methods whose value depends on the task's version and the arguments alone: it is made once."""
 
     def keeping(make: Callable[Concatenate["TaskReading", P], V]) -> Callable[Concatenate["TaskReading", P], V]:
+        name = make.__name__
+
         @wraps(make)
         def look_up(self: "TaskReading", /, *args: P.args, **kwargs: P.kwargs) -> V:
-            cache = self.caches.setdefault(make.__name__, Cache(capacity))
-            key = (self.record.state, args, *kwargs.items())
-            value: V = cache.get_or_make(key, lambda: make(self, *args, **kwargs))
+            assert not kwargs, "one value would have several keys"
+            cache = self.caches.get(name) or self.caches.setdefault(name, Cache(capacity))
+            value: V = cache.get_or_make((self.record.state, *args), lambda: make(self, *args, **kwargs))
             return value
 
         return look_up
@@ -108,19 +111,24 @@ class TaskReading:
                 raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
 
     @kept(64)
-    def demonstrations(self, ids: Ids, closed_loop: bool = False) -> Demonstrations:
-        """Of those ids; for a closed loop each with its own keyframes, to which its objects were tracked.
+    def demonstrations(self, ids: Ids) -> Demonstrations:
+        """Of those ids, those of one plan with equally many rows.
 
         Raises:
             NotFoundError: naming the first id that is no episode of this task.
         """
-        records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
-        if closed_loop:
-            own = stepwise(records, self.settings)
-            return Demonstrations(own, own).only(self.record.object_names or ())
-        recordings = recordings_of(self._connection, records, self.settings)
+        recordings = recordings_of(self._connection, self._records(ids), self.settings)
         found = Demonstrations.of(recordings).only(self.record.object_names or ())
         return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
+
+    @kept(64)
+    def stepwise(self, ids: Ids) -> Demonstrations:
+        """The same for a closed loop: each with its own keyframes, to which its objects were tracked."""
+        own = stepwise(self._records(ids), self.settings)
+        return Demonstrations(own, own).only(self.record.object_names or ())
+
+    def _records(self, ids: Ids) -> tuple[DemonstrationRecord, ...]:
+        return episodes.demonstrations_by_id(self._connection, self.record.name, ids)
 
     @property
     def _held_against(self) -> Ids:

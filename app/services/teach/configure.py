@@ -83,6 +83,8 @@ class ConfigureTask:
                 number = episodes.number_of(connection, name)
             if number > self._max_at_once:
                 with self._store.write() as connection:
+                    if version is not None:
+                        tasks.require_version(connection, name, version)
                     wanted = new.model_dump(mode="json")
                     # Only what was asked for: limits that are tightened before the job ends must stay.
                     kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
