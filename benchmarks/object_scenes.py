@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import app.sim  # noqa: F401 - chooses OpenGL, which MuJoCo reads when it is imported
+
+# isort: split
 import cv2
 import mujoco
 import numpy as np
