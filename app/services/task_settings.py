@@ -156,6 +156,10 @@ class TaskSettings(BaseModel):
             raise ValueError(f"{one!r} and {other!r} are one name: the objects of a task must differ in more")
         return self
 
+    def within(self, workspace: WorkspaceSettings) -> "TaskSettings":
+        """The settings with this workspace."""
+        return self.model_copy(update={"workspace": workspace})
+
     def limits_of_motion(self) -> MotionLimits:
         """What every action of a prediction must keep to."""
         return self.motion_limits.limits(self.workspace)

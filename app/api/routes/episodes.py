@@ -21,10 +21,10 @@ from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.measures import note
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
-from app.services.teach.edit import edit_episode
-from app.services.teach.remove import remove_episode
+from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
@@ -63,6 +63,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         upload = await decode(_read_upload, services.limits, body, idempotency_key)
+        note(task=upload.task)
         store = partial(services.upload_episode, upload, episode_document)
         document = await anyio.to_thread.run_sync(store, limiter=services.teaching)
     services.prefix_warmer.changed(document["task"])

@@ -1,7 +1,6 @@
 """Change a task's settings; where they decide what is extracted, every episode is extracted again."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 from sqlalchemy import Connection
@@ -10,15 +9,14 @@ from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_all_again
 from app.services.teach.room import FIRST, Shown, spanned, widened
-from app.store import audit, episodes, jobs, tasks
-from app.store.errors import ConflictError, NotFoundError
+from app.store import episodes, jobs, tasks
+from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 from roboprompt_client.wording import checked_name
 
 MAX_AT_ONCE = 200  # some seconds
-BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 
 
 class ConfigureTask:
@@ -65,9 +63,7 @@ class ConfigureTask:
             if extractions:
                 require_no_job(connection, name)
                 episodes.replace_extractions(connection, name, before.version, extractions)
-            task = tasks.update_settings(connection, name, settings)
-            record_limits(connection, name, old.model_dump(mode="json"), settings)
-            return task
+            return tasks.update_settings(connection, name, settings)
 
     def at_once_or_as_job(
         self, name: str, changes: Mapping[str, Any], version: int | None = None
@@ -89,7 +85,7 @@ class ConfigureTask:
                     # Only what was asked for: limits that are tightened before the job ends must stay.
                     kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
                     job = jobs.add(connection, name, kept)
-                    record_limits(connection, name, old.model_dump(mode="json"), wanted, action="limits.requested")
+                    tasks.record_limits(connection, name, before.settings, wanted, action="limits.requested")
                     return job
         return self(name, changes, version=version)
 
@@ -103,9 +99,7 @@ class ConfigureTask:
         """The task as it is, and its settings as they are and as they will be."""
         checked_name("task", name)
         with self._store.read() as connection:
-            before = None
-            with suppress(NotFoundError):
-                before = tasks.get(connection, name)
+            before = tasks.find(connection, name)
         if version is not None and (before is None or before.version != version):
             now = "is gone" if before is None else f"is at version {before.version}"
             raise ConflictError(f"task {name!r} {now}, no longer at {version}: read it again and repeat")
@@ -122,7 +116,7 @@ class ConfigureTask:
             task = tasks.get_or_create(connection, name, settings)
             if task.settings != settings:
                 raise ConflictError(f"task {name!r} was created meanwhile: read it again and repeat")
-            record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
+            tasks.record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
         return task
 
 
@@ -131,11 +125,12 @@ def with_room(settings: TaskSettings, episodes: Sequence[Shown], changes: Mappin
 
     Only who names the workspace accepts episodes that reach far beyond the others.
     """
+    box = settings.workspace
     if "workspace" in changes:
-        return spanned(settings, episodes)
+        return settings.within(spanned(box, episodes))
     for episode in episodes:
-        settings = widened(settings, episode, episodes[:FIRST])
-    return settings
+        box = widened(box, episode, episodes[:FIRST])
+    return settings.within(box)
 
 
 def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
@@ -151,26 +146,3 @@ def require_no_job(connection: Connection, name: str) -> None:
     """
     if jobs.has_open(connection, name):
         raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")
-
-
-def record_limits(
-    connection: Connection,
-    task: str,
-    before: Mapping[str, Any],
-    after: Mapping[str, Any],
-    *,
-    action: str = "limits.changed",
-    actor: str | None = None,
-) -> None:
-    """Add an entry to the audit log if the settings' bounds of motion differ.
-
-    Args:
-        before, after: settings, as JSON.
-    """
-    changed = [name for name in BOUNDS if before.get(name) != after.get(name)]
-    if changed:
-        details = {
-            when: {name: values.get(name) for name in changed}
-            for when, values in (("before", before), ("after", after))
-        }
-        audit.record(connection, action, task, details, actor)

@@ -5,9 +5,6 @@ from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
-from app.pipeline.findings import Finding
-from app.pipeline.findings.recording import compared_findings, recording_findings
-from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
@@ -22,17 +19,21 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Extracted:
     """What a prompt will say of an episode.
 
     Attributes:
-        findings: what in the recording deserves a look.
+        poses: of the objects at the first frame, in the task's order.
     """
 
     keyframes: tuple[KeyframeRecord, ...]
-    objects: tuple[ObjectRecord, ...]
-    findings: tuple[Finding, ...] = ()
+    poses: tuple[ObjectPose, ...]
+
+    @property
+    def objects(self) -> tuple[ObjectRecord, ...]:
+        """The poses as they are stored."""
+        return tuple(map(ObjectRecord.of, self.poses))
 
 
 def extract(
@@ -54,27 +55,23 @@ def extract(
     Raises:
         InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
     """
-    rule, trajectory = settings.keyframes.keyframe_rule(), motion.trajectory
-    found = find_keyframes(motion, rule)
-    if not found:
-        message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
-        raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    settings.check_models(names)
-    queries = with_templates(settings.with_models(objects), blobs)
-    has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
-    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
-    sent = [query.name for query in objects]
+    rule, trajectory, sent = settings.keyframes.keyframe_rule(), motion.trajectory, [query.name for query in objects]
     keyframes = tuple(
         KeyframeRecord.of(
             frame,
             trajectory.action_at(frame, gripper_open=gripper_open),
             _ordered(trajectory.objects_at(frame, sent), names),
         )
-        for frame, gripper_open in found
+        for frame, gripper_open in find_keyframes(motion, rule)
     )
-    compared = compared_findings(settings.compared(objects, poses))
-    findings = (*unit_findings(trajectory, poses), *compared, *recording_findings(motion, found, rule))
-    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
+    if not keyframes:
+        message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
+        raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
+    settings.check_models(names)
+    queries = with_templates(settings.with_models(objects), blobs)
+    has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
+    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
+    return Extracted(keyframes, _ordered(poses, names))
 
 
 def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
@@ -87,6 +84,7 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
     Raises:
         InvalidInputError: naming the episode and why it cannot be extracted so.
         CorruptDataError: if what is stored of it is damaged.
+        NotFoundError: if it was deleted since.
     """
     with store.read() as connection:
         motion = settings.motion_of(get_trajectory(connection, record.id), record.control_frequency_hz)

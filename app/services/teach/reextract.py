@@ -9,7 +9,7 @@ from datetime import timedelta
 from functools import partial
 
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import record_limits, with_room
+from app.services.teach.configure import with_room
 from app.services.teach.extract import extract_all_again
 from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
@@ -118,13 +118,10 @@ class RunJobs:
             if jobs.pending(connection, job, 1):
                 return False
             settings = self._settings(job, task.settings)
-            jobs.finish(connection, job, settings.model_dump(mode="json"))
-            records = episodes.all_of(connection, job.task) if settings.workspace.preset == "auto" else ()
-            shown = [record for record in records if not record.left_out]
+            jobs.finish(connection, job)
+            shown = episodes.demonstrations(connection, job.task) if settings.workspace.preset == "auto" else ()
             after = with_room(settings, shown, job.changes).model_dump(mode="json")
-            tasks.update_settings(connection, job.task, after)
-            before = TaskSettings.model_validate(task.settings).model_dump(mode="json")
-            record_limits(connection, job.task, before, after, actor=f"job {job.id}")
+            tasks.update_settings(connection, job.task, after, actor=f"job {job.id}")
         logger.info("job %s is done", job.id)
         self._on_done(job.task)
         return True
