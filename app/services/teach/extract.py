@@ -48,12 +48,12 @@ def extract(
 
     Args:
         motion: as the settings read it.
-        objects: as sent, which is also the order of the objects that the trajectory tracks.
+        objects: with what the task knows of them, in the order of the objects that the trajectory tracks.
         names: of the objects, in the task's order.
         blobs: where templates of the objects are.
 
     Raises:
-        InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
+        InvalidInputError: if there is no keyframe, or an object cannot be found.
     """
     rule, trajectory, sent = settings.keyframes.keyframe_rule(), motion.trajectory, [query.name for query in objects]
     keyframes = tuple(
@@ -67,8 +67,7 @@ def extract(
     if not keyframes:
         message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    settings.check_models(names)
-    queries = with_templates(settings.with_models(objects), blobs)
+    queries = with_templates(objects, blobs)
     has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
     poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
     return Extracted(keyframes, _ordered(poses, names))
@@ -90,7 +89,8 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         motion = settings.motion_of(get_trajectory(connection, record.id), record.control_frequency_hz)
     try:
         names = [item.name for item in record.objects]
-        queries = tuple(map(ObjectQuery.from_json, record.given_objects))
+        settings.check_models(names)
+        queries = settings.with_models(map(ObjectQuery.from_json, record.given_objects))
         frames = [read_frame(store.blobs, item) for item in record.cameras]
         extracted = extract(motion, queries, frames, settings, names, store.blobs)
     except InvalidInputError as error:

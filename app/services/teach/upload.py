@@ -28,7 +28,7 @@ from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse
 from app.store.store import Store
-from app.store.values import JsonObject
+from app.store.values import CameraRecord, JsonObject
 from roboprompt_client.arrays import settle
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
@@ -91,19 +91,27 @@ Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
 @dataclass(frozen=True, eq=False)
 class _Ready:
-    """An upload, extracted for its task as it was read.
+    """An episode, extracted for its task as it was read.
 
     Attributes:
         settings: of the task, with the arm's number of joints.
         findings: apart from those on the workspace.
     """
 
-    upload: Upload
-    instruction: str
     task: KnownTask
     settings: TaskSettings
-    extracted: Extracted
+    draft: EpisodeDraft
     findings: tuple[Finding, ...]
+
+    def outcome(self, task: KnownTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
+        """What becomes of the task with the workspace and first demonstrations of now: its settings, and the answer."""
+        box = task.settings.workspace
+        if not self.draft.left_out:
+            box = uploaded(box, self.draft, task.first)
+        settings = self.settings.within(box)
+        findings = (*room_findings(box, self.draft, task.first), *self.findings)
+        answer = {**respond(self.draft, settings), "findings": [finding.to_json() for finding in findings]}
+        return settings.model_dump(mode="json"), answer
 
 
 class UploadEpisode:
@@ -127,87 +135,83 @@ class UploadEpisode:
             with self._store.read() as connection:
                 if (answer := _answer_before(connection, upload)) is not None:
                     return answer
+                _check_link(connection, upload)
                 task = KnownTask.read(connection, upload.task, upload.objects)
             ready = self._ready(upload, task)
-            if (answer := self._commit(ready, respond)) is not None:
+            if (answer := self._commit(upload, ready, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
     def _ready(self, upload: Upload, task: KnownTask) -> _Ready:
-        """Each step of the method, up to the commit."""
-        episode, given, names = upload.episode, upload.given, upload.object_names
+        """The steps of the method: what was recorded, is it of this task, keyframes and poses, what deserves a look."""
+        episode, given, sent = upload.episode, upload.given, upload.object_names
+        names = list(dict.fromkeys((*(task.object_names or ()), *sent)))
         settings = task.settings.with_joints_of(episode.trajectory)
-        self._pose_servers.check(settings.object_models)
+        queries = settings.with_models(upload.objects)
         motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
+        self._pose_servers.check(settings.object_models)
         check_recording(motion, given, [frame.camera for frame in episode.frames])
         instruction = saying_which(episode.instruction, motion, given, upload.alike, np.array(settings.robot_base))
-        others = check_objects(task, instruction, names, given, motion)
-        ordered = list(dict.fromkeys((*(task.object_names or ()), *names)))
-        extracted = extract(motion, upload.objects, episode.frames, settings, ordered, self._store.blobs)
+        others = check_objects(task, instruction, sent, given, motion)
+        settings.check_models(names)
+        extracted = extract(motion, queries, episode.frames, settings, names, self._store.blobs)
+        compared = settings.compared(upload.objects, extracted.poses)
         new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes)
+        shown = [record.demonstration() for record in task.demonstrations]
         findings = (
             *others,
             *alike_findings(upload.alike, instruction),
             *unit_findings(episode.trajectory, extracted.poses),
-            *compared_findings(settings.compared(upload.objects, extracted.poses)),
+            *compared_findings(compared),
             *recording_findings(motion, extracted.keyframes, settings.keyframes.keyframe_rule()),
-            *contact_findings(motion, names, episode.extra),
-            *unlike_findings(new.demonstration(), [record.demonstration() for record in task.demonstrations]),
+            *contact_findings(motion, sent, episode.extra),
+            *unlike_findings(new.demonstration(), shown),
         )
-        return _Ready(upload, instruction, task, settings, extracted, findings)
+        cameras = put_images(self._store.blobs, [frame.camera for frame in episode.frames], upload.images)
+        trajectory = trajectories.pack(episode.trajectory)
+        return _Ready(task, settings, _draft(upload, instruction, extracted, cameras, trajectory), findings)
 
-    def _commit(self, ready: _Ready, respond: Respond) -> JsonObject | None:
+    def _commit(self, upload: Upload, ready: _Ready, respond: Respond) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""
-        upload, task = ready.upload, ready.task
-        draft = self._draft(ready)
-        # before the transaction: on SQLite others wait for it
-        settings, answer = _outcome(ready, draft, task, respond)
+        task, key = ready.task, upload.idempotency_key
+        settings, answer = ready.outcome(task, respond)  # before the transaction: on SQLite others wait for it
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
             if (now := task.locked(connection)) is None:
                 return None
-            _check_link(connection, upload)
             if (now.stored, now.first) != (task.stored, task.first):  # another upload has come in
-                settings, answer = _outcome(ready, draft, now, respond)
-            episodes.add(connection, draft)
-            if (key := upload.idempotency_key) is not None:
+                settings, answer = ready.outcome(now, respond)
+            episodes.add(connection, ready.draft)
+            if key is not None:
                 idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
             tasks.update_settings(connection, task.name, settings)
         return answer
 
-    def _draft(self, ready: _Ready) -> EpisodeDraft:
-        """The episode's row; its images are stored."""
-        upload, episode = ready.upload, ready.upload.episode
-        kept = None if ready.instruction == episode.instruction else episode.instruction
-        return EpisodeDraft(
-            task=upload.task,
-            instruction=ready.instruction,
-            control_frequency_hz=episode.control_frequency_hz,
-            keyframes=ready.extracted.keyframes,
-            objects=ready.extracted.objects,
-            given_objects=tuple(asdict(query) for query in upload.objects),
-            cameras=put_images(self._store.blobs, [frame.camera for frame in episode.frames], upload.images),
-            extra=dict(episode.extra),
-            prediction_id=upload.prediction_id,
-            left_out=upload.left_out,
-            note=upload.note,
-            uploaded_instruction=upload.uploaded_instruction or kept,
-            num_frames=len(episode.trajectory),
-            trajectory=trajectories.pack(episode.trajectory),
-        )
 
-
-def _outcome(ready: _Ready, draft: EpisodeDraft, task: KnownTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
-    """What becomes of a task with this workspace and these first demonstrations: its settings, and the answer."""
-    box = task.settings.workspace
-    if not draft.left_out:
-        box = uploaded(box, draft, task.first)
-    settings = ready.settings.within(box)
-    findings = (*room_findings(box, draft, task.first), *ready.findings)
-    answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in findings]}
-    return settings.model_dump(mode="json"), answer
+def _draft(
+    upload: Upload, instruction: str, extracted: Extracted, cameras: tuple[CameraRecord, ...], trajectory: bytes
+) -> EpisodeDraft:
+    """The episode's row, under an instruction that may have been given numbers."""
+    episode = upload.episode
+    sent = None if instruction == episode.instruction else episode.instruction
+    return EpisodeDraft(
+        task=upload.task,
+        instruction=instruction,
+        control_frequency_hz=episode.control_frequency_hz,
+        keyframes=extracted.keyframes,
+        objects=extracted.objects,
+        given_objects=tuple(asdict(query) for query in upload.objects),
+        cameras=cameras,
+        extra=dict(episode.extra),
+        prediction_id=upload.prediction_id,
+        left_out=upload.left_out,
+        note=upload.note,
+        uploaded_instruction=upload.uploaded_instruction or sent,
+        num_frames=len(episode.trajectory),
+        trajectory=trajectory,
+    )
 
 
 def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
