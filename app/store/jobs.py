@@ -91,7 +91,8 @@ def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extracti
     """Keep a batch and renew the claim; raises LostClaimError."""
     rows = [{"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item)} for item in extractions]
     _change(connection, job, {"claimed_until": datetime.now(UTC) + lease})
-    connection.execute(insert(_STAGED), rows)
+    if rows:  # unless each of the batch was deleted meanwhile
+        connection.execute(insert(_STAGED), rows)
     number = select(func.count()).select_from(_STAGED).where(_STAGED.c.job == job.id).scalar_subquery()
     of_task = episodes.number_of(connection, job.task)
     _change(connection, job, {"num_extracted": number, "num_episodes": of_task})

@@ -55,6 +55,8 @@ class ConfigureTask:
             records = episodes.all_of(connection, name) if "workspace" in changes or new.reads_unlike(old) else ()
         extractions = extract_all_again(self._store, records, new) if new.reads_unlike(old) else []
         read: Sequence[Shown] = extractions or records
+        if len(read) < len(records):
+            raise ConflictError(f"an episode of task {name!r} was deleted meanwhile: read it again and repeat")
         shown = [item for item, record in zip(read, records, strict=True) if not record.left_out]
         settings = with_room(new, shown, changes).model_dump(mode="json")
         with self._store.write() as connection:

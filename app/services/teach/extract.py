@@ -5,11 +5,13 @@ from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.sources import GIVEN
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.services.templates import with_templates
 from app.store.blobs import BlobStore
+from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
@@ -91,7 +93,8 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         names = [item.name for item in record.objects]
         settings.check_models(names)
         queries = settings.with_models(map(ObjectQuery.from_json, record.given_objects))
-        frames = [read_frame(store.blobs, item) for item in record.cameras]
+        looks = settings.pose_estimator != GIVEN or any(query.model is not None for query in queries)
+        frames = [read_frame(store.blobs, item) for item in record.cameras] if looks else []
         extracted = extract(motion, queries, frames, settings, names, store.blobs)
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
@@ -99,14 +102,18 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
 
 
 def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:
-    """Several stored episodes, each as by `extract_again`; one that is left out stays as it is if that fails."""
-    return [_again_or_as_it_is(store, record, settings) for record in records]
+    """Several stored episodes, each as by `extract_again`.
 
-
-def _again_or_as_it_is(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
-    try:
-        return extract_again(store, record, settings)
-    except InvalidInputError:
-        if not record.left_out:
-            raise
-        return Extraction(record.id, record.keyframes, record.objects)
+    One that is left out of prompts stays as it is if that fails; one that was deleted since is missing.
+    """
+    extractions = []
+    for record in records:
+        try:
+            extractions.append(extract_again(store, record, settings))
+        except InvalidInputError:
+            if not record.left_out:
+                raise
+            extractions.append(Extraction(record.id, record.keyframes, record.objects))
+        except NotFoundError:
+            continue
+    return extractions

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from datetime import timedelta
 from functools import partial
 
+from pydantic import ValidationError
+
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import with_room
 from app.services.teach.extract import extract_all_again
@@ -95,9 +97,16 @@ class RunJobs:
             jobs.release(connection, job)
 
     def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
-        """As they will be: what else has been set meanwhile stays."""
-        old = TaskSettings.model_validate(current)
-        return old.changed(job.changes)
+        """As they will be: what else has been set meanwhile stays.
+
+        Raises:
+            InvalidInputError: if that and the job's changes do not go together.
+        """
+        try:
+            return TaskSettings.model_validate(current).changed(job.changes)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise InvalidInputError(".".join(map(str, first["loc"])), f"contradicts the job: {first['msg']}") from error
 
     def _extract_batch(self, job: JobRecord) -> bool:
         """Whether there was anything left to extract."""
