@@ -8,7 +8,7 @@ from app.perception.base import ObjectQuery
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame
 from app.perception.overlay import draw_overlay
 from app.services.task_settings import TaskSettings
-from app.store import episodes, predictions, tasks
+from app.store import episodes, predictions
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
 from app.store.store import Store
@@ -75,7 +75,7 @@ class DrawOverlay:
         """
         with self._store.read() as connection:
             record = episodes.get(connection, episode_id)
-            settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+            settings = TaskSettings.of(connection, record.task)
         stored, _ = stored_image(record.cameras, camera, "rgb", f"episode {episode_id}")
         return self._png(stored, record.objects, record.given_objects, settings)
 
@@ -87,7 +87,7 @@ class DrawOverlay:
         """
         with self._store.read() as connection:
             record = predictions.get(connection, prediction_id)
-            settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+            settings = TaskSettings.of(connection, record.task)
         stored, _ = stored_image(record.cameras, camera, "rgb", f"prediction {prediction_id}")
         return self._png(stored, record.objects, record.request.get("objects", ()), settings)
 

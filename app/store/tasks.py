@@ -134,10 +134,15 @@ def require_version(connection: Connection, name: str, version: int) -> None:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 
+def num_episodes(connection: Connection) -> dict[str, int]:
+    """How many episodes each task has that has any."""
+    query = select(tables.episodes.c.task, func.count()).group_by(tables.episodes.c.task)
+    return {row[0]: row[1] for row in connection.execute(query)}
+
+
 def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
     """How much is stored of every task that is seen, without the predictions of `without_models`."""
-    episodes, predictions = tables.episodes, tables.predictions
-    episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
+    predictions = tables.predictions
     outcomes = select(
         predictions.c.task,
         func.count(),
@@ -147,10 +152,10 @@ def counts(connection: Connection, without_models: Collection[str] = ()) -> dict
     if without_models:
         outcomes = outcomes.where(predictions.c.model.not_in(without_models))
     outcomes = of_visible_predictions(outcomes).group_by(predictions.c.task)
-    num_episodes: dict[str, int] = {row[0]: row[1] for row in episode_counts}
+    of_episodes = num_episodes(connection)
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}
     names = connection.scalars(of_visible_tasks(select(_TASKS.c.name), _TASKS.c.name).order_by(_TASKS.c.name))
-    return {name: TaskCounts(num_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
+    return {name: TaskCounts(of_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
 
 
 def _record(row: Row[Any]) -> TaskRecord:

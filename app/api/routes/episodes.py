@@ -28,6 +28,7 @@ from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
+from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
@@ -113,9 +114,10 @@ def list_episodes(
     """Episodes, newest first."""
     services.limits.check_page(limit)
     with services.store.read() as connection:
-        listed = tasks.list_all(connection) if task is None else [tasks.get(connection, task)]
-        known = {record.name: TaskSettings.model_validate(record.settings) for record in listed}
+        if task is not None:
+            tasks.get(connection, task)
         page = episodes.list_page(connection, task, limit, cursor, left_out=left_out)
+        known = {name: TaskSettings.of(connection, name) for name in {record.task for record in page.items}}
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
 
@@ -125,8 +127,8 @@ def get_episode(services: Wired, episode_id: str) -> Response:
     """One episode and what was extracted from it."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-        task = tasks.get(connection, record.task)
-    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
+        settings = TaskSettings.of(connection, record.task)
+    return JSONResponse(episode_document(record, settings))
 
 
 @router.get(
@@ -149,7 +151,7 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
         _422="a value is not valid, the instruction names no object, or the episode cannot be extracted again",
     ),
 )
-def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
+async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
     """Correct the instruction, leave the episode out of prompts or show it again, or note something about it.
 
     What the upload said is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
@@ -157,11 +159,16 @@ def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody
     """
     if body.instruction is not None:
         services.limits.check_scene("", body.instruction, (), ())
-    record = edit_episode(services.store, episode_id, body.model_dump(exclude_none=True))
-    services.prefix_warmer.changed(record.task)
-    with services.store.read() as connection:
-        task = tasks.get(connection, record.task)
-    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
+    change = partial(_edited, services.store, episode_id, body.model_dump(exclude_none=True))
+    document = await anyio.to_thread.run_sync(change, limiter=services.teaching)
+    services.prefix_warmer.changed(document["task"])
+    return JSONResponse(document)
+
+
+def _edited(store: Store, episode_id: str, changes: JsonObject) -> JsonObject:
+    record = edit_episode(store, episode_id, changes)
+    with store.read() as connection:
+        return episode_document(record, TaskSettings.of(connection, record.task))
 
 
 @router.delete("/episodes/{episode_id}", status_code=204, responses=problems(_404="no such episode"))

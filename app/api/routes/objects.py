@@ -4,8 +4,10 @@ Another instance of the service, or any other client, may ask this one's estimat
 """
 
 from enum import Enum
+from functools import partial
 from typing import Annotated
 
+import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
@@ -176,15 +178,15 @@ def delete_label(services: Wired, name: str, label_id: str) -> Response:
         _422="the labels do not give a template, or an episode cannot be extracted with it",
     ),
 )
-def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
+async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
     """Learn what an object looks like from its last ten labels, and find it by that from now on.
 
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
     did not fit, and why.
     """
-    model = services.learn_from_labels(
-        name, body.object, body.symmetric, yaw_may_be_unknown=body.yaw_may_be_unknown, dry_run=body.dry_run
-    )
+    how = {"yaw_may_be_unknown": body.yaw_may_be_unknown, "dry_run": body.dry_run}
+    learn = partial(services.learn_from_labels, name, body.object, body.symmetric, **how)
+    model = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
     if not body.dry_run:
         services.prefix_warmer.changed(name)
     number = len(model["views"])

@@ -108,8 +108,8 @@ router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
 def list_tasks(services: Wired) -> Response:
     """Every task."""
     with services.store.read() as connection:
-        counts = tasks.counts(connection)
-        documents = [task_document(record, counts[record.name].episodes) for record in tasks.list_all(connection)]
+        numbers = tasks.num_episodes(connection)
+        documents = [task_document(record, numbers.get(record.name, 0)) for record in tasks.list_all(connection)]
     return JSONResponse({"tasks": documents})
 
 

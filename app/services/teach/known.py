@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from sqlalchemy import Connection
 
@@ -49,7 +50,7 @@ class KnownTask:
             return known
         return replace(known, recordings=recordings_of(connection, shown, known.settings))
 
-    @property
+    @cached_property
     def settings(self) -> TaskSettings:
         """The settings, checked."""
         return TaskSettings.model_validate(self.stored)
