@@ -166,14 +166,6 @@ class PredictionRecord(PredictionDraft):
 
 
 @dataclass(frozen=True)
-class StoredResponse:
-    """What a request was answered with."""
-
-    status: int
-    response: JsonObject
-
-
-@dataclass(frozen=True)
 class JobRecord:
     """The re-extraction of a task's episodes with changed settings."""
 

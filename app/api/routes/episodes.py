@@ -238,6 +238,6 @@ def get_upload(services: Wired, idempotency_key: str) -> Response:
     """The episode that an upload with this `Idempotency-Key` made."""
     with services.store.read() as connection:
         stored = idempotency.answered(connection, SCOPE, idempotency_key)
-        if stored is None or not episodes.exist(connection, stored.response["id"]):
+        if stored is None or not episodes.exist(connection, stored["id"]):
             raise NotFoundError("upload", idempotency_key)
-    return JSONResponse({"episode_id": stored.response["id"]})
+    return JSONResponse({"episode_id": stored["id"]})

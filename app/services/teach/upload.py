@@ -26,7 +26,7 @@ from app.services.teach.objects import check_objects, saying_which
 from app.services.teach.room import room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 from roboprompt_client.arrays import settle
@@ -185,7 +185,7 @@ class UploadEpisode:
             episodes.add(connection, ready.draft)
             if key is not None:
                 idempotency.forget(connection, SCOPE, key)
-                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
+                idempotency.save(connection, SCOPE, key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
         return answer
 
@@ -219,7 +219,7 @@ def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
     if upload.idempotency_key is None:
         return None
     stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
-    return stored.response if stored is not None and episodes.exist(connection, stored.response["id"]) else None
+    return stored if stored is not None and episodes.exist(connection, stored["id"]) else None
 
 
 def _check_link(connection: Connection, upload: Upload) -> None:
