@@ -33,6 +33,7 @@ from app.perception.poses_wire import PoseQuestion, poses_document
 from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
+from app.services.scene_images import overlay_of_episode, overlay_of_prediction
 from app.services.teach.label_masks import LabelDraft
 from app.store import labels
 from app.store.blobs import BlobStore
@@ -99,8 +100,8 @@ def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
 )
 async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A camera's first image with the objects as they were found."""
-    draw = services.draw_overlay.of_episode
-    return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
+    png = await image_work(request).run(request, overlay_of_episode, services.store, episode_id, camera)
+    return Response(png, media_type=PNG)
 
 
 @router.get(
@@ -112,8 +113,8 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
 )
 async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
     """What the robot saw when it asked, with the objects as they were found."""
-    draw = services.draw_overlay.of_prediction
-    return Response(await image_work(request).run(request, draw, prediction_id, camera), media_type=PNG)
+    png = await image_work(request).run(request, overlay_of_prediction, services.store, prediction_id, camera)
+    return Response(png, media_type=PNG)
 
 
 @router.post(

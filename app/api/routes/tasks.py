@@ -23,7 +23,7 @@ from app.services.container import Services
 from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach.check import CheckedTask
-from app.services.teach.try_model import Tried
+from app.services.teach.learn import Tried
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject

@@ -48,7 +48,11 @@ class ConfigureTask:
             InvalidInputError: if a stored episode cannot be extracted with the new settings; nothing is changed.
             ConflictError: if the task changed meanwhile.
         """
-        before, old, new = self._planned(name, changes, learned, version)
+        return self._at_once(name, changes, *self._planned(name, changes, learned, version))
+
+    def _at_once(
+        self, name: str, changes: Mapping[str, Any], before: TaskRecord | None, old: TaskSettings, new: TaskSettings
+    ) -> TaskRecord:
         if before is None:
             return self._create(name, new.model_dump(mode="json"))
         with self._store.read() as connection:
@@ -76,20 +80,19 @@ class ConfigureTask:
             as the call; also ConflictError: if the task has such a job already.
         """
         before, old, new = self._planned(name, changes, version=version)
-        if before is not None and new.reads_unlike(old):
-            with self._store.read() as connection:
-                number = episodes.number_of(connection, name)
-            if number > self._max_at_once:
-                with self._store.write() as connection:
-                    if version is not None:
-                        tasks.require_version(connection, name, version)
-                    wanted = new.model_dump(mode="json")
-                    # Only what was asked for: limits that are tightened before the job ends must stay.
-                    kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
-                    job = jobs.add(connection, name, kept)
-                    tasks.record_limits(connection, name, before.settings, wanted, action="limits.requested")
-                    return job
-        return self(name, changes, version=version)
+        with self._store.read() as connection:
+            number = episodes.number_of(connection, name) if new.reads_unlike(old) else 0
+        if before is None or number <= self._max_at_once:
+            return self._at_once(name, changes, before, old, new)
+        wanted = new.model_dump(mode="json")
+        # Only what was asked for: limits that are tightened before the job ends must stay.
+        kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
+        with self._store.write() as connection:
+            if version is not None:
+                tasks.require_version(connection, name, version)
+            job = jobs.add(connection, name, kept)
+            tasks.record_limits(connection, name, before.settings, wanted, action="limits.requested")
+        return job
 
     def _planned(
         self,

@@ -7,9 +7,8 @@ from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
 from app.pipeline.findings.sources import GIVEN
 from app.pipeline.keyframes import Motion, find_keyframes
-from app.services.scene_images import read_frame
+from app.services.scene_images import read_frame, with_templates
 from app.services.task_settings import TaskSettings
-from app.services.templates import with_templates
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, Extraction
