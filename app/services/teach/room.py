@@ -79,7 +79,7 @@ def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
     if box.preset != "auto" or not len(positions_m):
         return box
     untaught = (box.min, box.max) == (RLBENCH_MIN_M, RLBENCH_MAX_M)
-    held = Workspace.around(positions_m, None if untaught else box.workspace())
+    held = Workspace.around(positions_m, None if untaught else Workspace(np.array(box.min), np.array(box.max)))
     return WorkspaceSettings(preset="auto", min=tuple(held.min_m.tolist()), max=tuple(held.max_m.tolist()))
 
 

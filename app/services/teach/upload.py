@@ -21,8 +21,7 @@ from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import Extracted, extract
-from app.services.teach.known import KnownTask
-from app.services.teach.objects import check_objects, saying_which
+from app.services.teach.known import KnownTask, check_objects, saying_which
 from app.services.teach.room import room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
