@@ -56,30 +56,17 @@ def answered(connection: Connection, scope: str, key: str) -> JsonObject | None:
     return None if row is None else row.response
 
 
-def forget(connection: Connection, scope: str, key: str) -> None:
-    """Let the caller use the key again: what the request did was undone since."""
-    own = (_KEYS.c.scope == scope, _KEYS.c.owner == present().key_id, _KEYS.c.key == key)
-    connection.execute(delete(_KEYS).where(*own))
-
-
 def save(connection: Connection, scope: str, key: str, request_digest: str, answer: JsonObject) -> None:
-    """Remember the answer, and forget those of the same scope that are too old.
+    """Remember the answer in the place of an earlier one, and forget those of the same scope that are too old.
 
     Call it after `find`, in the write transaction that does what the request asks.
     """
-    now = datetime.now(UTC)
+    now, own = datetime.now(UTC), {"scope": scope, "owner": present().key_id, "key": key}
+    connection.execute(delete(_KEYS).filter_by(**own))
     if scope in KEPT_FOR:
         connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.created_at < now - KEPT_FOR[scope]))
-    values = {
-        "scope": scope,
-        "owner": present().key_id,
-        "key": key,
-        "request_digest": request_digest,
-        "status": _STATUSES[scope],
-        "response": answer,
-        "created_at": now,
-    }
-    connection.execute(insert(_KEYS).values(values))
+    values = {"request_digest": request_digest, "status": _STATUSES[scope], "response": answer, "created_at": now}
+    connection.execute(insert(_KEYS).values({**own, **values}))
 
 
 def _row(connection: Connection, scope: str, key: str, owner: str) -> Row[Any] | None:

@@ -31,9 +31,11 @@ def test_answers_belong_to_who_got_them(store):
             idempotency.save(connection, idempotency.PREDICT, "k", "d", {"id": id_})
     with seeing(RIVAL), store.write() as connection:
         assert idempotency.answered(connection, idempotency.PREDICT, "k") == {"id": "2"}
-        idempotency.forget(connection, idempotency.PREDICT, "k")
+        idempotency.save(connection, idempotency.PREDICT, "k", "d", {"id": "4"})
     with seeing(ROBOT), store.read() as connection:
         assert idempotency.find(connection, idempotency.PREDICT, "k", "d") == {"id": "1"}
+    with seeing(RIVAL), store.read() as connection:
+        assert idempotency.find(connection, idempotency.PREDICT, "k", "d") == {"id": "4"}
 
 
 def test_predictions_belong_to_who_asked(store):

@@ -183,7 +183,6 @@ class UploadEpisode:
                 settings, answer = ready.outcome(now, respond)
             episodes.add(connection, ready.draft)
             if key is not None:
-                idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
         return answer
