@@ -10,6 +10,7 @@ import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
+from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
@@ -62,11 +63,11 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     belongs to them.
     """
     body = await read_body(request)
-    async with image_work(request).room(request, body, services.limits) as decode:
+    # the turn comes before the trajectory is unpacked, which may be a thousand times as large then
+    async with image_work(request).room(request, body, services.limits) as decode, services.teaching:
         upload = await decode(_read_upload, services.limits, body, idempotency_key)
         note(task=upload.task)
-        store = partial(services.upload_episode, upload, episode_document)
-        document = await anyio.to_thread.run_sync(store, limiter=services.teaching)
+        document = await run_in_threadpool(services.upload_episode, upload, episode_document)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
