@@ -130,7 +130,9 @@ class RunJobs:
             jobs.finish(connection, job)
             shown = episodes.demonstrations(connection, job.task) if settings.workspace.preset == "auto" else ()
             after = with_room(settings, shown, job.changes).model_dump(mode="json")
-            tasks.update_settings(connection, job.task, after, actor=f"job {job.id}")
+            changed = tasks.update_settings(connection, job.task, after, actor=f"job {job.id}")
+            if changed.version == task.version:  # keyframes may differ all the same, and prompts are kept by version
+                tasks.change(connection, job.task, {})
         logger.info("job %s is done", job.id)
         self._on_done(job.task)
         return True
