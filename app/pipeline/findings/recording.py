@@ -22,6 +22,7 @@ SHORT_S = 0.5
 IDLE_S = 5.0
 IDLE_M_S = 0.002
 FAST_SWITCH_M_S = 0.15
+FINGERS_MOVE_M = 0.01
 
 COMMANDED = "commanded_positions"  # in `extra`: where the hand was sent, (T, 3) m, world frame
 PUSHED_M = 0.03  # an object that the hand moves so far without holding it is pushed
@@ -90,9 +91,13 @@ def _times(motion: Motion) -> Iterator[Finding]:
 
 def _gripper(motion: Motion) -> Iterator[Finding]:
     if not motion.switches:
-        state = "open" if motion.trajectory.gripper_open[0] else "closed"
+        state, widths_m = "open" if motion.trajectory.gripper_open[0] else "closed", motion.trajectory.gripper_width_m
         message = f"The gripper is {state} all the time: right for a task without a grasp."
-        yield Finding("one-gripper-state", "info", message, "trajectory.gripper_open")
+        if widths_m is not None and (travel_m := float(np.ptp(widths_m))) > FINGERS_MOVE_M:
+            message += f" But its fingers move by {100 * travel_m:.1f} cm: is the width right above which it is open?"
+            yield Finding("one-gripper-state", "warning", message, "trajectory.gripper_open", {"travel_m": travel_m})
+        else:
+            yield Finding("one-gripper-state", "info", message, "trajectory.gripper_open")
         return
     speeds_m_s = {switch.frame: float(motion.hand_speeds_m_s[switch.frame]) for switch in motion.acting_switches}
     fast = next((frame for frame, speed_m_s in speeds_m_s.items() if speed_m_s > FAST_SWITCH_M_S), None)
