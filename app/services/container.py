@@ -21,8 +21,8 @@ from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
-from app.services.teach.labels import LabelObjects, LearnFromLabels
-from app.services.teach.learn import LearnObjectModels, TryModel
+from app.services.teach.labels import LabelObjects
+from app.services.teach.learn import LearnFromLabels, LearnObjectModels, TryModel
 from app.services.teach.reextract import RunJobs
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store

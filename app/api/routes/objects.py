@@ -34,7 +34,7 @@ from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
 from app.services.scene_images import overlay_of_episode, overlay_of_prediction
-from app.services.teach.label_masks import LabelDraft
+from app.services.teach.labels import LabelDraft
 from app.store import labels
 from app.store.blobs import BlobStore
 from app.store.labels import LabelRecord

@@ -1,4 +1,4 @@
-"""Object models: learned from what is stored of a task, and tried out on it before the task is given them."""
+"""Object models: learned from a task's episodes or labels, and tried out before the task is given them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,17 +8,22 @@ from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
+from app.perception.registered.learn import LabelledView, Learned, learn
+from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import read_frame, with_templates
 from app.services.teach.configure import ConfigureTask
-from app.store import episodes, tasks
+from app.store import episodes, labels, tasks
 from app.store.errors import NotFoundError
+from app.store.labels import LabelRecord
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
+
+MAX_VIEWS = 10  # labelled, that an object is learned from
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,63 @@ def _learned(
 
 def _only(scene: LabelledScene, names: Sequence[str]) -> LabelledScene:
     return replace(scene, objects=tuple(query for query in scene.objects if query.name in names))
+
+
+@dataclass(frozen=True, eq=False)
+class LearnFromLabels:
+    """Learns models for the estimator `registered`. Synchronous: call it in a thread."""
+
+    store: Store
+    configure_task: ConfigureTask
+
+    def __call__(
+        self, task: str, name: str, symmetric: str | float, *, yaw_may_be_unknown: bool = False, dry_run: bool = False
+    ) -> Mapping[str, Any]:
+        """Learn the object from its last labels, and find it by what was learned from now on; returns its model.
+
+        Every episode is extracted again.
+
+        Args:
+            dry_run: leave the task as it is.
+
+        Raises:
+            NotFoundError: if there is no such task.
+            InvalidInputError: if the object has no labels, no template can be learned from them, or an episode cannot
+                be extracted with it; nothing is changed.
+            ConflictError: if the task changed meanwhile.
+        """
+        symmetry_deg = yaw_symmetry_deg(symmetric)
+        with self.store.read() as connection:
+            tasks.get(connection, task)
+            records = labels.all_of(connection, task, name)[-MAX_VIEWS:]
+        if not records:
+            raise ObjectModelError(
+                name, "has no labels", f"POST /tasks/{task}/labels with its mask in 1 to {MAX_VIEWS} views"
+            )
+        views = [self._view(record) for record in records]
+        learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
+        model = self._model(records, learned, symmetric, yaw_may_be_unknown=yaw_may_be_unknown).as_json()
+        if not dry_run:
+            self.configure_task(task, {}, learned={name: model})
+        return model
+
+    def _view(self, record: LabelRecord) -> LabelledView:
+        frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
+        return LabelledView(frames, record.yaw_deg)
+
+    def _model(
+        self, records: Sequence[LabelRecord], learned: Learned, symmetric: str | float, *, yaw_may_be_unknown: bool
+    ) -> RegisteredModel:
+        template = learned.template
+        return RegisteredModel(
+            self.store.blobs.put(template.to_bytes()),
+            "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
+            yaw_may_be_unknown,
+            views=tuple(records[number].id for number in learned.merged),
+            scores=tuple(round(score, 3) for score in template.scores),
+            left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
+            num_points=len(template),
+        )
 
 
 @dataclass(frozen=True, eq=False)
