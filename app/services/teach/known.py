@@ -33,7 +33,7 @@ from app.store.values import JsonObject
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
-MAX_COMPARED = 50  # demonstrations that an upload is held against
+MAX_COMPARED = 30  # demonstrations that an upload is held against
 
 
 @dataclass(frozen=True, eq=False)
