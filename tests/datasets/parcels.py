@@ -12,7 +12,7 @@ PLACES_M = ((0.1, 0.0, 0.8), (0.2, -0.1, 0.8), (0.3, 0.1, 0.8))
 
 
 def recorded(place_m, everything=True):
-    """A pick with joint positions, times and the cube's track, in the last of which it is lifted."""
+    """A pick with joint positions, times, fingers, forces and the cube's track."""
     trajectory = pick_trajectory(place_m)
     if not everything:
         return trajectory
@@ -25,6 +25,8 @@ def recorded(place_m, everything=True):
         timestamps_s=np.arange(frames) / 20 + 0.003,
         object_positions_m=tracks_m,
         object_quaternions_xyzw=np.tile([0.0, 0.0, 0.0, 1.0], (frames, 1, 1)),
+        gripper_width_m=np.where(trajectory.gripper_open, 0.08, 0.04),
+        wrenches_n_nm=rng.normal(size=(frames, 6)),
     )
 
 

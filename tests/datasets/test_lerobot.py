@@ -1,5 +1,6 @@
 import json
 import sys
+from dataclasses import replace
 
 import av
 import numpy as np
@@ -13,7 +14,8 @@ from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
-from roboprompt_client.trajectory_npz import trajectory_from_npz
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_npz
 from tests.datasets.parcels import parcel, parcels
 from tests.episodes import camera, png
 
@@ -41,6 +43,16 @@ def test_export_and_import_give_the_same_episodes(tmp_path):
         assert after.files == before.files
         assert after.metadata == before.metadata
         assert after.key == before.key
+
+
+def test_an_arm_that_does_not_say_its_joints_comes_back(tmp_path):
+    alone = parcel(everything=False)
+    hand = trajectory_from_npz(alone.files["trajectory"])
+    jointless = Trajectory.from_poses(hand.positions_m, hand.quaternions_xyzw, hand.gripper_open)
+    sent = replace(alone, files={**alone.files, "trajectory": npz_from_trajectory(jointless)})
+    write_lerobot(tmp_path / "set", [sent])
+    (entry,) = open_dataset(tmp_path / "set", ImportOptions()).entries
+    assert entry.read().key == sent.key
 
 
 def test_columns_that_not_all_episodes_have_are_left_out(tmp_path):

@@ -6,6 +6,7 @@ first frame of a camera is an embedded image, or the first picture of a video.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ POSITIONS = "observation.end_effector_position"
 QUATERNIONS = "observation.end_effector_quaternion_xyzw"
 GRIPPER = "observation.gripper_open"
 TIMES = "observation.time_s"
+GRIPPER_WIDTH = "observation.gripper_width_m"
+WRENCHES = "observation.wrench_n_nm"
 OBJECT_POSITIONS = "observation.object_positions"
 OBJECT_QUATERNIONS = "observation.object_quaternions_xyzw"
 DEFAULTS = {
@@ -149,7 +152,14 @@ def _exported(
 ) -> Parcel:
     """An episode that this project exported, as it was uploaded once."""
     tracked = _tracked(columns, [item["name"] for item in metadata["objects"]])
-    trajectory = trajectory_of(columns, mapping.changed({"objects": tracked}), metadata["control_frequency_hz"])
+    if JOINT_VELOCITIES not in columns:
+        columns = {**columns, JOINT_VELOCITIES: np.zeros((len(columns[POSITIONS]), 0))}
+    mapping = mapping.changed({"objects": tracked, "joint_velocities": JOINT_VELOCITIES})
+    trajectory = replace(
+        trajectory_of(columns, mapping, metadata["control_frequency_hz"]),
+        gripper_width_m=columns.get(GRIPPER_WIDTH),
+        wrenches_n_nm=columns.get(WRENCHES),
+    )
     files = {"trajectory": npz_from_trajectory(trajectory), **images}
     return Parcel({**metadata, **options.given}, files)
 

@@ -176,6 +176,8 @@ def _columns(trajectory: Trajectory) -> Columns:
         reader.JOINT_VELOCITIES: trajectory.joint_velocities_rad_s if trajectory.num_joints else None,
         reader.JOINT_POSITIONS: trajectory.joint_positions_rad,
         reader.TIMES: trajectory.timestamps_s,
+        reader.GRIPPER_WIDTH: trajectory.gripper_width_m,
+        reader.WRENCHES: trajectory.wrenches_n_nm,
         reader.OBJECT_POSITIONS: _flat(trajectory.object_positions_m),
         reader.OBJECT_QUATERNIONS: _flat(trajectory.object_quaternions_xyzw),
     }
