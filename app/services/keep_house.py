@@ -34,7 +34,7 @@ class KeepHouse:
     def __call__(self) -> int:
         """Delete predictions beyond the limits, then sweep, unless another process has done so within the hour.
 
-        Returns how many images were removed: those of predictions deleted just now stay for an hour.
+        Returns how many images were removed: those that were put within the hour stay.
 
         Raises:
             StoreError: if the store fails.
@@ -62,4 +62,4 @@ class KeepHouse:
 
     def _erase(self, ids: tuple[str, ...]) -> int:
         with self.store.write() as connection:
-            return erasure.erase_predictions(connection, ids)
+            return erasure.erase_predictions(connection, erasure.without_cases(connection, ids))

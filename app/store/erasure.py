@@ -24,7 +24,8 @@ _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "s
 def erase_prediction(connection: Connection, prediction_id: str) -> None:
     """Delete a prediction with its outcome and the answer kept for a repeated request; raises NotFoundError."""
     seen = of_visible_predictions(select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id == prediction_id))
-    if connection.scalar(seen) is None or not erase_predictions(connection, [prediction_id]):
+    # A case of it that is being kept waits, and then finds no prediction.
+    if connection.scalar(seen.with_for_update()) is None or not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
     audit.record(connection, "prediction.deleted", prediction_id)
 
@@ -55,6 +56,13 @@ def erase_task(connection: Connection, name: str) -> None:
         held[table.name] = connection.execute(delete(table).where(table.c.task == name)).rowcount
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
     audit.record(connection, "task.deleted", name, held)
+
+
+def without_cases(connection: Connection, ids: Sequence[str]) -> tuple[str, ...]:
+    """Those of the predictions that are no cases, and do not become any until the transaction ends."""
+    chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
+    connection.execute(chosen.with_for_update())
+    return tuple(connection.scalars(chosen.where(_IS_NO_CASE)))
 
 
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:

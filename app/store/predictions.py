@@ -70,8 +70,12 @@ def keep_as_case(connection: Connection, prediction_id: str) -> None:
     """Make the prediction a case, also if it is one; it is not deleted for its age or size. Raises NotFoundError."""
     get(connection, prediction_id)
     lock(connection, f"case {prediction_id}")  # of two requests at once the second finds it
-    if not is_case(connection, prediction_id):
+    if is_case(connection, prediction_id):
+        return
+    try:
         connection.execute(insert(_CASES).values(prediction_id=prediction_id, created_at=datetime.now(UTC)))
+    except IntegrityError as error:  # it was deleted meanwhile
+        raise NotFoundError("prediction", prediction_id) from error
 
 
 def drop_case(connection: Connection, prediction_id: str) -> None:

@@ -3,7 +3,7 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import update
 
 from app.services.keep_house import KeepHouse, Retention
-from app.store import audit, predictions, tables
+from app.store import audit, erasure, predictions, tables
 from tests.store.drafts import camera_record, predict, prediction_draft
 
 DAY = timedelta(days=1)
@@ -49,3 +49,19 @@ def test_the_oldest_go_where_all_together_are_too_large(store):
     records = [predict(store, prediction_draft(prompt_user="a" * 10_000)) for _ in range(5)]
     KeepHouse(store, Retention(max_bytes=35_000))()
     assert kept(store) == [record.id for record in records[:1:-1]]
+
+
+def test_a_prediction_that_is_kept_as_a_case_meanwhile_stays(store, monkeypatch):
+    old, _ = (predict(store, prediction_draft()) for _ in range(2))
+    before = erasure.predictions_before
+
+    def kept_after_the_list(connection, moment, limit):
+        found = before(connection, moment, limit)
+        if old.id in found:
+            with store.write() as writing:
+                predictions.keep_as_case(writing, old.id)
+        return found
+
+    monkeypatch.setattr(erasure, "predictions_before", kept_after_the_list)
+    KeepHouse(store, Retention(max_age=timedelta(0)))()
+    assert kept(store) == [old.id]

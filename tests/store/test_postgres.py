@@ -77,6 +77,17 @@ def test_a_robot_of_a_task_that_is_deleted_meanwhile_finds_none(store):
             reported.result()
 
 
+def test_a_prediction_that_is_deleted_meanwhile_becomes_no_case(store):
+    asked = predict(store, prediction_draft())
+    with ThreadPoolExecutor(1) as pool:
+        with store.write() as deleting:
+            erasure.erase_prediction(deleting, asked.id)
+            kept = pool.submit(write, store, predictions.keep_as_case, asked.id)
+            assert not wait([kept], timeout=0.3).done
+        with pytest.raises(NotFoundError, match=asked.id):
+            kept.result()
+
+
 def test_a_prediction_does_not_wait_for_an_upload_under_way(store):
     upload(store, episode_draft())
     with store.write() as uploading:
