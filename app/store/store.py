@@ -13,7 +13,7 @@ from sqlalchemy import Connection, Text, cast, select
 from app.store import tables
 from app.store.blobs import BlobStore, FileBlobStore, digests_in
 from app.store.database import SERVER_CONNECTIONS, Database
-from app.store.errors import StoreUnavailableError
+from app.store.errors import StoreUnavailableError, disk_errors
 from app.store.migration import migrate
 from app.store.private import private_folder, private_opener
 from app.store.processes import Turns, UnderWayNotes
@@ -98,7 +98,7 @@ class Store:
     def sweep_once(self, first: Callable[[], None] = lambda: None) -> int:
         """`sweep`, after `first`, unless another process of this data folder does it or has done it within the hour."""
         path = self._data_dir / ".swept"
-        with open(path, "a+", opener=private_opener) as note:
+        with disk_errors("data folder"), open(path, "a+", opener=private_opener) as note:
             try:
                 fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:

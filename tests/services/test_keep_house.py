@@ -1,9 +1,11 @@
 from datetime import UTC, datetime, timedelta
 
+import pytest
 from sqlalchemy import update
 
 from app.services.keep_house import KeepHouse, Retention
 from app.store import audit, erasure, predictions, tables
+from app.store.errors import StoreUnavailableError
 from tests.store.drafts import camera_record, predict, prediction_draft
 
 DAY = timedelta(days=1)
@@ -65,3 +67,10 @@ def test_a_prediction_that_is_kept_as_a_case_meanwhile_stays(store, monkeypatch)
     monkeypatch.setattr(erasure, "predictions_before", kept_after_the_list)
     KeepHouse(store, Retention(max_age=timedelta(0)))()
     assert kept(store) == [old.id]
+
+
+def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store):
+    """Another error would end the service's housekeeping for good."""
+    (store._data_dir / ".swept").mkdir()
+    with pytest.raises(StoreUnavailableError):
+        KeepHouse(store, Retention())()
