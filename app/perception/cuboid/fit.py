@@ -54,17 +54,20 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What V views show. Those with fewer points or rays than others are filled up with some of infinite sigma.
+    """What V views show, each from its eye: `FAST` numbers have no digits left for a world far away.
+
+    Views with fewer points or rays than others are filled up with some of infinite sigma.
 
     Attributes:
-        points_m, rays: (V, N, 3) and (V, M, 3), see `View`; `eyes_m` (V, 3).
+        eyes: (V, 1, 7) what is subtracted from candidates.
+        points_m, rays: (V, N, 3) and (V, M, 3), see `View`.
         point_sigma_m, ray_sigma_m: (V, 1, N) and (V, 1, M).
         ground_m, ground_sigma_m: (V, 1); infinite sigma where there is no ground.
     """
 
+    eyes: Array
     points_m: Reals
     point_sigma_m: Reals
-    eyes_m: Reals
     rays: Reals
     ray_sigma_m: Reals
     ground_m: Reals
@@ -73,21 +76,24 @@ class _Measured:
     @classmethod
     def of(cls, views: Sequence[View], thinning: int = 1) -> Self:
         """With every so many of the points and rays."""
-        points = [view.points_m[::thinning] for view in views]
+        eyes = np.array([[[*view.eye_m, 0, 0, 0, 0]] for view in views])
+        points_m = [view.points_m[::thinning] - view.eye_m for view in views]
         rays = [view.rays[::thinning] for view in views]
-        points_m, point_sigma_m = _filled_up(points, [view.point_sigma_m for view in views])
-        rays_, ray_sigma_m = _filled_up(rays, [OUTLINE_SIGMA_PX * view.footprint_m for view in views])
-        ground_m = np.array([[np.nan if view.ground_m is None else view.ground_m] for view in views])
-        ground_sigma_m = np.where(np.isnan(ground_m), np.inf, GROUND_SIGMA_M)
-        eyes_m = np.array([view.eye_m for view in views])
-        parts = (points_m, point_sigma_m, eyes_m, rays_, ray_sigma_m, np.nan_to_num(ground_m), ground_sigma_m)
-        return cls(*(part.astype(FAST) for part in parts))
+        ground_m = [[0.0 if view.ground_m is None else view.ground_m - view.eye_m[2]] for view in views]
+        ground_sigma_m = [[np.inf if view.ground_m is None else GROUND_SIGMA_M] for view in views]
+        return cls(
+            eyes,
+            *_filled_up(points_m, [view.point_sigma_m for view in views]),
+            *_filled_up(rays, [OUTLINE_SIGMA_PX * view.footprint_m for view in views]),
+            np.array(ground_m, FAST),
+            np.array(ground_sigma_m, FAST),
+        )
 
 
-def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Array, Array]:
+def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals, Reals]:
     """(V, most, 3) of vectors (N, 3) each, and (V, 1, most) their sigmas."""
     most = max(map(len, vectors))
-    filled, filled_sigmas = np.ones((len(vectors), most, 3)), np.full((len(vectors), 1, most), np.inf)
+    filled, filled_sigmas = np.ones((len(vectors), most, 3), FAST), np.full((len(vectors), 1, most), np.inf, FAST)
     for number, (those, sigma) in enumerate(zip(vectors, sigmas, strict=True)):
         filled[number, : len(those)], filled_sigmas[number, 0, : len(those)] = those, sigma
     return filled, filled_sigmas
@@ -206,12 +212,12 @@ def _stepped(best: Array, residuals: Reals, jacobian: Reals, damping: Array, col
 
 def _residuals(measured: _Measured, shape: Shape, candidates: Reals) -> Reals:
     """(V, B, N + M + 1) in sigmas: of points, rays and the ground."""
-    candidates = candidates.astype(FAST)
+    candidates = (candidates - measured.eyes).astype(FAST)
     gap_m = candidates[..., Z] - candidates[..., SZ] / 2 - measured.ground_m
     gap_m = np.where(np.abs(gap_m) < GROUND_CONTACT_M, gap_m, GROUND_CONTACT_M)
     parts = [
         surface_distances_m(shape, candidates, measured.points_m) / measured.point_sigma_m,
-        ray_distances_m(shape, candidates, measured.eyes_m, measured.rays) / measured.ray_sigma_m,
+        ray_distances_m(shape, candidates, np.zeros(3, FAST), measured.rays) / measured.ray_sigma_m,
         (gap_m / measured.ground_sigma_m)[..., None],
     ]
     return np.concatenate(parts, axis=-1)
