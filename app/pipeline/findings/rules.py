@@ -83,6 +83,7 @@ OTHER_SOURCE = Rule(
     source="docs/guide/poses.md",
 )
 ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
+HEIGHTS_EXCHANGED = Rule("objects-in-each-others-place", "of both above or below", "m", danger=0.008)
 OLD_SCENE = Rule("scene-of-a-demonstration", danger=ALWAYS, source="no measured pose repeats itself to 0.01 mm")
 TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
 HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
@@ -96,6 +97,12 @@ BEYOND = Rule(
 )
 START_BEYOND = Rule(
     "start-beyond-demonstrations", "as `object-beyond-demonstrations`, of the hand", "m", warning=0.10, danger=0.20
+)
+OTHER_FRAME = Rule(
+    "hand-in-another-frame",
+    "share of the recordings",
+    danger=0.34,
+    source="no danger in right scenes, be the hand where recordings start or elsewhere: docs/results/safety.md",
 )
 TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.04)
