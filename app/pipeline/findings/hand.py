@@ -98,7 +98,7 @@ class RecordedHand:
         starts_open: whether the fingers are open until the first act.
         acts: the switches of the gripper, without fingers that come to their place before the hand moves.
         start: its first pose.
-        acts_at_m: (3,) where the gripper first switches; without a switch, where it comes nearest to an object.
+        acts_at_m: (K, 3) where it may act: at the first switch of the gripper, if it switches, and at its lowest place.
         end_m: (3,) where it is at last.
         end_speed_m_s: at the last frame.
         nearest_m: the least distance from any object.
@@ -136,7 +136,7 @@ class RecordedHand:
             starts_open,
             tuple(_act(trajectory, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
             trajectory.action_at(0),
-            trajectory.positions_m[acting[0].frame if acting else nearest],
+            trajectory.positions_m[[*(s.frame for s in acting[:1]), int(trajectory.positions_m[:, 2].argmin())]],
             trajectory.positions_m[-1],
             float(motion.hand_speeds_m_s[-1]),
             float(away_m.min()),

@@ -50,8 +50,7 @@ def frame_findings(
     across_m = np.linalg.norm(ways_m - along_m[:, None] * axis, axis=1)
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
     along = alike & (np.abs(along_m) > ALONG_M) & (across_m < ACROSS_M)
-    acts_m = np.array([hand.acts_at_m for hand in hands])
-    beside = alike & (_beside_m(acts_m, shown) > BESIDE_M) & (_beside_m(acts_m + ways_m, shown) < AT_M)
+    beside = alike & [_acts_beside(*item) for item in zip(ways_m, shown, hands, strict=True)]
     yield from _off("straight along its own axis: flange or fingertips", along, np.abs(along_m))
     yield from _off(
         "and acts as far beside an object, on the same side: the base's frame or the world's",
@@ -70,11 +69,14 @@ def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
         yield rules.OTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
 
 
-def _beside_m(places_m: Array, shown: Sequence[Demonstration]) -> Array:
-    """(N,) how far each of N places is from the vertical axis of the nearest object of its demonstration."""
-    return np.array(
-        [
-            min(float(np.linalg.norm((pose.position_m - place_m)[:2])) for pose in demonstration.objects)
-            for place_m, demonstration in zip(places_m, shown, strict=True)
-        ]
-    )
+def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:
+    """Whether the hand acts beside all objects, and at one if it is moved by `way_m`."""
+    beside_m, moved_m = (_beside_m(places_m, shown) for places_m in (hand.acts_at_m, hand.acts_at_m + way_m))
+    return bool(((beside_m > BESIDE_M) & (moved_m < AT_M)).any())
+
+
+def _beside_m(places_m: Array, shown: Demonstration) -> Array:
+    """(K,) how far each of K places is from the vertical axis of the nearest object."""
+    objects_m = np.array([pose.position_m for pose in shown.objects])
+    distances_m: Array = np.linalg.norm(places_m[:, None, :2] - objects_m[None, :, :2], axis=2).min(axis=1)
+    return distances_m
