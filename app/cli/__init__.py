@@ -18,7 +18,6 @@ COMMANDS = {
     "restore": ("administration:restore", "Put a backup into an empty store, of the same or another kind of database."),
     "jobs": ("jobs:jobs", "Work at all queued re-extractions of tasks, and end when none is left."),
     "demo": ("demo:demo", "Teach a simulated Panda, then predict and execute on unseen scenes."),
-    "record": ("record:record", "Make a demonstration by hand: move the simulated Panda with the keyboard."),
     "eval": (
         "evaluate:evaluate",
         "Teach tasks, test methods on unseen scenes, and compare with the paper's numbers.",

@@ -1,6 +1,5 @@
 """A sweep with everything that it leaves on disk: results, tables, plots, record of the run and page of failures."""
 
-from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +7,7 @@ from typing import Any
 
 from rich.progress import Progress
 
-from app.evaluation.costs import Purse
-from app.evaluation.failures import BudgetSpentError, ServiceLostError
+from app.evaluation.failures import ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.panda import Panda
@@ -25,8 +23,6 @@ from app.evaluation.tables import markdown, sweep_summary
 from app.evaluation.voxposer.ask import Models
 from app.executors import Executor, RayExecutor
 from app.llm.llm_settings import LlmSettings
-
-BUDGET = "budget"  # how a session is said to have stopped that had no more to spend
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +82,6 @@ class SweepRun:
         """The page of failures."""
         return self.folder / "report" / "index.html"
 
-    @property
-    def environment(self) -> Mapping[str, str]:
-        """Settings of a service of its own."""
-        return {}
-
     def _session(self, ledger: Ledger, progress: Progress) -> str:
         """Why it stopped; empty if it came to its end."""
         self.report.unlink(missing_ok=True)
@@ -105,8 +96,6 @@ class SweepRun:
                     self._write_report(evaluation, executor, progress, session.timing)
             except KeyboardInterrupt:
                 return "interrupted"
-            except BudgetSpentError as error:
-                return f"{BUDGET}: {error}"
             except ServiceLostError as error:
                 return f"the service does not answer any more: {error}"
             finally:
@@ -117,20 +106,15 @@ class SweepRun:
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
         with ExitStack() as stack:
             warm_up = self.plan.asks_default_model
-            client = stack.enter_context(service(self.url, warm_up=warm_up, environment=self.environment))
+            client = stack.enter_context(service(self.url, warm_up=warm_up))
             models = None if self.llm is None else stack.enter_context(Models(self.llm))
-            shared, purse = self.url is not None, self.purse(ledger)
-            return Run(self.plan, ledger, client, executor, progress, shared, timing, models, purse)()
+            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing, models)()
 
     def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
         with timing.measured("report_s"):
             has_pictures = isinstance(self.plan.world, Panda)
             tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks
             write_report(evaluation, self.report.parent, tasks)
-
-    def purse(self, ledger: Ledger) -> Purse | None:
-        """What pays for the trials, if they cost something."""
-        return None
 
     def write_results(self, evaluation: Evaluation) -> None:
         """Tables and plots of what there is."""
