@@ -77,9 +77,6 @@ class EvaluateOptions:
         ),
     ] = None
     out: Annotated[Path | None, Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None
-    ray: Annotated[
-        str | None, Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
-    ] = None
     url: Annotated[str | None, Option(help="of a running service, instead of one of its own")] = None
     at_once: Annotated[int, Option(min=1, help="predictions asked for at a time")] = 1
     report: Annotated[bool, Option(help="a page with prompt, reply and pictures of failures")] = True

@@ -26,7 +26,7 @@ def sweep_of(asked: EvaluateOptions) -> SweepRun:
     """A sweep of `app.evaluation.sweeps`."""
     plan = _plan(asked)
     llm = Settings() if any(method.source == "voxposer" for method in plan.methods) else None
-    return SweepRun(asked.sweep_name, plan, asked.folder, asked.ray, asked.url, asked.report, llm)
+    return SweepRun(asked.sweep_name, plan, asked.folder, asked.url, asked.report, llm)
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:
@@ -77,7 +77,7 @@ def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
         own = any(method.source == "own keyframes" for method in methods)
         _refuse({"--method": own}, "own keyframes: is for another --world; the Panda's is 'replay'")
         return
-    _refuse({"--ray": asked.ray, "--recordings": asked.recordings != "rests"}, "is for the simulated Panda alone")
+    _refuse({"--recordings": asked.recordings != "rests"}, "is for the simulated Panda alone")
     needing = [method.label for method in methods if method.needs_panda]
     _refuse({"--method": needing}, f"{', '.join(needing)}: needs the simulated Panda")
 

@@ -21,7 +21,7 @@ from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
 from app.evaluation.voxposer.ask import Models
-from app.executors import Executor, RayExecutor
+from app.executors import Executor
 from app.llm.llm_settings import LlmSettings
 
 
@@ -48,7 +48,6 @@ class SweepRun:
     """One session of a sweep in a folder of results.
 
     Attributes:
-        ray: address of a Ray cluster, see RayExecutor; None for processes of this machine.
         url: of a running service; None for one of its own.
         wants_report: whether to write the page of failures, which takes a while.
         llm: the settings of LLMs that methods ask without the service; None: no method does.
@@ -57,7 +56,6 @@ class SweepRun:
     sweep: str
     plan: Plan
     folder: Path
-    ray: str | None = None
     url: str | None = None
     wants_report: bool = True
     llm: LlmSettings | None = None
@@ -86,7 +84,7 @@ class SweepRun:
         """Why it stopped; empty if it came to its end."""
         self.report.unlink(missing_ok=True)
         record = RunRecord(self.folder / "run.json", self.sweep, self.plan)
-        with closing(executor_of(self.plan.world) if self.ray is None else RayExecutor(self.ray)) as executor:
+        with closing(executor_of(self.plan.world)) as executor:
             session = Session(self.plan.command, executor.description, executor.workers)
             record.write(session)
             try:
