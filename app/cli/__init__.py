@@ -22,8 +22,6 @@ COMMANDS = {
         "evaluate:evaluate",
         "Teach tasks, test methods on unseen scenes, and compare with the paper's numbers.",
     ),
-    "films": ("demo:films", "Make a film strip of every task's expert, and a page of them."),
-    "film": ("demo:film", "Film one prediction: what the LLM reads, what it replies, and the arm that does it."),
     "teach-objects": ("objects:teach_objects", "Let the service learn what a task's objects look like."),
     "check": ("check:check", "Predict each of a task's demonstrations from the others, and say what would go wrong."),
     "calibration-board": ("objects:calibration_board", "Write the picture of a ChArUco board, to be printed."),

@@ -43,7 +43,7 @@ MIN_FREE_GB = 1.0  # the weights take 0.6 of it when they are first unpacked
 CLIENTS_OWN = {"api_key"}  # read by roboprompt-client
 LIBRARY = "import xllamacpp"
 WHAT_FOR = {
-    "sim": "roboprompt demo, eval, film",
+    "sim": "roboprompt demo, eval",
     "datasets": "imports of LeRobot, robomimic, MCAP",
     "video": "videos of LeRobot datasets",
     "rerun": "roboprompt export --rerun",

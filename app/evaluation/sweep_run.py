@@ -1,4 +1,4 @@
-"""A sweep with everything that it leaves on disk: results, tables, plots, record of the run and page of failures."""
+"""A sweep with everything that it leaves on disk: results, tables, record of the run and page of failures."""
 
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -12,7 +12,6 @@ from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.plots import write_plots
 from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing, executor_of
@@ -115,9 +114,8 @@ class SweepRun:
             write_report(evaluation, self.report.parent, tasks)
 
     def write_results(self, evaluation: Evaluation) -> None:
-        """Tables and plots of what there is."""
+        """The tables of what there is."""
         shift_m = max(method.shift_m for method in self.plan.methods)
         shifted = f"objects moved by {shift_m:g} m after the answer: as answered, and looking again"
         about = shifted if shift_m else SWEEPS[self.sweep].about
         (self.folder / "table.md").write_text(markdown(evaluation, about), encoding="utf-8")
-        write_plots(evaluation, self.folder)
