@@ -26,7 +26,7 @@ COMMANDS = {
     "check": ("check:check", "Predict each of a task's demonstrations from the others, and say what would go wrong."),
     "calibration-board": ("objects:calibration_board", "Write the picture of a ChArUco board, to be printed."),
     "import": ("import_data:import_data", "Import a dataset; the same command again continues where it stopped."),
-    "export": ("export_data:export_data", "Export a task: --archive, --lerobot, --rerun."),
+    "export": ("export_data:export_data", "Export a task: --archive, --lerobot."),
     "keys": ("administration:keys", "API keys: add, list, revoke."),
     "models": ("models:application", "LLMs that run on this machine: add, list, remove."),
     "cases": ("check:cases", "Predictions that were kept as cases, to be asked again."),

@@ -46,7 +46,6 @@ WHAT_FOR = {
     "sim": "roboprompt demo, eval",
     "datasets": "imports of LeRobot, robomimic, MCAP",
     "video": "videos of LeRobot datasets",
-    "rerun": "roboprompt export --rerun",
     "postgres": "ROBOPROMPT_DATABASE_URL=postgresql://...",
     "s3": "ROBOPROMPT_BLOBS_URL",
     "otel": "ROBOPROMPT_OTEL_ENDPOINT",
