@@ -42,12 +42,7 @@ def limits_of(settings: Settings) -> Limits:
         max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
         max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
         max_frames=settings.max_frames,
-        max_objects=settings.max_objects,
-        max_cameras=settings.max_cameras,
-        max_name_chars=settings.max_name_chars,
-        max_instruction_chars=settings.max_instruction_chars,
         max_prompt_chars=settings.max_prompt_chars,
-        max_page_size=settings.max_page_size,
         allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
     )
