@@ -195,11 +195,14 @@ def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
 
 
 def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:
-    """Indices of poses at least `spacing` apart from the one before, the first and the last among them."""
+    """Indices of poses at least `spacing` apart from the one before, the first and the last among them.
+
+    Incomplete where they are more than `MAX_POSES`.
+    """
     poses = np.stack([positions.T, vectors.T])  # (2, 3, N): sums over three run along the last axis
     kept = [0]
     last = len(positions) - 1
-    while kept[-1] < last:
+    while kept[-1] < last and len(kept) <= MAX_POSES:
         here = poses[:, :, kept[-1], None]
         for start in range(kept[-1] + 1, last + 1, 64):
             off = poses[:, :, start : start + 64] - here

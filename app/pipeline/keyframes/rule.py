@@ -124,22 +124,32 @@ def waypoints(
     if len(motion) == 1:
         return ()
     scale = 1.0
-    while True:
-        found = [
-            keyframe
-            for phase in motion.phases
-            for keyframe in _of_phase(motion, phase, scale * tolerance_m, scale * tolerance_deg)
-        ]
-        if len(found) <= max(MAX_KEYFRAMES, len(motion.phases)):
-            return tuple(found)
+    most = max(MAX_KEYFRAMES, len(motion.phases))
+    while (chosen := _fewest_frames(motion, most, scale * tolerance_m, scale * tolerance_deg)) is None:
         scale *= WIDER
+    positions_m = motion.trajectory.positions_m
+    return tuple(
+        keyframe
+        for phase, frames in zip(motion.phases, chosen, strict=True)
+        for keyframe in at_frames(phase, at_tips(positions_m, phase.first, frames, scale * tolerance_m))
+    )
 
 
-def _of_phase(motion: Motion, phase: Phase, tolerance_m: float, tolerance_deg: float) -> list[Keyframe]:
-    path = motion.path(phase.first, phase.last, tolerance_m, tolerance_deg)
-    chosen = [int(path.frames[k]) for k in fewest_waypoints(path.deviations)]
-    frames = at_tips(motion.trajectory.positions_m, phase.first, chosen, tolerance_m)
-    return at_frames(phase, frames)
+def _fewest_frames(motion: Motion, most: int, tolerance_m: float, tolerance_deg: float) -> list[list[int]] | None:
+    """The frames of each phase that keep its path; None as soon as they are known to be more than `most`."""
+    number, paths = len(motion.phases), []
+    for phase in motion.phases:
+        paths.append(motion.path(phase.first, phase.last, tolerance_m, tolerance_deg))
+        number += paths[-1].bend > 1  # it takes two at least
+        if number > most:
+            return None
+    found = []
+    for path in paths:
+        found.append([int(path.frames[k]) for k in fewest_waypoints(path.deviations)])
+        number += len(found[-1]) - (2 if path.bend > 1 else 1)
+        if number > most:
+            return None
+    return found
 
 
 def at_frames(phase: Phase, frames: Sequence[int]) -> list[Keyframe]:

@@ -212,6 +212,9 @@ def _chosen(
     """
     found: list[Keyframe] = []
     for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
+        if number == 1:  # its end: no other pose is weighed
+            found += at_frames(phase, [phase.last])
+            continue
         costs = None
         if others is not None:
             rows, place = others
