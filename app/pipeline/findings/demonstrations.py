@@ -3,6 +3,9 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
@@ -23,7 +26,11 @@ from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
+from roboprompt_client import quaternions
 from roboprompt_client.trajectory import EndEffectorAction
+
+IN_PLACE_M = 0.03  # a hand that goes less far only turns
+TWISTS_DEG = 60.0  # between two ways: they turn something in their hand otherwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,12 +233,28 @@ def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> l
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
     if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
         return False
+    if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG:
+        return False
     rows = plan_rows([*one, *other])
     acting = [
         row.unturned if row.anchors[0].object_name in round_objects else row
         for row in (rows[k] for k in acting_rows(rows))
     ]
     return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in acting)
+
+
+def _twist_deg(group: Group) -> float:
+    """How far the closed hand turns about the vertical without leaving its place, as it turns a tap: the median."""
+    return float(np.degrees(np.median([_twist_rad(demonstration.actions) for demonstration in group])))
+
+
+def _twist_rad(actions: Sequence[EndEffectorAction]) -> float:
+    turns = [
+        quaternions.product(then.quaternion_xyzw, quaternions.inverse(first.quaternion_xyzw))
+        for first, then in pairwise(actions)
+        if not first.gripper_open and np.linalg.norm(then.position_m - first.position_m) < IN_PLACE_M
+    ]
+    return sum(float(quaternions.to_rotation_vector(turn)[2]) for turn in turns)
 
 
 def _gripper(demonstration: Demonstration) -> list[bool]:
