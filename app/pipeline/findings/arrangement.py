@@ -137,9 +137,14 @@ class Side(NamedTuple):
 
 
 def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
-    """The sides of each other on which two objects stand wherever they are."""
+    """Where two objects always stand to each other whose names say no more than where: a left and a right cup.
+
+    Others come to stand on one side by chance: of 44 right scenes with noisy demonstrations in two.
+    """
     found = []
     for one, other in combinations([pose.name for pose in shown[0].objects] if len(shown) >= MANY else (), 2):
+        if _without_place(one) != _without_place(other):
+            continue
         ways_m = np.array([d.object(one).position_m - d.object(other).position_m for d in shown])
         for axis in (0, 1):
             sign = float(np.sign(ways_m[0, axis]))
@@ -148,30 +153,24 @@ def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
     return tuple(found)
 
 
-def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]) -> Iterator[Finding]:
-    """Of the objects that the motion follows, or words name, the pair that is farthest on its wrong side.
-
-    One of them is enough where names say which stands on which side; others come and go.
-    """
-    matter = followed.union(query.order.objects)
-    off = [
-        (-side.sign * float((query.object(side.one).position_m - query.object(side.other).position_m)[side.axis]), side)
-        for side in known
-        if {side.one, side.other} <= matter
-        or (not matter.isdisjoint((side.one, side.other)) and _without_place(side.one) == _without_place(side.other))
-    ]
-    off_m, side = max(off, key=lambda item: item[0], default=(0.0, None))
-    if side is not None:
-        message = (
-            f"{side.one} stands {100 * off_m:.1f} cm on the other side of {side.other}, along {'xy'[side.axis]}, than"
-            " in every demonstration: is one taken for the other?"
-        )
-        yield from SIDES.findings(off_m, message, f"objects[{side.one}]", {"off_m": off_m})
-
-
 def _without_place(name: str) -> list[str]:
     """The words of a name but those that say where it stands: of a left and a right cup both times `cup`."""
     return [word for word in phrase_of(name) if word not in PLACE_WORDS]
+
+
+def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]) -> Iterator[Finding]:
+    """A pair on its wrong side, one of which the motion follows or words name."""
+    matter = followed.union(query.order.objects)
+    for side in known:
+        way_m = query.object(side.one).position_m - query.object(side.other).position_m
+        off_m = -side.sign * float(way_m[side.axis])
+        if not matter.isdisjoint((side.one, side.other)) and SIDES.severity(off_m) is not None:
+            message = (
+                f"{side.one} stands {100 * off_m:.1f} cm on the other side of {side.other}, along {'xy'[side.axis]},"
+                " than in every demonstration: is one taken for the other?"
+            )
+            yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
+            return
 
 
 def changed_places(before: Sequence[ObjectPose], now: Sequence[ObjectPose]) -> Iterator[Finding]:

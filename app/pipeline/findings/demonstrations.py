@@ -9,18 +9,17 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
-from app.pipeline.findings.hand import Kept, RecordedHand
+from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
 from app.pipeline.findings.places import ShownScenes
-from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
-from app.pipeline.plans import Group, by_plan, shown_together, usual_ways, words_decide
-from app.pipeline.plans.agreement import two_ways
+from app.pipeline.plans import by_plan, shown_together, usual_ways
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
+from app.pipeline.plans.rows import acting_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from roboprompt_client.trajectory import EndEffectorAction
@@ -179,86 +178,3 @@ class Taught:
             hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
             yield from path_findings([hand.kept for hand in hands])
             yield from hand_findings(alike, hands)
-
-
-def ways_findings(
-    alike: Sequence[Demonstration], round_objects: frozenset[str], *, declared: bool
-) -> Iterator[Finding]:
-    """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
-
-    A fault of half of the recordings looks like this: another base frame, an inverted gripper. That neighbouring scenes
-    have the same plan is often chance; `parting` tells by how much.
-
-    Args:
-        alike: that ask for the same.
-        round_objects: whose yaw the task says means nothing, or little: a hand turned otherwise does the same there.
-        declared: whether the task says that there are several ways.
-    """
-    decided = words_decide(alike) or parting(alike) is not None
-    ways = [] if decided else _acting_otherwise(usual_ways(alike), round_objects)
-    if len(ways) < 2:
-        return
-    numbers = " and ".join(str(len(way)) for way in ways)
-    message = (
-        f"{numbers} demonstrations of {alike[0].instruction!r} do it in different ways, and neither words nor scene"
-        " tell which to take."
-    )
-    if not declared:
-        message += (
-            " Were some recorded with another base frame or an inverted gripper? Delete what is wrong; where all are"
-            ' right, set the task\'s "ways" to "several".'
-        )
-    yield SEVERAL_WAYS.finding(message, "demonstrations", {"num_ways": len(ways)}, value=0.0 if declared else 1.0)
-
-
-def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:
-    """The ways, of those that differ only in how the hand gets there one: they are together one way."""
-    found: list[Group] = []
-    for way in ways:
-        same = next((k for k, other in enumerate(found) if _act_alike(other, way, round_objects)), None)
-        if same is None:
-            found.append(way)
-        else:
-            found[same] += way
-    return found
-
-
-def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
-        return False
-    rows = plan_rows([*one, *other])
-    acting = [
-        row.unturned if row.anchors[0].object_name in round_objects else row
-        for row in (rows[k] for k in acting_rows(rows))
-    ]
-    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in acting)
-
-
-def _gripper(demonstration: Demonstration) -> list[bool]:
-    return [action.gripper_open for action in demonstration.actions]
-
-
-def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
-    """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
-
-    A thing that is not lifted is dragged, and may tear others along.
-    """
-    if not paths:
-        return
-    rare = int(WAY_SHARE * len(paths))
-    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
-    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
-    if PATH_NOT_KEPT.severity(missed_m) is not None:
-        number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
-        message = (
-            f"In {number} of {len(paths)} recordings no keyframe is where the hand grasps, releases or is lowest:"
-            f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
-        )
-        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
-    elif PATH_LEFT.severity(left_m) is not None:
-        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
-        message = (
-            f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
-            f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
-        )
-        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

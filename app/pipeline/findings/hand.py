@@ -1,16 +1,19 @@
 """What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import distances_m
+from app.pipeline.findings.rules import PATH_LEFT, PATH_NOT_KEPT
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import Switch
 from app.pipeline.keyframes.resting import path_left_m
+from app.pipeline.plans.rows import WAY_SHARE
 from app.pipeline.representation.anchors import M_PER_RAD
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
@@ -152,3 +155,29 @@ def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration,
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
     return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)
+
+
+def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
+    """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
+
+    A thing that is not lifted is dragged, and may tear others along.
+    """
+    if not paths:
+        return
+    rare = int(WAY_SHARE * len(paths))
+    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
+    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
+    if PATH_NOT_KEPT.severity(missed_m) is not None:
+        number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
+        message = (
+            f"In {number} of {len(paths)} recordings no keyframe is where the hand grasps, releases or is lowest:"
+            f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
+        )
+        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
+    elif PATH_LEFT.severity(left_m) is not None:
+        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
+        message = (
+            f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
+            f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
+        )
+        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

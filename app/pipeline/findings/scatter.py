@@ -1,7 +1,7 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows what is not known."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,7 @@ class _Acting:
     Attributes:
         seen_from: what the row is relative to, as it is called in the scene that is asked about.
         apart_m, hand_apart_deg: see `_apart`.
+        on_a_circle_m: see `_on_a_circle_m`.
         releases: whether the hand lets something go: that may have no one place, as in a bin.
     """
 
@@ -44,6 +45,7 @@ class _Acting:
     seen_from: str
     apart_m: float
     hand_apart_deg: float
+    on_a_circle_m: float
     releases: bool
 
     def finding(self, rule: Rule, message: str, value: float) -> Finding:
@@ -68,46 +70,37 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
             *_apart(shown, rows[k], k, support.tilted, round_objects),
+            _on_a_circle_m(rows[k], round_objects),
             releases=k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open,
         )
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
-    apart = [item for item in acting if APART.severity(item.apart_m) is not None]
-    hand_apart = [item for item in acting if HAND_APART.severity(item.hand_apart_deg) is not None]
-    contradicting = [item for item in acting if CONTRADICTING.severity(item.row.way_off_m) is not None]
-    on_a_circle = [item for item in acting if _on_a_circle(item.row, round_objects)]
-    scattered = [item for item in acting if item.row.scatter_m > SCATTER_M]
-    if apart:
-        yield _apart_finding(max(apart, key=lambda item: item.apart_m))
-    elif hand_apart:
-        yield _hand_apart_finding(max(hand_apart, key=lambda item: item.hand_apart_deg))
-    elif contradicting:
-        yield _contradicting_finding(max(contradicting, key=lambda item: item.row.way_off_m))
-    elif on_a_circle:
-        yield _circle_finding(max(on_a_circle, key=lambda item: item.row.scatter_m))
-    elif scattered:
+    for rule, value, message in DOUBTS:
+        worst = max(acting, key=value, default=None)
+        if worst is not None and rule.severity(value(worst)) is not None:
+            yield worst.finding(rule, message(worst), value(worst))
+            return
+    if scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
         yield _scattered_finding(scattered)
 
 
-def _apart_finding(item: _Acting) -> Finding:
+def _apart_message(item: _Acting) -> str:
     turns = "does not turn" if item.row.anchors[0].place_turns else "turns"
-    message = (
+    return (
         f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) {turns} with {item.seen_from}, it"
         f" seems, and how the hand is turned says otherwise: the place may be {200 * item.apart_m:.1f} cm off. Record"
         f" more demonstrations with {item.seen_from} turned otherwise, or name the place as an object of its own."
     )
-    return item.finding(APART, message, item.apart_m)
 
 
-def _hand_apart_finding(item: _Acting) -> Finding:
+def _hand_apart_message(item: _Acting) -> str:
     turns = "does not turn" if item.row.anchors[0].hand_turns else "turns"
-    message = (
+    return (
         f"The hand of {len(item.row.off_m)} demonstrations {turns} with {item.seen_from}, it seems, where it acts"
         f" (action {item.index + 1}), and the place says otherwise: the hand may be turned by"
         f" {2 * item.hand_apart_deg:.0f} degrees. Record more demonstrations with {item.seen_from} turned otherwise."
     )
-    return item.finding(HAND_APART, message, item.hand_apart_deg)
 
 
 def not_shown_findings(shown: Support | None, taught: Support, asked: Order) -> Iterator[Finding]:
@@ -136,22 +129,20 @@ def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
     )
 
 
-def _contradicting_finding(item: _Acting) -> Finding:
-    message = (
+def _contradicting_message(item: _Acting) -> str:
+    return (
         f"More than a third of {len(item.row.off_m)} demonstrations are {100 * item.row.way_off_m:.1f} cm or more from"
         f" where the others act (action {item.index + 1}, seen from {item.seen_from}): no noise does that. They do it"
         " in several ways, were recorded in another frame, or what they follow is not among the objects."
     )
-    return item.finding(CONTRADICTING, message, item.row.way_off_m)
 
 
-def _circle_finding(item: _Acting) -> Finding:
-    message = (
+def _circle_message(item: _Acting) -> str:
+    return (
         f"{len(item.row.off_m)} demonstrations act at one distance from {item.seen_from}, on several sides of it"
         f" (action {item.index + 1}), and their centre is on none: they follow how it is turned, though it is declared"
         " symmetric. Correct the task's yaw_symmetry_deg."
     )
-    return item.finding(ON_A_CIRCLE, message, item.row.scatter_m)
 
 
 def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
@@ -184,15 +175,24 @@ def _apart(
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 
-def _on_a_circle(row: PlanRow, round_objects: frozenset[str]) -> bool:
-    """Whether offsets scatter about the vertical axis of a round object, and hardly in their distance from it."""
-    if ON_A_CIRCLE.severity(row.scatter_m) is None or row.anchors[0].object_name not in round_objects:
-        return False
+def _on_a_circle_m(row: PlanRow, round_objects: frozenset[str]) -> float:
+    """How far offsets scatter about the vertical axis of a round object, all at one distance from it; else 0."""
+    if row.anchors[0].object_name not in round_objects:
+        return 0.0
     radii_m = np.linalg.norm(row.offsets_m[:, :2], axis=1)
     off_circle_m = float(np.median(np.abs(radii_m - np.median(radii_m))))
-    return off_circle_m < CIRCLE_SHARE * row.scatter_m
+    return row.scatter_m if off_circle_m < CIRCLE_SHARE * row.scatter_m else 0.0
 
 
 def _seen_from(row: PlanRow, shown: Order, asked: Order) -> str:
     anchor = asked_anchor(row.anchors[0], shown, asked)
     return anchor.object_name or f"the {anchor.frame}"
+
+
+# The causes of scatter, of which the first that is found explains it
+DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]], ...] = (
+    (APART, lambda item: item.apart_m, _apart_message),
+    (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),
+    (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
+    (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),
+)

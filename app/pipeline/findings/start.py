@@ -43,20 +43,19 @@ def frame_findings(
     """
     if now is None or len(hands) < MIN_DEMONSTRATIONS:
         return
+    ways_m = np.array(now.position_m) - [hand.start.position_m for hand in hands]
+    far_m = np.linalg.norm(ways_m, axis=1)
+    if far_m.max() < ALONG_M:
+        return
     axis = quaternions.rotated(now.quaternion_xyzw, (0, 0, 1))
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
-    ways_m = np.array(now.position_m) - [hand.start.position_m for hand in hands]
-    along_m = ways_m @ axis
-    across_m = np.linalg.norm(ways_m - along_m[:, None] * axis, axis=1)
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
-    along = alike & (np.abs(along_m) > ALONG_M) & (across_m < ACROSS_M)
+    along_m = np.abs(ways_m @ axis)
+    along = alike & (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
     beside = alike & [_acts_beside(*item) for item in zip(ways_m, shown, hands, strict=True)]
-    yield from _off("straight along its own axis: flange or fingertips", along, np.abs(along_m))
-    yield from _off(
-        "and acts as far beside an object, on the same side: the base's frame or the world's",
-        beside & ~along,
-        np.linalg.norm(ways_m, axis=1),
-    )
+    yield from _off("straight along its own axis: flange or fingertips", along, along_m)
+    how = "and acts as far beside an object, on the same side: the base's frame or the world's"
+    yield from _off(how, beside & ~along, far_m)
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:

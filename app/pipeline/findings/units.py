@@ -32,6 +32,7 @@ FEW_FRAMES = 5
 MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # so many poses, so far apart, no person waits for
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
 MIN_OPENING_M = 0.003
+UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # of a hand that does something
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
 
@@ -182,7 +183,7 @@ def _beyond_positions(motion: Motion) -> bool:
 
 def _check_hand_order(quaternions: Array) -> None:
     """Refuse a hand that would point straight down if w came first."""
-    as_read, as_meant = _off_axis_deg(quaternions, -1.0), _off_axis_deg(np.roll(quaternions, -1, axis=1), -1.0)
+    as_read, as_meant = _off_way_deg(quaternions, DOWN), _off_way_deg(np.roll(quaternions, -1, axis=1), DOWN)
     turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
     if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
         message = "are a hand that points straight down only if w comes first"
@@ -201,8 +202,8 @@ def _check_approaches(motion: Motion) -> None:
     quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
     directions = np.array([way_m for _, way_m in ways])
     as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
-    may_be_right = _off_axis_deg(quaternions, -1.0).max() < OFF_UPRIGHT_DEG
-    points_up = _off_axis_deg(np.roll(quaternions, -1, axis=1), 1.0).min() < ACROSS_DEG
+    may_be_right = _off_way_deg(quaternions, DOWN).max() < OFF_UPRIGHT_DEG
+    points_up = _off_way_deg(np.roll(quaternions, -1, axis=1), UP).min() < ACROSS_DEG
     if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
         message = "are a hand that moves the way it points before it grasps only if w comes first"
         raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
@@ -219,9 +220,9 @@ def _approach(positions_m: Array) -> Array | None:
 
 
 def _off_way_deg(quaternions_xyzw: Array, ways_m: Array) -> Array:
-    """(N,) angles between the rotations' z axes and ways (N, 3)."""
+    """(N,) angles between the rotations' z axes and ways (N, 3), or one way (3,)."""
     axes = Rotation.from_quat(quaternions_xyzw).apply([0.0, 0.0, 1.0])
-    along = np.einsum("nk,nk->n", axes, ways_m) / np.linalg.norm(ways_m, axis=1)
+    along = (axes * ways_m).sum(axis=1) / np.linalg.norm(ways_m, axis=-1)
     angles: Array = np.degrees(np.arccos(np.clip(along, -1, 1)))
     return angles
 
@@ -232,15 +233,8 @@ def _check_objects_order(objects: Sequence[ObjectPose]) -> None:
     if not turned:
         return
     quaternions = np.array([pose.quaternion_xyzw for pose in turned])
-    as_read, as_meant = _off_axis_deg(quaternions, 1.0), _off_axis_deg(np.roll(quaternions, -1, axis=1), 1.0)
+    as_read, as_meant = _off_way_deg(quaternions, UP), _off_way_deg(np.roll(quaternions, -1, axis=1), UP)
     if as_read.max() > OFF_UPRIGHT_DEG and as_meant.max() < UPRIGHT_DEG:
         place = int(np.argmax(as_read))
         message = f"is {quaternions[place].round(4).tolist()}: upright only if w comes first"
         raise InvalidInputError(f"objects[{turned[place].name}].quaternion_xyzw", message, "order x y z w")
-
-
-def _off_axis_deg(quaternions_xyzw: Array, up: float) -> Array:
-    """(N,) angles between the rotations' z axes and straight up (1) or down (-1)."""
-    heights = 1 - 2 * (quaternions_xyzw[:, 0] ** 2 + quaternions_xyzw[:, 1] ** 2)
-    angles: Array = np.degrees(np.arccos(np.clip(up * heights, -1, 1)))
-    return angles

@@ -3,6 +3,7 @@
 import numpy as np
 
 from benchmarks.adversary.case import Case, Recording
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 from tests.episodes import pick_trajectory
 
@@ -34,7 +35,8 @@ def picks(instruction="pick up the red cube"):
     own = tuple(recording(random, NAMES[k % 2]) for k in range(NUMBER))
     low = Recording("lower it", poses(random), pick_trajectory((0.3, 0.1, 0.78), lift_m=0.07), 20.0)
     settings = {"yaw_symmetry_deg": {"lid": 0.0, "blue cube": 90.0}, "num_demonstrations": NUMBER}
-    return Case(own, instruction, poses(random), settings, {"model": "nearest"}, (low,))
+    hand = Pose((0.4, 0.0, 1.1), (1.0, 0.0, 0.0, 0.0))
+    return Case(own, instruction, poses(random), settings, {"model": "nearest"}, (low,), hand)
 
 
 def _of_poses(objects):
@@ -65,6 +67,7 @@ def _of_question(case):
         **_of_poses(case.objects),
         "settings": case.settings,
         "options": case.options,
+        "end effector": case.end_effector,
         "number": len(case.recordings),
     }
 

@@ -21,6 +21,7 @@ EXPECTED = {
     "scene 0.5 cm off": (POSES, NONE, 0),
     "three asked for": ({"options"}, NONE, 0),
     "objects in another order": (NAMED, NONE, 0),
+    "hand elsewhere": ({"end effector"}, NONE, 0),
     "turned within symmetry": (TURNS, NONE, 0),
     "frame moved in half": (NONE, HAND_POSE | POSES, HALF),
     "hand shifted in half": (NONE, HAND, HALF),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.episode import Query
-from app.pipeline.findings.arrangement import parted_findings, rigid_pairs
+from app.pipeline.findings.arrangement import parted_findings, rigid_pairs, sided_findings, sides
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 WORDS = "press here"
@@ -59,3 +59,23 @@ def test_places_that_vary_by_more_than_poses_err_are_no_arrangement():
     random = np.random.default_rng(0)
     loose = [demonstration(WORDS, kitchen(k, lid_off_m=random.normal(0, 0.02, 3)), []) for k in range(8)]
     assert rigid_pairs(loose) == ()
+
+
+def cups(left_m, right_m, names=("left cup", "right cup")):
+    return tuple(pose(name, (0.1, y_m, 0.8)) for name, y_m in zip(names, (left_m, right_m), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("names", "left_m", "number", "expected"),
+    [
+        (("left cup", "right cup"), -0.2, 8, ["danger"]),
+        (("left cup", "right cup"), -0.2, 7, []),
+        (("left cup", "right cup"), 0.2, 8, []),
+        (("red cup", "blue cup"), -0.2, 8, []),
+    ],
+)
+def test_a_left_and_a_right_one_on_each_others_side(names, left_m, number, expected):
+    words = f"take the {names[0]}"
+    taught = [demonstration(words, cups(0.1 + 0.02 * k, -0.1 - 0.03 * k, names), []) for k in range(number)]
+    query = Query(words, cups(left_m, 0.0, names))
+    assert [finding.severity for finding in sided_findings(query, sides(taught), frozenset())] == expected

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.findings.demonstrations import Taught, path_findings
+from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.elsewhere import unlike_findings
-from app.pipeline.findings.hand import Kept, kept, missed_m
+from app.pipeline.findings.hand import Kept, kept, missed_m, path_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import picked, reached, recording
