@@ -86,7 +86,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     store = await asyncio.to_thread(open_store, settings)
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required and there is none: roboprompt keys add NAME --scope admin")
-    models = ModelRegistry(settings)
+    kept = settings.embedded_kept_folder or settings.data / "prefixes"
+    models = ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept}))
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(
         store,

@@ -60,6 +60,10 @@ class LlmSettings(BaseModel):
     embedded_shared_folder: Annotated[
         Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
     ] = None
+    embedded_kept_folder: Annotated[
+        Path | None,
+        Field(description="what models have read, while the service is down; empty: prefixes in the data folder"),
+    ] = None
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
     llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
     llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32

@@ -83,6 +83,7 @@ class EmbeddedModel:
             slots=self._settings.embedded_slots,
             context_tokens=self._settings.embedded_context_tokens,
             threads=self._settings.embedded_threads or usable_cores(),
+            kept_folder=str(self._settings.embedded_kept_folder or ""),
         )
         process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
         client = OpenAiCompatibleModel(self._profile, process.server, self._profile.name, LLAMA_CPP)
