@@ -24,7 +24,6 @@ from tempfile import TemporaryFile
 
 IMPORTED = (
     "app.cli.jobs",
-    "app.cli.objects",
     "app.cli.serve",
     "uvicorn.lifespan.on",
     "uvicorn.loops.auto",

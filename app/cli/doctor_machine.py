@@ -1,20 +1,17 @@
-"""What `roboprompt doctor` looks at of the machine: memory, clock, port, OpenGL, Chromium."""
+"""What `roboprompt doctor` looks at of the machine: memory, port, OpenGL."""
 
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
-from shutil import which
 from typing import Literal
 
 import httpx
 
 from app.cli.shared import is_installed
 
-RELEASED = datetime(2026, 11, 23, tzinfo=UTC)
 MIN_MEMORY_GB = 1.0  # measured: 0.8 with one worker and the embedded LLM
 PATIENCE_S = 60.0
 RENDERS = "import sys; from app.sim.rendering import opengl_works; sys.exit(not opengl_works())"
@@ -39,11 +36,9 @@ class Row:
 def look_at_machine(port: int) -> Iterator[Row]:
     """A row for each thing."""
     yield memory(Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"))
-    yield clock(datetime.now(UTC))
     yield listening(port)
     if is_installed("mujoco"):
         yield opengl()
-    yield chromium(which("chromium") or which("chromium-browser"))
 
 
 def memory(meminfo: Path, limit: Path) -> Row:
@@ -58,13 +53,6 @@ def memory(meminfo: Path, limit: Path) -> Row:
     seen = f"{free_gb:.1f} GB available"
     remedy = f"end other programs, or raise the container's limit, to {MIN_MEMORY_GB:g} GB or more"
     return Row("memory", "ok" if free_gb >= MIN_MEMORY_GB else "wrong", seen, remedy)
-
-
-def clock(now: datetime) -> Row:
-    """Keys expire and predictions are deleted by the clock."""
-    state: Literal["ok", "wrong"] = "ok" if now >= RELEASED else "wrong"
-    remedy = f"it is before this version's release ({RELEASED:%Y-%m-%d}): set the clock, `timedatectl set-ntp true`"
-    return Row("clock", state, f"{now:%Y-%m-%d %H:%M} UTC", remedy)
 
 
 def listening(port: int) -> Row:
@@ -101,15 +89,3 @@ def opengl() -> Row:
     last = (done.stderr.strip().splitlines() or ["it does not render"])[-1]
     remedy = "apt-get install libegl1 libgl1, or libosmesa6; without, pictures take several times longer"
     return Row("OpenGL", "missing", last, remedy, required=False)
-
-
-def chromium(program: str | None) -> Row:
-    """Whether the browser of the tests starts."""
-    remedy = "for `make test` only: apt-get install chromium"
-    if program is None:
-        return Row("Chromium", "missing", "is not on the path", remedy, required=False)
-    try:
-        done = subprocess.run([program, "--version"], capture_output=True, text=True, check=True, timeout=PATIENCE_S)
-    except (OSError, subprocess.SubprocessError) as error:
-        return Row("Chromium", "wrong", str(error), remedy, required=False)
-    return Row("Chromium", "ok", done.stdout.strip(), required=False)

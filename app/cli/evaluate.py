@@ -65,9 +65,9 @@ def _result(run: "SweepRun", progress: Progress, console: Console) -> "SweepResu
 
 def _tell(console: Console, result: "SweepResult", asked: EvaluateOptions) -> None:
     from app.evaluation.scores import errors_of
-    from app.evaluation.tables import terminal_table
+    from app.evaluation.tables import results_table
 
-    console.print(terminal_table(result.evaluation, console.width))
+    console.print(results_table(result.evaluation))
     errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", asked.command]
     _say(console, [f"results: {asked.folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])

@@ -5,7 +5,6 @@ pictures take longer than the simulation.
 """
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
 from dataclasses import replace
 from itertools import chain, zip_longest
 
@@ -13,9 +12,8 @@ from rich.progress import Progress
 
 from app.evaluation.methods import Method
 from app.evaluation.panda import film
-from app.evaluation.results import Evaluation, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.results import Evaluation, TaskEvaluation, Trial
 from app.executors import Executor
-from app.sim.demonstrate import view_scene
 from app.sim.outcomes import RolloutResult, SceneView
 
 MAX_FAILURES = 12  # a task
@@ -58,7 +56,7 @@ _Pictures = tuple[SceneView, RolloutResult | None]
 
 
 def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Iterator[TaskEvaluation]:
-    """The evaluation's tasks with pictures of the first demonstration and of the trials that a report shows.
+    """The evaluation's tasks with pictures of the trials that a report shows.
 
     One after the other: the pictures of one task take some 100 MB.
     """
@@ -68,33 +66,15 @@ def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) 
         for task in evaluation.tasks
     ]
     bar = progress.add_task("pictures", total=sum(map(len, shown)))
-    for task, trials in zip(evaluation.tasks, shown, strict=True):
-        first = _view_first(executor, task.taught)
+    for task, chosen in zip(evaluation.tasks, shown, strict=True):
         pictures = {
             trial: executor.submit(film, trial.scene, trial.actions if trial.execution else None, trial.shift_m)
-            for trial in trials
+            for trial in chosen
         }
         for future in pictures.values():
             future.add_done_callback(lambda _: progress.advance(bar))
-        yield _with_pictures(task, first, pictures)
-
-
-def _view_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[SceneView] | None:
-    if not taught or taught[0].recorded.scene.frames:
-        return None
-    scene = taught[0].recorded.scene
-    return executor.submit(view_scene, scene.task, scene.seed)
-
-
-def _with_pictures(
-    task: TaskEvaluation, first: Future[SceneView] | None, futures: dict[Trial, Future[_Pictures]]
-) -> TaskEvaluation:
-    taught = task.taught
-    if first is not None:
-        seen = replace(taught[0].recorded, scene=first.result())
-        taught = (replace(taught[0], recorded=seen), *taught[1:])
-    trials = (_illustrate(trial, futures[trial].result()) if trial in futures else trial for trial in task.trials)
-    return replace(task, taught=taught, trials=tuple(trials))
+        trials = (_illustrate(trial, pictures[trial].result()) if trial in pictures else trial for trial in task.trials)
+        yield replace(task, trials=tuple(trials))
 
 
 def _illustrate(trial: Trial, pictures: _Pictures) -> Trial:

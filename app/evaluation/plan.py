@@ -9,7 +9,6 @@ from app.evaluation.ledger import Ledger, digest_of
 from app.evaluation.methods import Method
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation, Trial
-from app.evaluation.teach import Lesson
 from app.evaluation.trials import PlannedTrial
 from app.evaluation.world import World
 
@@ -88,7 +87,6 @@ class Plan:
 def evaluation_of(
     plan: Plan,
     ledger: Ledger,
-    taught: Mapping[str, Lesson] | None = None,
     duration_s: float = 0.0,
     models: Sequence[Mapping[str, Any]] = (),
 ) -> Evaluation:
@@ -97,7 +95,6 @@ def evaluation_of(
     tasks = tuple(
         TaskEvaluation(
             task,
-            taught[task].taught if taught and task in taught else (),
             tuple(outcome for outcome in outcomes if isinstance(outcome, Trial) and outcome.task == task),
             tuple(outcome for outcome in outcomes if isinstance(outcome, Crash) and outcome.task == task),
         )

@@ -6,21 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.evaluation.methods import Method
-from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
+from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.trajectory import EndEffectorAction
 
 # How the errors of timeouts begin: status 504 of the service, no answer of the service itself, or none of an LLM
 TIMED_OUT = re.compile(
     r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError|ModelTimeoutError)"
 )
-
-
-@dataclass(frozen=True, eq=False)
-class TaughtEpisode:
-    """A demonstration with the service's description of it (`POST /episodes`)."""
-
-    recorded: RecordedDemonstration
-    document: Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +76,6 @@ class TaskEvaluation:
     """Everything of one task."""
 
     task: str
-    taught: tuple[TaughtEpisode, ...]
     trials: tuple[Trial, ...]
     crashes: tuple[Crash, ...] = ()
 

@@ -107,8 +107,7 @@ class Run:
             lessons = self.teach()
         with self.timing.measured("trials_s"):
             self.run_trials(lessons)
-        taught = {task: lesson for task, by_suffix in lessons.items() if isinstance(lesson := by_suffix[""], Lesson)}
-        return evaluation_of(self.plan, self.ledger, taught, time.perf_counter() - started, models)
+        return evaluation_of(self.plan, self.ledger, time.perf_counter() - started, models)
 
     def teach(self) -> dict[str, Lessons]:
         """Record each task's demonstrations once, and upload them in every way that remaining trials need."""
@@ -146,10 +145,9 @@ class Run:
             **method.settings,
         }
         try:
-            lesson = upload(self.client, name, recorded, method, settings, labelled)
+            return upload(self.client, name, recorded, method, settings, labelled)
         except (ServiceProblemError, ServiceUnreachableError, NotLearnedError) as error:
             return error
-        return lesson if self.plan.images else lesson.without_images()
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
         """Run what remains, each trial kept as it ends.

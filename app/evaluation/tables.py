@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from app.evaluation import paper
@@ -35,8 +34,6 @@ METHODS_SAID = (
 ENDED = ("wrong motion", "no actions", "instruction refused")
 COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
 ROBOPROMPT = "RoboPrompt (paper)"
-SUCCESS_TITLE = "success on unseen scenes (95 % interval, %)"
-UNBOUNDED = 10_000  # columns, to measure how wide a table wants to be
 Row = Sequence[str]
 
 
@@ -109,16 +106,6 @@ def success_table(evaluation: Evaluation) -> TextTable:
     mean_row = ["mean", *ours, *(NOTHING if mean is None else f"{mean:.1f}" for mean in paper_means)]
     header = ["task", *(method.label for method in evaluation.methods), *(f"{name} (paper)" for name in published)]
     return TextTable(header, [rows, [mean_row]])
-
-
-def terminal_table(evaluation: Evaluation, width: int) -> Table:
-    """Our methods beside the paper's RoboPrompt; where `width` columns have no room for that, as `results_table`."""
-    full = success_table(evaluation)
-    columns = len(evaluation.methods) + 1 + (ROBOPROMPT in full.header)
-    groups = [[[cell.replace(" %)", ")") for cell in row[:columns]] for row in group] for group in full.groups]
-    table = TextTable(full.header[:columns], groups).terminal(SUCCESS_TITLE)
-    fits = Console(width=UNBOUNDED).measure(table).maximum <= width
-    return table if fits else results_table(evaluation)
 
 
 def results_table(evaluation: Evaluation) -> Table:

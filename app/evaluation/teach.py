@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
-from app.evaluation.results import TaughtEpisode
 from app.evaluation.world import World
 from app.executors import Executor
 from app.pipeline.geometry import yaw_rad
@@ -106,6 +105,14 @@ def _yaw_deg(pose: ObjectPose) -> float:
 
 
 @dataclass(frozen=True, eq=False)
+class TaughtEpisode:
+    """A demonstration, without its images, with the service's description of it (`POST /episodes`)."""
+
+    recorded: RecordedDemonstration
+    document: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
 class Lesson:
     """Demonstrations as some methods are taught them.
 
@@ -117,12 +124,6 @@ class Lesson:
     name: str
     num_demonstrations: int
     taught: tuple[TaughtEpisode, ...]
-
-    def without_images(self) -> "Lesson":
-        """The same without the frames, which are large."""
-        bare = [replace(item.recorded, scene=replace(item.recorded.scene, frames=())) for item in self.taught]
-        taught = tuple(replace(item, recorded=one) for item, one in zip(self.taught, bare, strict=True))
-        return replace(self, taught=taught)
 
 
 def variants(methods: Sequence[Method]) -> dict[str, Method]:
@@ -235,7 +236,8 @@ def _taught(
         if method.poses == "vision":
             seen = images_only(scene.frames, scene.objects)
         try:
-            yield TaughtEpisode(item, _upload(client, name, item, seen, tracked=tracked))
+            document = _upload(client, name, item, seen, tracked=tracked)
+            yield TaughtEpisode(replace(item, scene=replace(scene, frames=())), document)
         except ServiceProblemError as error:
             if method.poses != "vision" or error.problem.get("type") not in UNSEEN:
                 raise

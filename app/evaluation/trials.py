@@ -15,9 +15,9 @@ from app.evaluation.methods import Method, Source
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.panda import Actions, binned_keyframes
 from app.evaluation.paper import disturbed
-from app.evaluation.results import TaughtEpisode, Trial
+from app.evaluation.results import Trial
 from app.evaluation.robot_loops import USELESS_REPLY, run_loop
-from app.evaluation.teach import UNSEEN, Lesson, images_only
+from app.evaluation.teach import UNSEEN, Lesson, TaughtEpisode, images_only
 from app.evaluation.voxposer.ask import Models, ask_for_program, oracle_actions, program_actions
 from app.evaluation.world import World, timed
 from app.executors import Executor, call

@@ -10,7 +10,7 @@ ENV_PREFIX = "ROBOPROMPT_"
 CACHE = platformdirs.user_cache_path("roboprompt")
 Style = Literal["chat", "completion"]
 Vocabulary = Literal["trimmed", "whole"]
-CompatibleServer = Literal["other", "llama_cpp", "vllm", "old_vllm", "sglang", "ollama", "lm_studio"]
+CompatibleServer = Literal["other", "llama_cpp", "vllm", "sglang", "ollama", "lm_studio"]
 
 
 def variable(setting: str) -> str:
@@ -45,7 +45,7 @@ class LlmSettings(BaseModel):
     compatible_server: Annotated[
         CompatibleServer,
         Field(
-            description="what the server is, if it can hold replies to a form: llama_cpp, vllm, old_vllm (up to 0.11), "
+            description="what the server is, if it can hold replies to a form: llama_cpp, vllm, "
             "sglang, ollama, lm_studio"
         ),
     ] = "other"

@@ -55,8 +55,6 @@ LLAMA_CPP = Quirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("r
 VLLM = Quirks(grammar_path=("structured_outputs", "grammar"))
 # "Structured Outputs" of SGLang's documentation: xgrammar, "currently uses the GGML BNF format".
 SGLANG = Quirks(grammar_path=("ebnf",))
-# The field's name up to vLLM 0.11.
-OLD_VLLM = Quirks(grammar_path=("guided_grammar",))
 # Ollama and LM Studio take no grammar ("OpenAI compatibility" and "Structured output" of their documentations). OpenAI
 # wants an object at the top of a schema, which no demonstration shows: its models are left to continue the pattern.
 JSON_SCHEMA = Quirks(schema=True)
@@ -64,7 +62,6 @@ SERVERS: Mapping[CompatibleServer, Quirks] = {
     "other": Quirks(),
     "llama_cpp": LLAMA_CPP,
     "vllm": VLLM,
-    "old_vllm": OLD_VLLM,
     "sglang": SGLANG,
     "ollama": JSON_SCHEMA,
     "lm_studio": JSON_SCHEMA,

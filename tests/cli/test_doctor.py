@@ -6,7 +6,6 @@ import sqlite3
 import sys
 from collections import namedtuple
 from contextlib import closing
-from datetime import UTC, datetime
 
 import pytest
 from typer.testing import CliRunner
@@ -132,10 +131,6 @@ def test_memory(tmp_path, available_kb, limit, state):
     assert doctor_machine.memory(tmp_path / "meminfo", tmp_path / "limit").state == state
 
 
-def test_clock_before_the_release():
-    assert doctor_machine.clock(datetime(1970, 1, 1, tzinfo=UTC)).state == "wrong"
-
-
 @pytest.mark.parametrize(("answer", "state"), [((200, b'{"status": "ok", "checks": {}}'), "ok"), ((501, b""), "wrong")])
 def test_port_of_a_service_and_of_another_program(answer, state):
     status, content = answer
@@ -148,8 +143,3 @@ def test_opengl_that_is_switched_off(monkeypatch):
     row = doctor_machine.opengl()
     assert (row.state, row.required) == ("missing", False)
     assert "libegl1" in row.remedy
-
-
-def test_chromium_that_is_missing_or_does_not_start():
-    assert doctor_machine.chromium(None).state == "missing"
-    assert doctor_machine.chromium("/bin/false").state == "wrong"

@@ -76,7 +76,6 @@ def stranger(request):
 def commands(url, folder):
     return [
         ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--url", url],
-        ["teach-objects", "x", "--url", url],
         ["eval", "--url", url, "--model", "nearest", "--out", str(folder / "out")],
     ]
 
@@ -170,7 +169,7 @@ def test_the_list_imports_no_command():
 
 
 def test_one_name_for_the_address():
-    for command in ("import", "export", "teach-objects", "eval"):
+    for command in ("import", "export", "eval"):
         help_text = CliRunner().invoke(application, [command, "--help"]).output
         assert "--url" in help_text
 

@@ -1,11 +1,8 @@
 """Object models learned from labelled episodes, over HTTP and from the command line."""
 
-import json
-
 import pytest
 
 from app.api.schemas.objects import LearnedOut
-from tests import forked
 from tests.e2e.vision import BLUE_MODEL, MODELS, NAMES, PLACES, assert_found, episode, frames, seen
 from tests.episodes import upload
 from tests.perception.solid_scene import cube
@@ -100,22 +97,3 @@ def test_an_episode_that_what_was_learned_does_not_find_changes_nothing(http):
     assert (response.status_code, response.json()["type"]) == (422, "/problems/invalid-input"), response.text
     assert response.json()["errors"][0]["field"].startswith("episode ")
     assert http.get("/tasks/stands").json() == before
-
-
-def teach_objects(*arguments):
-    return forked.run("app.cli", "teach-objects", *arguments)
-
-
-def test_command_line(http, url):
-    label(http, "commanded")
-    done = teach_objects("commanded", "--url", url, "--episodes", "2", "--object", "blue cube")
-    assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout.splitlines()[-1])
-    assert list(document["object_models"]) == ["blue cube"]
-    assert http.get("/tasks/commanded").json()["object_models"] == document["object_models"]
-
-
-def test_command_line_without_success(url):
-    done = teach_objects("nobody_knows_it", "--url", url)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert "nobody_knows_it" in done.stderr

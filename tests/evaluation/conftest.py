@@ -1,6 +1,7 @@
 import pytest
 
 from app.evaluation import server
+from app.evaluation.teach import upload
 from tests.forked import Forked
 
 
@@ -15,3 +16,16 @@ def forked_services():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(server, "_leashed", leashed)
         yield
+
+
+@pytest.fixture
+def lessons(monkeypatch):
+    """What runs teach meanwhile, in their order."""
+    taught = []
+
+    def kept(*arguments):
+        taught.append(upload(*arguments))
+        return taught[-1]
+
+    monkeypatch.setattr("app.evaluation.run.upload", kept)
+    return taught

@@ -101,7 +101,7 @@ def assert_shown_as_recorded(prompt, taught, workspace):
 
 @pytest.mark.parametrize("demonstrations", [1, pytest.param(10, marks=pytest.mark.long)])
 @pytest.mark.parametrize("task", SOME_OR_LONG)
-def test_the_right_answer_succeeds_where_it_is_allowed(service, tmp_path, task, demonstrations):
+def test_the_right_answer_succeeds_where_it_is_allowed(service, lessons, tmp_path, task, demonstrations):
     solver, asked = service
     (method,) = chosen(SWEEP.with_models([MODEL]), [MODEL], [])
     result = run(solver, tmp_path, task, (method, BY_ITSELF), demonstrations)
@@ -114,15 +114,15 @@ def test_the_right_answer_succeeds_where_it_is_allowed(service, tmp_path, task, 
     assert prompt["user"] in [body["messages"][-1]["content"] for _, body in asked]
     query = prompt["user"][prompt["user"].rindex("{") :]
     assert all(f"'{name}': [" in query for name in COMPOSITION_TASKS[task].object_names)
-    assert_shown_as_recorded(prompt["user"], result.taught, solver.workspace)
+    assert_shown_as_recorded(prompt["user"], lessons[0].taught, solver.workspace)
 
 
-def test_what_the_scene_decides_is_shown_and_not_averaged(service, tmp_path):
+def test_what_the_scene_decides_is_shown_and_not_averaged(service, lessons, tmp_path):
     solver, _ = service
     (method,) = chosen(SWEEP.with_models([MODEL]), [MODEL], [])
     result = run(solver, tmp_path, "way_round", (method,), 3)
     answer = result.trials[0].answer
-    assert_shown_as_recorded(answer["prompt"]["user"], result.taught, solver.workspace)
+    assert_shown_as_recorded(answer["prompt"]["user"], lessons[0].taught, solver.workspace)
 
 
 def test_models_are_asked_alike_and_the_yardsticks_have_no_other_rules():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.results import TaughtEpisode
+from app.evaluation.teach import TaughtEpisode
 from app.evaluation.trials import replayed
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose, Trajectory, object_json

@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from app.drawing import AXIS_COLORS, AXIS_M, Canvas
-from app.evaluation.report.charts import DARK, LIGHT, THEMES, speed_plot, success_chart
+from app.evaluation.report.charts import DARK, THEMES, success_chart
 from app.evaluation.report.page import duration_text, tokens_text
 from app.evaluation.report.pictures import (
     ACTION_COLOR,
@@ -22,18 +22,10 @@ from app.evaluation.report.pictures import (
 )
 from app.evaluation.scores import Result, Score
 from app.pipeline.geometry import backproject
-from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from app.pipeline.success_rate import SuccessRate
 from app.sim.world import calibrated
 from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
-
-
-def trajectory():
-    velocities = np.zeros((6, 7))
-    velocities[1:4, :2] = [3.0, 4.0]
-    quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
-    return Trajectory(velocities, np.zeros((6, 3)), quaternions, np.array([1, 1, 1, 0, 0, 1]))
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 
 def contrast(a, b):
@@ -51,14 +43,6 @@ def result(task, method, successes):
     return Result(task, method, Score(SuccessRate(successes, 4)))
 
 
-def test_the_speed_plot_shows_norm_threshold_and_keyframes():
-    figure = speed_plot(trajectory(), 20.0, [2, 5], LIGHT)
-    curve, threshold, *markers = figure.axes[0].lines
-    np.testing.assert_allclose(curve.get_ydata(), [0, 5, 5, 5, 0, 0])
-    assert list(threshold.get_ydata()) == [SIMULATION_DELTA_RAD_S] * 2
-    assert [line.get_xdata()[0] for line in markers] == [0.1, 0.25]
-
-
 def test_the_success_chart_has_a_bar_and_an_interval_a_method_and_task():
     figure = success_chart([result(t, m, k) for t in ("a", "b") for m, k in (("x", 0), ("y", 3))], DARK)
     axes = figure.axes[0]
@@ -71,9 +55,8 @@ def test_the_success_chart_has_a_bar_and_an_interval_a_method_and_task():
 
 @pytest.mark.parametrize("theme", THEMES, ids=lambda theme: theme.name)
 def test_charts_are_legible(theme):
-    for text in (theme.text, theme.muted, theme.threshold):
+    for text in (theme.text, theme.muted):
         assert contrast(text, theme.background) >= 4.5
-    assert contrast(theme.curve, theme.background) >= 3
     for color in theme.series:
         assert contrast(theme.text, color) >= 3
 
@@ -81,7 +64,7 @@ def test_charts_are_legible(theme):
 @pytest.mark.parametrize("theme", THEMES, ids=lambda theme: theme.name)
 def test_figures_have_the_theme_s_background(theme):
     image = io.BytesIO()
-    speed_plot(trajectory(), 20.0, [2, 5], theme).savefig(image, format="png")
+    success_chart([result("a", "x", 1)], theme).savefig(image, format="png")
     red, green, blue = Image.open(image).convert("RGB").getpixel((0, 0))
     assert f"#{red:02x}{green:02x}{blue:02x}" == theme.background
 

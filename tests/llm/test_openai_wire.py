@@ -66,7 +66,6 @@ def test_a_model_that_thinks_has_room_for_it():
     [
         ("llama_cpp", "grammar", 'root ::= "1"'),
         ("vllm", "structured_outputs", {"grammar": 'root ::= "1"'}),
-        ("old_vllm", "guided_grammar", 'root ::= "1"'),
         ("sglang", "ebnf", 'root ::= "1"'),
     ],
 )

@@ -112,7 +112,7 @@ def test_profiles_suit_the_models(make_registry):
     assert registry.get("regression").profile.representation == "absolute"
 
 
-@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "old_vllm", "sglang", "other"])
+@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "sglang", "other"])
 def test_a_server_that_takes_grammars_is_asked_like_an_embedded_model(make_registry, server):
     address = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
     profile = make_registry(**address, compatible_server=server).get("openai_compatible/x").profile

@@ -11,13 +11,12 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from app.evaluation.illustrate import detailed_failures, detailed_successes, failures_in_order
-from app.evaluation.ledger import action_of, poses_of
+from app.evaluation.ledger import action_of
 from app.evaluation.methods import Method
-from app.evaluation.report.charts import speed_plot, success_chart
+from app.evaluation.report.charts import success_chart
 from app.evaluation.report.pictures import Picture, PictureFolder, captions, draw_scene, film_grid, film_tiles
-from app.evaluation.results import Evaluation, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.results import Evaluation, TaskEvaluation, Trial
 from app.evaluation.scores import NOTHING, Result, results_of
-from app.pipeline.episode import frame_times_s
 from app.pipeline.spans import Span, prompt_spans
 from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
@@ -105,25 +104,10 @@ def _task(
         "task": task.task,
         "anchor": anchor,
         "results": results,
-        "num_demonstrations": len(task.taught),
-        "demonstration": _demonstration(pictures, f"{anchor}-demonstration", task.taught[0]) if task.taught else None,
         "failures": in_detail("failure", detailed_failures(task.trials, methods)),
         "successes": in_detail("success", detailed_successes(task.trials, methods)),
         "failed": failures_in_order(task.trials, methods),
         "num_trials": len(task.trials),
-    }
-
-
-def _demonstration(pictures: PictureFolder, name: str, taught: TaughtEpisode) -> Shown:
-    """A demonstration and what the service extracted from it."""
-    document, scene = taught.document, taught.recorded.scene
-    actions = [action_of(item) for item in document["keyframes"]]
-    return {
-        "seed": scene.seed,
-        "document": document,
-        "scene": _scene_picture(pictures, f"{name}-scene", scene, poses_of(document), actions),
-        "speed": _speed_picture(pictures, f"{name}-speed", taught),
-        "estimators": dict.fromkeys(item["estimator"] for item in document["objects"]),
     }
 
 
@@ -159,15 +143,6 @@ def _scene_picture(
         if frame.camera.name == CAMERA and frame.rgb is not None:
             return pictures.photo(name, draw_scene(frame.rgb, frame.camera, poses, actions), alt)
     return None
-
-
-def _speed_picture(pictures: PictureFolder, name: str, taught: TaughtEpisode) -> Picture:
-    trajectory, frequency_hz = taught.recorded.trajectory, taught.recorded.control_frequency_hz
-    keyframes = [item["index"] for item in taught.document["keyframes"]]
-    times_s = frame_times_s(trajectory, frequency_hz)
-    listed = _listed(f"{times_s[index]:.1f}" for index in keyframes)
-    alt = f"Joint speed over {times_s[-1]:.1f} s; {len(keyframes)} keyframes, at {listed} s"
-    return pictures.chart(name, lambda theme: speed_plot(trajectory, frequency_hz, keyframes, theme), alt)
 
 
 def _listed(words: Iterable[str]) -> str:

@@ -56,7 +56,7 @@ def test_a_program_becomes_actions_that_are_carried_out(ran):
     assert answer["prompt"]["user"].endswith(f"# task: {trial.scene.instruction}\n")
     assert answer["prompt"]["user"].count('# objects: "red button", "yellow button"') == 1
     assert GO in answer["reply_text"]
-    figures = task_result(TaskEvaluation(TASK, (), (trial,)), VOXPOSER).document()
+    figures = task_result(TaskEvaluation(TASK, (trial,)), VOXPOSER).document()
     assert (figures["trials"], figures["no_actions"], figures["llm_s"] >= 0) == (1, 0, True)
     assert figures["tokens"]["completion_tokens"] > 0
 

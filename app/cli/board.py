@@ -1,15 +1,13 @@
-"""`roboprompt calibration-board`, `roboprompt teach-objects`: what it takes to find objects in images."""
+"""`roboprompt calibration-board`: the board by which cameras are calibrated."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import cv2
 import typer
 
-from app.cli.shared import URL_HELP, check_service, refusals_said, service_at
+from app.cli.shared import refusals_said
 from roboprompt_client.calibration.board import PRINT_DPI, CharucoBoard
-from roboprompt_client.client import DEFAULT_URL
 
 
 def calibration_board(
@@ -31,23 +29,3 @@ def calibration_board(
         out.write_bytes(cv2.imencode(".png", board.picture())[1].tobytes())
     size = " x ".join(f"{100 * side_m:.1f}" for side_m in board.size_m)
     print(f"{out}: print it at {PRINT_DPI} dpi, unscaled: the squares then cover {size} cm")  # noqa: T201
-
-
-def teach_objects(
-    task: Annotated[str, typer.Argument(help="a task with labeled episodes: RGB-D images with masks or poses")],
-    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
-    episodes: Annotated[int, typer.Option(min=1, max=100, help="learn from at most so many, the task's first")] = 10,
-    objects: Annotated[list[str] | None, typer.Option("--object", help="may be repeated; default: all")] = None,
-) -> None:
-    """Let the service learn what a task's objects look like; from then on it finds them in images.
-
-    Prints the learned object models as JSON, and of the objects that cannot be learned the reason.
-    """
-    check_service(url)
-    with service_at(url) as client:
-        learned = client.learn_object_models(task, objects, episodes)
-    for name, reason in learned["refused"].items():
-        typer.echo(f"{name}: {reason}", err=True)
-    print(json.dumps(learned))  # noqa: T201
-    if not learned["object_models"]:
-        raise typer.Exit(1)
