@@ -149,7 +149,7 @@ def find_board(points_m: Array, corners_px: Array, matrix: Array) -> tuple[Array
     seen_px = [cv2.projectPoints(points_m, *pose, matrix, None)[0].reshape(-1, 2) for pose in poses]
     errors_px = [rms_length(np.asarray(pixels, np.float64) - corners_px) for pixels in seen_px]
     first, *rest = np.argsort(errors_px).tolist()
-    best = poses[first]
+    best = poses[int(first)]
     for number in rest:
         apart_rad = np.linalg.norm(cv2.Rodrigues(cv2.Rodrigues(best[0])[0].T @ cv2.Rodrigues(poses[number][0])[0])[0])
         if apart_rad > RIVAL_RAD and errors_px[number] < RIVAL_ERROR * errors_px[first]:
