@@ -218,5 +218,10 @@ def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
 
 def _point_jacobian(places_m: Array) -> Array:
     """(S, P, 3, 6) how points move with (3,) rotation and (3,) translation."""
-    turned = np.cross(places_m[..., None, :], np.eye(3))
-    return np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=-1)
+    x, y, z = np.moveaxis(places_m, -1, 0)
+    jacobian = np.zeros((*places_m.shape, 6))
+    jacobian[..., 0, 1], jacobian[..., 0, 2] = z, -y
+    jacobian[..., 1, 0], jacobian[..., 1, 2] = -z, x
+    jacobian[..., 2, 0], jacobian[..., 2, 1] = y, -x
+    jacobian[..., 3:] = np.eye(3)
+    return jacobian
