@@ -4,7 +4,6 @@ What is known of an object's shape becomes lines in the object's frame.
 """
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +12,7 @@ from app.drawing import Canvas, Color, RgbImage
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import color_mask, to_hsv
+from app.perception.cuboid.shape import outline_points_m
 from app.perception.markers.model import MarkersModel
 from app.perception.object_model import ObjectModel
 from app.pipeline.geometry import rigid, transform_points
@@ -31,34 +31,20 @@ PALETTE: tuple[Color, ...] = (
     (204, 121, 167),
     (0, 114, 178),
 )
-CIRCLE_POINTS = 24
-CYLINDER_SIDES = 4
+NUM_SIDES = 4  # of a cylinder, as of a box
 _SQUARE = np.array([[-0.5, 0.5, 0], [0.5, 0.5, 0], [0.5, -0.5, 0], [-0.5, -0.5, 0], [-0.5, 0.5, 0]])
 
 
 def outlines(model: ObjectModel | None) -> list[Array]:
     """Polylines, each (N, 3) in metres; none for a model that knows no shape."""
     if isinstance(model, CuboidModel):
-        lines = _cylinder() if model.shape == "cylinder" else _box()
-        return [line * model.size_m - model.origin_m for line in lines]
+        rims = outline_points_m(model.shape, np.array([0.0, 0, 0, 0, *model.size_m])) - model.origin_m
+        low, high = np.split(rims, 2)
+        sides = np.stack([low, high], axis=1)[:: len(low) // NUM_SIDES]
+        return [np.vstack([low, low[:1]]), np.vstack([high, high[:1]]), *sides]
     if isinstance(model, MarkersModel):
         return [transform_points(np.array(item.marker_to_object), item.size_m * _SQUARE) for item in model.markers]
     return []
-
-
-def _box() -> list[Array]:
-    """The 12 edges of a cube of side 1."""
-    corners = np.array(list(product((-0.5, 0.5), repeat=3)))
-    return [np.array([a, b]) for i, a in enumerate(corners) for b in corners[i + 1 :] if (a != b).sum() == 1]
-
-
-def _cylinder() -> list[Array]:
-    """The rims and some sides of a cylinder of diameter and height 1."""
-    turns = np.linspace(0, 2 * np.pi, CIRCLE_POINTS + 1)
-    rim = np.stack([np.cos(turns), np.sin(turns), np.ones_like(turns)], axis=1) / 2
-    low = rim * (1, 1, -1)
-    sides = [np.array([low[i], rim[i]]) for i in range(0, CIRCLE_POINTS, CIRCLE_POINTS // CYLINDER_SIDES)]
-    return [rim, low, *sides]
 
 
 def draw_overlay(frame: RgbdFrame, poses: Sequence[ObjectPose], queries: Sequence[ObjectQuery] = ()) -> RgbImage:

@@ -109,7 +109,7 @@ def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] |
     """What the robot sees, as the requests have it: objects with a pose, with a mask, or to be found."""
     if not isinstance(observation, Observation):
         raise InvalidInputError("observation", f"is a {type(observation).__name__}", "Observation(poses)")
-    unnamed = {name: list(ids) for name, ids in (mask_ids or {}).items()}
+    unnamed = {name: list(ids) for name, ids in {**observation.mask_ids, **(mask_ids or {})}.items()}
     objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
     objects += [{"name": name} for name in observation.to_find]
     for item in objects:

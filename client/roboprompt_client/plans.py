@@ -89,7 +89,8 @@ class _OnlyObjects:
         seen = self.robot.observe()
         objects = [pose for pose in seen.objects if pose.name in self.names]
         to_find = [name for name in seen.to_find if name in self.names]
-        return Observation(objects, seen.frames, to_find, seen.end_effector)
+        mask_ids = {name: ids for name, ids in seen.mask_ids.items() if name in self.names}
+        return Observation(objects, seen.frames, to_find, seen.end_effector, mask_ids)
 
     def execute(self, action: EndEffectorAction) -> None:
         self.robot.execute(action)

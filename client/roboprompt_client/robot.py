@@ -1,7 +1,7 @@
 """What a robot must offer so that the service can teach it and move it."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -23,12 +23,14 @@ class Observation:
         objects, frames: given as one or as many, kept as tuples.
         to_find: the names of objects that the service is to find in the images by the task's object models.
         end_effector: where the arm is: the way to the first target begins there. Needed where the task bounds steps.
+        mask_ids: by object the ids that its pixels have in the frames' masks, where a detector of one's own makes some.
     """
 
     objects: tuple[ObjectPose, ...]
     frames: tuple[RgbdFrame, ...]
     to_find: tuple[str, ...]
     end_effector: Pose | None
+    mask_ids: Mapping[str, Sequence[int]]
 
     def __init__(
         self,
@@ -36,6 +38,7 @@ class Observation:
         frames: RgbdFrame | Iterable[RgbdFrame] = (),
         to_find: str | Iterable[str] = (),
         end_effector: Pose | None = None,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         settle(
             self,
@@ -43,6 +46,7 @@ class Observation:
             frames=(frames,) if isinstance(frames, RgbdFrame) else tuple(frames),
             to_find=(to_find,) if isinstance(to_find, str) else tuple(to_find),
             end_effector=end_effector,
+            mask_ids=dict(mask_ids or {}),
         )
 
 

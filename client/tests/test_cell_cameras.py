@@ -16,6 +16,7 @@ from roboprompt_client.cameras.table import Table
 from roboprompt_client.cell import open_robot, rig_from_json, viewpoints_from_json
 from roboprompt_client.errors import CameraError, InvalidInputError, NotConfirmedError, UnsafeActionError
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.robot import Observation
 
 cv2 = pytest.importorskip("cv2", reason="the extra `images` is not installed")
 K = Intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
@@ -192,6 +193,14 @@ def test_a_camera_in_the_hand_has_the_hand_s_pose(arm):
     frames = {frame.camera.name: frame for frame in arm.observe().frames}
     np.testing.assert_allclose(frames["wrist"].camera.camera_to_world, arm.hand_to_world() @ MOUNT)
     np.testing.assert_array_equal(frames["front"].camera.camera_to_world, MOUNT)
+
+
+def test_the_masks_of_a_detector_of_one_s_own_come_with_the_cameras_pictures(monkeypatch):
+    masked = Observation(to_find="mug", mask_ids={"mug": [1]})
+    cameras = Rig([MountedCamera("front", Sensor(), False, MOUNT)])
+    arm = Arm(open_xarm(Body(), monkeypatch), observe_scene=lambda: masked, cameras=cameras)
+    seen = arm.observe()
+    assert (seen.to_find, seen.mask_ids, len(seen.frames)) == (("mug",), {"mug": [1]}, 1)
 
 
 def test_the_hand_goes_to_each_viewpoint_and_keeps_its_grip(arm):

@@ -33,7 +33,8 @@ class Robot(Arm):
     def observe(self):
         self.looks += 1
         place_m = np.array([0.1 * self.looks, 0.0, 0.0])
-        return Observation([ObjectPose(name, place_m) for name in ("cup", "bell")], to_find="box")
+        seen = [ObjectPose(name, place_m) for name in ("cup", "bell")]
+        return Observation(seen, to_find="box", mask_ids={"bell": (1,), "box": (2,)})
 
 
 class Planner(Service):
@@ -69,6 +70,7 @@ def test_each_step_is_asked_about_its_own_objects_as_they_are_then():
         (task, said, [pose.name for pose in seen.objects], seen.to_find) for task, said, seen, _ in planner.questions
     ]
     assert asked == [("open", "open the box", [], ("box",)), ("fill", "put the cup in the box", ["cup"], ("box",))]
+    assert [seen.mask_ids for _, _, seen, _ in planner.questions] == [{"box": (2,)}] * 2
     assert planner.questions[1][2].objects[0].position_m[0] == pytest.approx(0.3)
     assert planner.questions[0][3] == {"model": "nearest"}
     assert (len(robot.heights), robot.stopped) == (6, 0)

@@ -16,6 +16,7 @@ from roboprompt_client import (
     ServiceProblemError,
     Trajectory,
 )
+from roboprompt_client.encoding import scene_json
 
 CUBE = ObjectPose("cube", [0.4, 0, 0.1])
 FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)))
@@ -36,6 +37,13 @@ def test_poses_without_an_observation_are_named():
 
 def test_an_observation_may_be_empty():
     assert Observation() == Observation((), (), (), None)
+
+
+def test_an_observation_says_which_pixels_of_its_masks_are_an_objects():
+    seen = Observation(CUBE, FRONT, ("mug", "bowl"), mask_ids={"cube": [1], "mug": (3, 4), "plate": [5]})
+    objects = {item["name"]: item.get("mask_ids") for item in scene_json(seen, None)["objects"]}
+    assert objects == {"cube": [1], "mug": [3, 4], "bowl": None, "plate": [5]}
+    assert {item["name"]: item.get("mask_ids") for item in scene_json(seen, {"mug": [7]})["objects"]}["mug"] == [7]
 
 
 DOWN = [[1.0, 0, 0, 0]] * 3

@@ -32,6 +32,7 @@ MAX_STEP = np.array([0.02, 0.02, 0.02, 0.4, 0.01, 0.01, 0.01])
 MIN_SIZE_M, MIN_HEIGHT_M = 5e-4, 1e-3
 SAME_YAW_RAD = np.radians(5)  # yaws that differ by less are one
 SETTLED = 2e-3  # a relative change in cost that is not worth another step
+CATCHES_UP = 0.1  # of how far its cost lies behind its view's best: a candidate that gains less will not catch up
 _PLACE: dict[Shape, tuple[int, ...]] = {"box": (X, Y, Z, YAW), "cylinder": (X, Y, Z)}
 _SIZE: dict[Shape, tuple[int, ...]] = {"box": (SX, SY, SZ), "cylinder": (SX, SZ)}
 
@@ -182,7 +183,8 @@ def _descend(
         residuals = values[:, :, 0]
         costs = np.log1p((residuals / ROBUST_SIGMAS) ** 2).sum(axis=-1) * ROBUST_SIGMAS**2 / 2
         better = costs < best_costs
-        settled = step > 1 and bool((np.abs(best_costs - costs) < SETTLED * best_costs).all())
+        behind = costs - costs.min(axis=1, keepdims=True)
+        settled = step > 1 and bool((np.abs(best_costs - costs) < SETTLED * best_costs + CATCHES_UP * behind).all())
         best[better], best_costs[better] = trial[better], costs[better]
         if settled or step == steps:
             break

@@ -75,7 +75,7 @@ def find_pieces(frame: RgbdFrame, color_mask: Bytes, size_m: Array, shape: Shape
         for piece in _together(frame, find_parts(frame, color_mask), size_m)
         if piece.num_pixels > MIN_SHARE * _expected_pixels(frame.camera, size_m, piece.distance_m, shape)
     ]
-    return sorted(pieces, key=_fewer_pixels)[:MAX_PIECES]
+    return sorted(pieces, key=lambda piece: -piece.num_pixels)[:MAX_PIECES]
 
 
 def _expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Shape) -> float:
@@ -106,11 +106,7 @@ def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
         left, top = left_px + x, top_px + y
         mask = labels[y : y + height, x : x + width] == label
         pieces += _parted(frame.camera, left, top, mask, frame.depth_m[top : top + height, left : left + width])
-    return sorted((piece for piece in pieces if piece.distance_m > 0), key=_fewer_pixels)
-
-
-def _fewer_pixels(piece: Piece) -> int:
-    return -piece.num_pixels
+    return sorted((piece for piece in pieces if piece.distance_m > 0), key=lambda piece: -piece.num_pixels)
 
 
 def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> list[Piece]:

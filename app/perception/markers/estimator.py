@@ -15,7 +15,7 @@ from app.perception.base import ObjectQuery, model_of
 from app.perception.frame_checks import check_cameras
 from app.perception.markers.fit import MarkerFit, fit_markers
 from app.perception.markers.model import MarkersModel
-from app.perception.markers.view import MarkerView, SeenMarker, find_markers
+from app.perception.markers.view import MarkerView, SeenMarker, face_points_m, find_markers
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from roboprompt_client.camera import Camera, RgbdFrame
@@ -78,7 +78,7 @@ def _look(model: MarkersModel, frame: RgbdFrame, seen: Sequence[SeenMarker]) -> 
         return Miss(camera.name, f"no {listed} of {model.dictionary} in its image")
     if repeated := [id_ for id_, count in Counter(item.id for item in mine).items() if count > 1]:
         return Miss(camera.name, f"{_listed(repeated)} is in its image more than once", seen=True)
-    views = [MarkerView.of(frame, item, known[item.id]) for item in mine]
+    views = [MarkerView(known[item.id], item, face_points_m(frame, item.corners_px)) for item in mine]
     views = [view for view in views if len(view.points_m) >= MIN_FACE_POINTS]
     if not views:
         return Miss(camera.name, f"no depth is known on {_listed([item.id for item in mine])}", seen=True)

@@ -6,7 +6,7 @@ its AprilTag refinement, which takes 90 ms): each side is measured again across 
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -149,11 +149,6 @@ class MarkerView:
     seen: SeenMarker
     points_m: Array
 
-    @classmethod
-    def of(cls, frame: RgbdFrame, seen: SeenMarker, marker: Marker) -> Self:
-        """With the depth on its face; `frame` has depth."""
-        return cls(marker, seen, _face_points(frame, seen.corners_px))
-
     @property
     def marker_to_object(self) -> Array:
         """(4, 4)."""
@@ -175,7 +170,8 @@ class MarkerView:
         return list(poses)
 
 
-def _face_points(frame: RgbdFrame, corners_px: Array) -> Array:
+def face_points_m(frame: RgbdFrame, corners_px: Array) -> Array:
+    """(N, 3) of the face between corners (4, 2), in the camera's frame, where depth is known."""
     assert frame.depth_m is not None
     middle = corners_px.mean(axis=0)
     inner = np.rint(middle + FACE_SHARE * (corners_px - middle)).astype(np.int32)

@@ -130,7 +130,7 @@ class Arm:
         seen = Observation() if self._observe_scene is None else self._observe_scene()
         known = {item.name for item in seen.objects}
         to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
-        return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose())
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose(), seen.mask_ids)
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves. Raises MotionError if the arm does not answer.

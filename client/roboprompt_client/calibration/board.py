@@ -146,21 +146,16 @@ def find_board(points_m: Array, corners_px: Array, matrix: Array) -> tuple[Array
         for turn, shift in zip(turns, shifts, strict=True)
     ]
     poses = [(np.asarray(turn, np.float64), np.asarray(shift, np.float64)) for turn, shift in refined]
-    poses.sort(key=lambda pose: rms_length(reprojection(points_m, corners_px, matrix, *pose)[0]))
-    best, *rest = poses
-    for other in rest:
-        apart_rad = np.linalg.norm(cv2.Rodrigues(cv2.Rodrigues(best[0])[0].T @ cv2.Rodrigues(other[0])[0])[0])
-        errors = [rms_length(reprojection(points_m, corners_px, matrix, *pose)[0]) for pose in (best, other)]
-        if apart_rad > RIVAL_RAD and errors[1] < RIVAL_ERROR * errors[0]:
+    seen_px = [cv2.projectPoints(points_m, *pose, matrix, None)[0].reshape(-1, 2) for pose in poses]
+    errors_px = [rms_length(np.asarray(pixels, np.float64) - corners_px) for pixels in seen_px]
+    first, *rest = np.argsort(errors_px).tolist()
+    best = poses[int(first)]
+    for number in rest:
+        apart_rad = np.linalg.norm(cv2.Rodrigues(cv2.Rodrigues(best[0])[0].T @ cv2.Rodrigues(poses[number][0])[0])[0])
+        if apart_rad > RIVAL_RAD and errors_px[number] < RIVAL_ERROR * errors_px[first]:
             message = f"two poses of the board, {np.degrees(apart_rad):.0f} degrees apart, fit about as well"
             raise InvalidInputError("pictures", message, "a board that is nearer, larger or seen more from the side")
     return best
-
-
-def reprojection(points_m: Array, corners_px: Array, matrix: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
-    """(N, 2) errors and their slopes (2 N, 6) by rotation vector and shift."""
-    projected, slopes = cv2.projectPoints(points_m, turn, shift, matrix, None)
-    return np.asarray(projected, np.float64).reshape(-1, 2) - corners_px, np.asarray(slopes, np.float64)[:, :6]
 
 
 def rms_length(errors_px: Array) -> float:
