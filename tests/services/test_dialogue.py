@@ -183,7 +183,7 @@ def test_a_closed_loop_goes_on_from_its_last_step(taught):
     )
     third = ask(services, CLOSED.with_options(after=second.id))
     assert [len(step.reply.actions) for step in (first, second, third)] == [1, 1, 0]
-    assert [step.question.step for step in (first, second, third)] == [0, 1, 2]
+    assert [step.question.known.step for step in (first, second, third)] == [0, 1, 2]
     np.testing.assert_allclose(second.reply.actions[0].action.position_m, [0.2, 0.1, 0.9])
     assert (
         second.reply.prompt.user == f"{first.reply.prompt.user}{STEPS[0]}{second.reply.prompt.query.splitlines()[-1]}"

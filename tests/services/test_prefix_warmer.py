@@ -9,6 +9,7 @@ import pytest
 from app.llm.base import Completion, ModelProfile
 from app.services.predict import warm
 from app.services.predict.known import KnownReader
+from app.services.predict.prefix import usual_prefixes
 from app.services.predict.warm import PrefixWarmer
 from app.store import predictions
 from app.store.store import Store
@@ -94,7 +95,7 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
 
     prefixes = asyncio.run(scenario())
     reader = KnownReader(store, lambda name: PROFILE)
-    assert prefixes == [reader.usual_prefixes(task)[0].template.prefix for task in ("first", "third")]
+    assert prefixes == [usual_prefixes(*reader.usual(task))[0].template.prefix for task in ("first", "third")]
 
 
 def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
@@ -112,7 +113,9 @@ def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
 
     model = asyncio.run(scenario())
     assert len(model.begun) == 1
-    assert model.finished[0] == KnownReader(store, lambda name: PROFILE).usual_prefixes("new")[0].template.prefix
+    assert (
+        model.finished[0] == usual_prefixes(*KnownReader(store, lambda name: PROFILE).usual("new"))[0].template.prefix
+    )
 
 
 def test_a_prediction_interrupts_and_the_rest_is_made_up_for(store):

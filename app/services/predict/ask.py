@@ -18,15 +18,15 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
-from app.services.predict.instruction import ask_meaning
+from app.services.predict.instruction import ask_meaning, understand
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits, MotionCheck
-from app.services.predict.question import Question
+from app.services.predict.prefix import choose_prefix
+from app.services.predict.question import Question, write_question
 from app.services.predict.record import Prediction, PredictionRecorder
 from app.services.predict.reply import Arriving, Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.warm import PrefixWarmer
-from app.services.predict.write import write_question
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
@@ -83,7 +83,7 @@ class PredictActions:
                 that the task knows they mean; otherwise no LLM is called.
 
         Raises:
-            as KnownReader and `write_question`.
+            as `question_of`.
         """
         note(task=request.task)
         try:
@@ -95,8 +95,7 @@ class PredictActions:
             return await anyio.to_thread.run_sync(self._question, replace(request, meaning=meaning))
 
     def _question(self, request: PredictRequest) -> Question:
-        instruction = checked_instruction("instruction", request.instruction)
-        return write_question(request, instruction, self._known(request), self._limits)
+        return question_of(request, self._known, self._limits)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
@@ -164,6 +163,20 @@ class PredictActions:
             return await self._record.answered(reply, motion)
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
             raise await self._record.failed(reply, error) from error
+
+
+def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
+    """What is known -> the demonstrations of the plan that the scene calls for -> the instruction -> the question.
+
+    Synchronous: call it in a thread. Raises as each step.
+    """
+    instruction = checked_instruction("instruction", request.instruction)
+    known = read(request)
+    with timed("prompt"):
+        prefix, why = choose_prefix(known)
+    with timed("words"):
+        order = understand(request, instruction, known, prefix.instructions)
+    return write_question(request, known, prefix, why, order, limits)
 
 
 @asynccontextmanager

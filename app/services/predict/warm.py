@@ -13,6 +13,7 @@ from app.llm.base import CompletionRequest, LanguageModelError, complete
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from app.services.predict.known import KnownReader
+from app.services.predict.prefix import usual_prefixes
 from app.store import tasks
 from app.store.store import Store
 from roboprompt_client.errors import RoboPromptError
@@ -116,7 +117,7 @@ class PrefixWarmer:
         What goes wrong is the answer when a robot asks.
         """
         try:
-            for prefix in reversed(await anyio.to_thread.run_sync(self._known.usual_prefixes, task)):
+            for prefix in reversed(await anyio.to_thread.run_sync(lambda: usual_prefixes(*self._known.usual(task)))):
                 prompt = Prompt(prefix.template.system, prefix.template.prefix, "")
                 request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=prefix.cache_key)
                 await complete(self._models.get(), request)
