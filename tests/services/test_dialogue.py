@@ -14,6 +14,7 @@ from app.services.errors import UnparsableReplyError, UnsupportedReplyError
 from app.services.measures import timings_of_its_own
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.record import Prediction
+from app.services.predict.reply import AGAIN_TEMPERATURE
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
@@ -86,6 +87,13 @@ def test_each_clause_is_checked_for_itself(taught):
     prediction = ask(taught(RELATIVE, FAR, RELATIVE), TWICE)
     assert len(prediction.reply.actions) == 6
     assert prediction.reply.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
+
+
+def test_only_the_second_try_of_a_clause_is_sampled(taught):
+    asked = []
+    prediction = ask(taught(FAR, RELATIVE, RELATIVE, asked=asked), TWICE)
+    assert len(prediction.reply.actions) == 6
+    assert [request.temperature for request in asked] == [0.0, AGAIN_TEMPERATURE, 0.0]
 
 
 def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):

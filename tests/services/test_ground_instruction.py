@@ -11,8 +11,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.measures import timings_of_its_own
-from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.instruction import understand
+from app.services.predict.known import PreviousStep
 from app.services.predict.observe import Scene
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload

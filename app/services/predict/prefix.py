@@ -14,9 +14,8 @@ from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
-from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.known import Known
+from app.services.predict.known import Known, PreviousStep
 from app.services.predict.request import PromptStyle
 from app.services.task_settings import TaskSettings
 from app.store.errors import ConflictError

@@ -47,10 +47,10 @@ class Reply:
         self.usage = Usage()
         self.actions: Actions = []
         self.samples: tuple[JsonObject, ...] | None = None
+        self._options = question.request.options
         self._last_text = ""
         self._doubts: list[ActionDoubt] = []
         self._model = model
-        self._temperature = question.request.options.sampling_temperature
         self._deadline_s = time.monotonic() + question.deadline_s
 
     @property
@@ -70,11 +70,11 @@ class Reply:
             LanguageModelError: if the LLM does not answer.
         """
         for asked in self._parts():
+            temperature = self._options.sampling_temperature
             try:
-                actions = await self._actions(asked)
+                actions = await self._actions(asked, temperature)
             except UnsupportedActionError:
-                self._temperature = max(self._temperature, AGAIN_TEMPERATURE)
-                actions = await self._actions(asked)
+                actions = await self._actions(asked, max(temperature, AGAIN_TEMPERATURE))
             self.actions += actions
             yield actions
 
@@ -84,10 +84,10 @@ class Reply:
         Raises:
             as `whole`; what was handed out may not be all of the reply.
         """
-        shows_text = self.question.request.options.stream_text
+        temperature, shows_text = self._options.sampling_temperature, self._options.stream_text
         for asked in self._parts():
             part, before, text = PartReply(self.question, asked, len(self.actions)), self.text, ""
-            async with aclosing(self._model.stream(self._request(piecewise=True))) as pieces:
+            async with aclosing(self._model.stream(self._request(temperature))) as pieces:
                 while not part.complete:
                     with timed("llm"):
                         piece = await anext(pieces)
@@ -109,7 +109,7 @@ class Reply:
 
     def _parts(self) -> Iterator[Query]:
         """The parts of the instruction, one after the other; `prompt` asks for it."""
-        question, most = self.question, self.question.request.options.max_actions
+        question, most = self.question, self._options.max_actions
         for number, part in enumerate(question.parts):
             if (remaining := most - len(self.actions)) <= 0:
                 message = f"{most} actions do not carry out all {len(question.parts)} parts"
@@ -121,11 +121,11 @@ class Reply:
                 self.prompt = question.template.ask(part, remaining, so_far)
             yield part
 
-    async def _actions(self, asked: Query) -> Actions:
+    async def _actions(self, asked: Query, temperature: float) -> Actions:
         """Those of the whole reply to one part."""
         part = PartReply(self.question, asked, len(self.actions))
         with timed("llm"):
-            completion = await complete(self._model, self._request(piecewise=False))
+            completion = await complete(self._model, self._request(temperature))
         self.text = _joined(self.text, completion.text)
         self._heard(completion)
         actions = part.read(completion)
@@ -136,13 +136,13 @@ class Reply:
         self._last_text = completion.text
         self.usage = self.usage.plus(completion.usage)
 
-    def _request(self, *, piecewise: bool) -> CompletionRequest:
+    def _request(self, temperature: float) -> CompletionRequest:
         """The prompt as it is put to the LLM.
 
         Raises:
             ModelTimeoutError: if no time is left.
         """
-        question, options = self.question, self.question.request.options
+        question, options = self.question, self._options
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
             within_s = round(question.deadline_s, 1)
@@ -151,10 +151,9 @@ class Reply:
             self.prompt,
             max_tokens=(options.max_actions - len(self.actions)) * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
-            temperature=self._temperature,
+            temperature=temperature,
             seed=options.seed,
             cache_key=question.prefix.cache_key,
-            piecewise=piecewise,
         )
 
 

@@ -104,7 +104,8 @@ class PrefixWarmer:
         if (wait_s := due_s - time.monotonic()) > 0:
             await asyncio.sleep(wait_s)  # an upload meanwhile puts it off
             return
-        await self._idle.wait()
+        while self._num_predictions:  # the next one may have begun since the last one ended
+            await self._idle.wait()
         with anyio.CancelScope() as reading:
             self._reading = reading
             await self._read(task)
