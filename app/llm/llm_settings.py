@@ -50,7 +50,6 @@ class LlmSettings(BaseModel):
         ),
     ] = "other"
     cache_folder: Annotated[Path, Field(description="where GGUF weights are assembled")] = CACHE
-    packages_folder: Annotated[Path | None, Field(description="where pip --target put packages of weights")] = None
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192

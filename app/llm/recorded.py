@@ -71,11 +71,8 @@ class RecordingModel:
 
     def __init__(self, model: LanguageModel, folder: Path) -> None:
         self._model = model
+        self.profile = model.profile
         self._folder = folder
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._model.profile
 
     async def aclose(self) -> None:
         await self._model.aclose()
@@ -131,14 +128,10 @@ class ReplayedModel:
 
     def __init__(self, name: str, folder: Path) -> None:
         self._folder = folder
-        self._profile = _read(_profile_path(folder, name), _PROFILE, f"nothing is recorded of {name}")
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._profile
+        self.profile = _read(_profile_path(folder, name), _PROFILE, f"nothing is recorded of {name}")
 
     async def stream(self, request: CompletionRequest) -> Pieces:
-        name = self._profile.name
+        name = self.profile.name
         question_hash = hash_of(question_of(name, request))
         path = self._folder / f"{question_hash}.json"
         missing = f"no reply of {name} to question {question_hash} is recorded"

@@ -1,23 +1,14 @@
 """What every representation offers: text for observations and actions, a grammar for replies, and the way back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.order import Order
 from roboprompt_client.trajectory import EndEffectorAction
 
-
-class Decoder(Protocol):
-    """Reads rows of one reply."""
-
-    def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
-        """The actions of the rows from index `first` (from 0) on.
-
-        Raises:
-            ReplyParseError: if one is not a valid row.
-        """
-        ...
+# The actions of the rows of one reply from index `first` (from 0) on; raises ReplyParseError for one that is not valid.
+Decoder = Callable[[int, Sequence[str]], list[EndEffectorAction]]
 
 
 class Codec(Protocol):
