@@ -90,15 +90,13 @@ class PredictActions:
         """
         note(task=request.task)
         try:
-            return await anyio.to_thread.run_sync(self._question, request)
+            return await anyio.to_thread.run_sync(question_of, request, self._known, self._limits)
         except InstructionError as error:
             meaning = await self._meaning(request, error) if ask_meaning else None
             if meaning is None:
                 raise
-            return await anyio.to_thread.run_sync(self._question, replace(request, meaning=meaning))
-
-    def _question(self, request: PredictRequest) -> Question:
-        return question_of(request, self._known, self._limits)
+            meant = replace(request, meaning=meaning)
+            return await anyio.to_thread.run_sync(question_of, meant, self._known, self._limits)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
