@@ -113,7 +113,7 @@ def _gemma_weights(settings: LlmSettings) -> Weights:
 
 
 def _known_weights(model: str, settings: LlmSettings) -> Weights:
-    """The weights of a known model that were added or installed."""
+    """The weights of a known model, from where they were added; Gemma's are installed."""
     release = KNOWN[model].release
     if release is None:
         return _gemma_weights(settings)

@@ -11,8 +11,9 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
 from app.pipeline.findings.scatter import not_shown_findings
-from app.pipeline.findings.scene import other_objects, scene_findings, start_findings, strangers
+from app.pipeline.findings.scene import other_objects, scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
+from app.pipeline.findings.start import frame_findings, start_findings
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.services.limits import Limits
@@ -125,8 +126,10 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     if len(question.prefix.demonstration_ids) < len(taught.demonstrations):
         yield from not_shown_findings(question.prefix.support, taught.support, order)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
+    now = known.end_effector if known.previous is None else None
     if taught.follows_start(order):
-        yield from start_findings(seen, taught.scenes)
+        yield from start_findings(now, taught.scenes)
+    yield from frame_findings(now, taught.demonstrations, taught.hands)
 
 
 def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:
