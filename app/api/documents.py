@@ -167,7 +167,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
         "timings_ms": prediction.timings_ms,
-        "step": prediction.question.step,
+        "step": prediction.question.known.step,
         "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
     }

@@ -24,13 +24,9 @@ class ComputedModel:
     def __init__(
         self, profile: ModelProfile, reply_to: Callable[[CompletionRequest], str], *, delay_s: float = 0.0
     ) -> None:
-        self._profile = profile
+        self.profile = profile
         self._reply_to = reply_to
         self._delay_s = delay_s
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._profile
 
     async def stream(self, request: CompletionRequest) -> Pieces:
         words, completion = cut(self._reply_to(request), request)

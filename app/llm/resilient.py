@@ -28,7 +28,6 @@ from app.llm.base import (
     LanguageModel,
     LanguageModelError,
     ModelBusyError,
-    ModelProfile,
     ModelResponseError,
     ModelTimeoutError,
     ModelUnavailableError,
@@ -160,13 +159,10 @@ class ResilientModel:
         jitter: Callable[[], float] = random.random,
     ) -> None:
         self.model = model
+        self.profile = model.profile
         self._guard = guard
         self._sleep = sleep
         self._jitter = jitter
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self.model.profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
         return within_deadline(self._tries(request), request.timeout_s, self.profile.name)

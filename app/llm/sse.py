@@ -81,7 +81,7 @@ class SseModel:
         write: Callable[[CompletionRequest], dict[str, Any]],
         parser: Callable[[], Parse],
     ) -> None:
-        self._profile = profile
+        self.profile = profile
         self._server = server
         self._url = f"{server.base_url.rstrip('/')}/{path}"
         self._headers = headers
@@ -92,12 +92,8 @@ class SseModel:
         self._closed = False
         self._where = f"{profile.name} ({_without_password(self._url)})"
 
-    @property
-    def profile(self) -> ModelProfile:
-        return self._profile
-
     def stream(self, request: CompletionRequest) -> Pieces:
-        return assembled(self._chunks(request), request.prompt.stop, self._profile.name)
+        return assembled(self._chunks(request), request.prompt.stop, self.profile.name)
 
     async def aclose(self) -> None:
         """Close the connections; later requests are an error."""
@@ -140,7 +136,7 @@ class SseModel:
 
     def _http(self) -> httpx.AsyncClient:
         if self._closed:
-            raise ModelUnavailableError(f"{self._profile.name} is closed")
+            raise ModelUnavailableError(f"{self.profile.name} is closed")
         if self._client is None:
             self._client = httpx.AsyncClient(
                 headers={"Accept-Encoding": "identity", **self._headers},

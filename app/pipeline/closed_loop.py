@@ -16,7 +16,6 @@ from itertools import zip_longest
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.order.order import Order
 from app.pipeline.prompt import PromptTemplate, rotated_in_all
 from app.pipeline.representation.base import Codec, Decoder
 from roboprompt_client.errors import InvalidInputError
@@ -27,8 +26,8 @@ FitStep = Callable[[Sequence[Demonstration], int], Codec]
 
 
 @dataclass(frozen=True, eq=False)
-class StepCodec:
-    """One step of a closed loop: a reply is one action or `done`.
+class StepCodec(Codec):
+    """One step of a closed loop: a reply is one action or `done`, which is no JSON.
 
     Attributes:
         action: for replies that are an action; None where every demonstration is done.
@@ -49,9 +48,6 @@ class StepCodec:
     def needed(self) -> tuple[Demonstration, ...]:
         return self.observation.needed()
 
-    def questions(self, order: Order) -> tuple[str, ...]:
-        return (order.text,)
-
     def observation_text(self, query: Query) -> str:
         return self.observation.observation_text(query)
 
@@ -70,9 +66,6 @@ class StepCodec:
             return f"root ::= {done}\n"
         actions = self.action.grammar(query, 1).replace("root ::=", "action ::=", 1)
         return f"root ::= {done} | action\n{actions}"
-
-    def schema(self, query: Query, max_actions: int) -> None:
-        """A step may be `DONE`, which is no JSON."""
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         if complete and reply_text.strip() == DONE:

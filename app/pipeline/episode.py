@@ -118,6 +118,14 @@ def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, .
     return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
 
 
+def rotation_of(pose: ObjectPose) -> Array:
+    """(4,) the rotation of an observed object that demonstrations have with one; raises InvalidInputError without."""
+    if pose.quaternion_xyzw is None:
+        field, message = f"objects[{pose.name}].quaternion_xyzw", "is missing, but every demonstration has it"
+        raise InvalidInputError(field, message, "a unit quaternion, order x y z w")
+    return pose.quaternion_xyzw
+
+
 def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_FREQUENCY_HZ) -> Array:
     """(T,) from the first frame on."""
     if trajectory.timestamps_s is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from app.pipeline.episode import Demonstration, Query
+from app.pipeline.episode import Demonstration, Query, rotation_of
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.names import alike, folded
 from app.pipeline.representation.base import Codec
@@ -94,10 +94,8 @@ class PromptTemplate:
             InvalidInputError: if an object lacks a rotation that every demonstration has.
         """
         for pose in objects:
-            if pose.quaternion_xyzw is None and pose.name in self.rotated:
-                message = "is missing, but every demonstration has it"
-                field = f"objects[{pose.name}].quaternion_xyzw"
-                raise InvalidInputError(field, message, "a unit quaternion, order x y z w")
+            if pose.name in self.rotated:
+                rotation_of(pose)
         return tuple(pose if pose.name in self.rotated else replace(pose, quaternion_xyzw=None) for pose in objects)
 
     def ask(self, query: Query, max_actions: int, so_far: str = "") -> Prompt:

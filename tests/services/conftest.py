@@ -11,8 +11,8 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.predict.ask import question_of
 from app.services.predict.known import KnownReader
-from app.services.predict.write import write_question
 from app.store.store import Store
 
 ONE_ACTION = "[[50, 50, 20, 0, 36, 36, 1]]"
@@ -55,5 +55,4 @@ def unavailable():
 
 def written(services, profile, request):
     """The question to a model of that profile."""
-    known = KnownReader(services.store, lambda name: profile)(request)
-    return write_question(request, request.instruction, known, Limits())
+    return question_of(request, KnownReader(services.store, lambda name: profile), Limits())

@@ -14,6 +14,7 @@ from app.services.errors import UnparsableReplyError, UnsupportedReplyError
 from app.services.measures import timings_of_its_own
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.record import Prediction
+from app.services.predict.reply import AGAIN_TEMPERATURE
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
@@ -86,6 +87,13 @@ def test_each_clause_is_checked_for_itself(taught):
     prediction = ask(taught(RELATIVE, FAR, RELATIVE), TWICE)
     assert len(prediction.reply.actions) == 6
     assert prediction.reply.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
+
+
+def test_only_the_second_try_of_a_clause_is_sampled(taught):
+    asked = []
+    prediction = ask(taught(FAR, RELATIVE, RELATIVE, asked=asked), TWICE)
+    assert len(prediction.reply.actions) == 6
+    assert [request.temperature for request in asked] == [0.0, AGAIN_TEMPERATURE, 0.0]
 
 
 def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):
@@ -183,7 +191,7 @@ def test_a_closed_loop_goes_on_from_its_last_step(taught):
     )
     third = ask(services, CLOSED.with_options(after=second.id))
     assert [len(step.reply.actions) for step in (first, second, third)] == [1, 1, 0]
-    assert [step.question.step for step in (first, second, third)] == [0, 1, 2]
+    assert [step.question.known.step for step in (first, second, third)] == [0, 1, 2]
     np.testing.assert_allclose(second.reply.actions[0].action.position_m, [0.2, 0.1, 0.9])
     assert (
         second.reply.prompt.user == f"{first.reply.prompt.user}{STEPS[0]}{second.reply.prompt.query.splitlines()[-1]}"

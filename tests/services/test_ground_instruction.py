@@ -11,10 +11,10 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.measures import timings_of_its_own
-from app.services.predict.closed_loop import PreviousStep
+from app.services.predict.instruction import understand
+from app.services.predict.known import PreviousStep
 from app.services.predict.observe import Scene
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.write import understood
 from app.services.teach.upload import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
@@ -187,7 +187,7 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
     known = replace(first.known, previous=previous, scene=swapped)
 
     def later(said):
-        return understood(replace(REQUEST, instruction=said), said, known, first.prefix.instructions).text
+        return understand(replace(REQUEST, instruction=said), said, known, first.prefix.instructions).text
 
     assert later("push the leftmost button") == "push the red button"
     assert later("push the leftmost one") == "push the blue button"

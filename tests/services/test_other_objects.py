@@ -81,6 +81,13 @@ def test_what_rows_follow_must_be_there(services, missing):
         predicted(services, tuple(replace(query, name="bowl") if query.name == missing else query for query in objects))
 
 
+@pytest.mark.parametrize("selection", ["first", "recent", "random", "nearest", "diverse"])
+def test_a_scene_without_any_object_of_the_task_says_what_is_missing(services, selection):
+    request = PredictRequest("tidy", INSTRUCTION, queries({"vase": (0.1, 0.2, 0.02)}))
+    with pytest.raises(ObjectSetError, match="missing: cube, plate"):
+        asyncio.run(services.predict_actions(request.with_options(selection=selection)))
+
+
 @pytest.mark.parametrize("instruction", ["put the milk box on the plate", "put the cube in the basket"])
 def test_words_that_mean_a_new_object_are_refused(services, instruction):
     with pytest.raises(InstructionError):

@@ -9,6 +9,7 @@ import pytest
 from app.llm.base import Completion, ModelProfile
 from app.services.predict import warm
 from app.services.predict.known import KnownReader
+from app.services.predict.prefix import usual_prefixes
 from app.services.predict.warm import PrefixWarmer
 from app.store import predictions
 from app.store.store import Store
@@ -94,7 +95,7 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
 
     prefixes = asyncio.run(scenario())
     reader = KnownReader(store, lambda name: PROFILE)
-    assert prefixes == [reader.usual_prefixes(task)[0].template.prefix for task in ("first", "third")]
+    assert prefixes == [usual_prefixes(*reader.usual(task))[0].template.prefix for task in ("first", "third")]
 
 
 def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
@@ -112,7 +113,8 @@ def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
 
     model = asyncio.run(scenario())
     assert len(model.begun) == 1
-    assert model.finished[0] == KnownReader(store, lambda name: PROFILE).usual_prefixes("new")[0].template.prefix
+    usual = KnownReader(store, lambda name: PROFILE).usual("new")
+    assert model.finished[0] == usual_prefixes(*usual)[0].template.prefix
 
 
 def test_a_prediction_interrupts_and_the_rest_is_made_up_for(store):
@@ -128,6 +130,23 @@ def test_a_prediction_interrupts_and_the_rest_is_made_up_for(store):
                 assert (len(model.begun), model.finished, model.at_once) == (1, [], 0)
             await until(lambda: model.finished)
         assert len(model.begun) == 2
+
+    asyncio.run(scenario())
+
+
+def test_nothing_is_warmed_between_predictions_that_follow_each_other(store):
+    three_tasks(store)
+
+    async def scenario():
+        model = SlowModel()
+        async with running(store, model, num_tasks=0) as warmer:
+            with warmer.giving_way():
+                warmer.changed("first")
+                await asyncio.sleep(2 * warm.DEBOUNCE_S)
+            with warmer.giving_way():  # at once: the warmer has not looked since
+                await asyncio.sleep(0.2)
+                assert model.begun == []
+            await until(lambda: model.finished)
 
     asyncio.run(scenario())
 

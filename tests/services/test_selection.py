@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from app.services.predict.select import most_diverse, nearest_last
+from app.services.predict.task_reading import most_diverse, nearest_last
 
 LINE_M = np.array([[[x, 0.0, 0.0]] for x in (0.0, 0.1, 0.5, 1.0, 0.52)])
 SCENES = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(2), st.just(3)), elements=st.floats(-1, 1))

@@ -21,10 +21,10 @@ from app.api.schemas.requests import PredictBody
 from app.llm.base import Reading, TextDelta
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.predict.ask import Arriving
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
-from app.services.predict.reply import Arriving
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import content_digest
 from app.store.errors import StoreError

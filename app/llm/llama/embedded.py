@@ -33,16 +33,12 @@ class EmbeddedModel:
     """One GGUF model, served by one child process, as the settings `embedded_...` say."""
 
     def __init__(self, profile: ModelProfile, weights: Weights, settings: LlmSettings) -> None:
-        self._profile = profile
+        self.profile = profile
         self._weights = weights
         self._settings = settings
         self._slots = WarmSlots(settings.embedded_slots)
         self._start: asyncio.Task[_Running] | None = None
         self._closed = False
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._profile
 
     async def stream(self, request: CompletionRequest) -> Pieces:
         running = await self._running()
@@ -68,7 +64,7 @@ class EmbeddedModel:
     async def _running(self) -> _Running:
         """The server, which all callers start together; one that failed or died is started again."""
         if self._closed:
-            raise ModelUnavailableError(f"{self._profile.name} is closed")
+            raise ModelUnavailableError(f"{self.profile.name} is closed")
         if self._start is None or _has_ended(self._start):
             self._start = asyncio.create_task(self._started(self._start))
         # a caller that gives up must not stop the start that others wait for
@@ -86,7 +82,7 @@ class EmbeddedModel:
             kept_folder=str(self._settings.embedded_kept_folder or ""),
         )
         process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
-        client = OpenAiCompatibleModel(self._profile, process.server, self._profile.name, LLAMA_CPP)
+        client = OpenAiCompatibleModel(self.profile, process.server, self.profile.name, LLAMA_CPP)
         return _Running(process, client)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-from app.llm.base import CompletionRequest, ModelProfile, Pieces, StartedModel
+from app.llm.base import CompletionRequest, Pieces, StartedModel
 from app.llm.llama import gguf
 from app.pipeline.prompt import Prompt
 
@@ -67,11 +67,8 @@ class TrimmedModel:
 
     def __init__(self, trimmed: StartedModel, whole: StartedModel) -> None:
         self._trimmed = trimmed
+        self.profile = trimmed.profile
         self._whole = whole
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._trimmed.profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
         return self._for(request).stream(request)

@@ -46,7 +46,9 @@ class Taught:
     moves: bool = False
     compared: tuple[Compared, ...] = ()
     _restricted: dict[frozenset[str], "Taught"] = field(default_factory=dict, init=False, repr=False)
-    _known: dict[tuple[str, tuple[str, ...]], tuple[Finding, ...]] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[tuple[str, int, tuple[str, ...]], tuple[Finding, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
@@ -110,13 +112,12 @@ class Taught:
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
-        form = asked.form if asked.form in self._alike else ""
-        if (known := self._known.get((form, asked.objects))) is None:
+        form, number = asked.form if asked.form in self._alike else "", len(asked.clauses)
+        if (known := self._known.get((form, number, asked.objects))) is None:
             scattered = scatter_findings(self.support, asked, self.round_objects)
-            strung = len(asked.clauses) > 1 and not form
-            dropped = dropping_findings(self.hands) if strung else ()
+            dropped = dropping_findings(self.hands) if number > 1 and not form else ()
             known = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
-            self._known[form, asked.objects] = known
+            self._known[form, number, asked.objects] = known
         return known
 
     def of_answer(

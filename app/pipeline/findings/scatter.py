@@ -21,8 +21,16 @@ from app.pipeline.findings.rules import (
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
 from app.pipeline.plans.support import Support
-from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor, asked_anchor
-from app.pipeline.representation.turning import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
+from app.pipeline.representation.anchors import (
+    M_PER_RAD,
+    MIN_TURNED,
+    MIXED_FRAMES,
+    TURNED_SHARE,
+    Anchor,
+    asked_anchor,
+    much_less,
+    scatters_m,
+)
 
 SCATTER_M = 0.01  # what people and pose estimators do at their best
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # of their scatter, that places and rotations have along other axes

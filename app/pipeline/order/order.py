@@ -79,12 +79,12 @@ class Order:
         """The things to do one after the other."""
         return tuple(clause_of(text, self.names) for text in clause_texts(self.text))
 
-    @property
+    @cached_property
     def form(self) -> str:
         """What is asked for, whatever the objects: see `Clause.form`."""
         return clause_of(self.text, self.names).form
 
-    @property
+    @cached_property
     def objects(self) -> tuple[str, ...]:
         """The names of the objects that it mentions, by their first mention."""
         return clause_of(self.text, self.names).objects

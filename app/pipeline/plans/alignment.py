@@ -139,16 +139,21 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
 
 
 def _by_grasped(group: Sequence[Recording], places: Sequence[int]) -> list[list[int]]:
-    """Recordings that grasp the same objects in the same order together; what is not clear fits any."""
-    orders: list[tuple[tuple[int | None, ...], list[int]]] = []
-    for place in places:
+    """Recordings that grasp the same objects in the same order together; what is not clear fits any.
+
+    Those that are clear come first, so that one that is not does not bring two orders together.
+    """
+    orders: list[tuple[list[int | None], list[int]]] = []
+    for place in sorted(places, key=lambda place: group[place].grasped.count(None)):
         grasped = group[place].grasped
-        alike = next((members for order, members in orders if _same_order(order, grasped)), None)
-        if alike is None:
-            orders.append((grasped, [place]))
+        found = next((one for one in orders if _same_order(one[0], grasped)), None)
+        if found is None:
+            orders.append((list(grasped), [place]))
         else:
-            alike.append(place)
-    return [members for _, members in orders]
+            order, members = found
+            order[:] = [known if one is None else one for one, known in zip(order, grasped, strict=True)]
+            members.append(place)
+    return sorted(sorted(members) for _, members in orders)
 
 
 def _same_order(one: Sequence[int | None], other: Sequence[int | None]) -> bool:

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, rotation_of
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.rows import plan_rows
 from roboprompt_client import quaternions
@@ -68,8 +68,7 @@ class Quantity:
     def _of(self, name: str, objects: Sequence[ObjectPose]) -> float:
         pose = next(pose for pose in objects if pose.name == name)
         if self.axis == 3:
-            assert pose.quaternion_xyzw is not None
-            return math.degrees(quaternions.yaw_rad(pose.quaternion_xyzw))
+            return math.degrees(quaternions.yaw_rad(rotation_of(pose)))
         return float(pose.position_m[self.axis or 0])
 
     def apart(self, one: Array, other: Array) -> Array:

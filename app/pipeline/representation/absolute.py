@@ -11,8 +11,7 @@ from typing import ClassVar, NamedTuple
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.order.order import Order
-from app.pipeline.representation.base import Decoder, row_count_bounds
+from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
@@ -122,7 +121,7 @@ def _lists_of_actions(text: str) -> Iterator[list[object]]:
 
 
 @dataclass(frozen=True, eq=False)
-class AbsoluteCodec:
+class AbsoluteCodec(Codec):
     """``{'drawer': [42, 65, 29], 'open the drawer'}>[[46, 74, 55, 54, 36, 37, 1], ...], ``.
 
     Attributes:
@@ -148,9 +147,6 @@ r ::= [0-9] | [1-6] [0-9] | "7" [01]
     def needed(self) -> tuple[Demonstration, ...]:
         return self.demonstrations
 
-    def questions(self, order: Order) -> tuple[str, ...]:
-        return (order.text,)
-
     def observation_text(self, query: Query) -> str:
         parts = [f"'{pose.name}': {list(object_bins(pose, self.workspace))}" for pose in query.objects]
         if self.with_instruction:
@@ -159,9 +155,6 @@ r ::= [0-9] | [1-6] [0-9] | "7" [01]
 
     def actions_text(self, demonstration: Demonstration) -> str:
         return str([list(item.bins) for item in discretize_actions(demonstration.actions, self.workspace)])
-
-    def demonstration_text(self, demonstration: Demonstration) -> str:
-        return f"{self.observation_text(demonstration)}{self.actions_text(demonstration)}{self.separator}"
 
     def grammar(self, query: Query, max_actions: int) -> str:
         return list_grammar(self.row_rules, *row_count_bounds(self.demonstrations, query.order, max_actions))

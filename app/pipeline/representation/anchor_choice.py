@@ -15,9 +15,9 @@ from app.pipeline.representation.anchors import (
     Anchor,
     Anchors,
     in_frame,
+    mixed_frames,
     relative_poses,
 )
-from app.pipeline.representation.turning import mixed_frames
 from roboprompt_client.arrays import Array
 
 APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
@@ -39,7 +39,7 @@ def choose_anchors(
     """For each action of a group of like demonstrations, every demonstration's anchor.
 
     The one chosen is that whose relative action spreads least over the group, of an object's frames `ow` and `wo` where
-    `turning.mixed_frames` is certain of it. A single demonstration does not spread: there the nearest object is chosen
+    `mixed_frames` is certain of it. A single demonstration does not spread: there the nearest object is chosen
     to whose axes the hand is square, and its own axes rather than the world's.
 
     Args:

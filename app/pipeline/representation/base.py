@@ -1,23 +1,14 @@
 """What every representation offers: text for observations and actions, a grammar for replies, and the way back."""
 
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Protocol
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.order import Order
 from roboprompt_client.trajectory import EndEffectorAction
 
-
-class Decoder(Protocol):
-    """Reads rows of one reply."""
-
-    def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
-        """The actions of the rows from index `first` (from 0) on.
-
-        Raises:
-            ReplyParseError: if one is not a valid row.
-        """
-        ...
+# The actions of the rows of one reply from index `first` (from 0) on; raises ReplyParseError for one that is not valid.
+Decoder = Callable[[int, Sequence[str]], list[EndEffectorAction]]
 
 
 class Codec(Protocol):
@@ -26,7 +17,10 @@ class Codec(Protocol):
     Attributes:
         stop: strings that end a reply.
         separator: what stands between a demonstration's actions and the next observation.
+        joint: what stands between an observation and its actions.
     """
+
+    joint: ClassVar[str] = ""
 
     @property
     def stop(self) -> tuple[str, ...]: ...
@@ -40,7 +34,7 @@ class Codec(Protocol):
 
     def questions(self, order: Order) -> tuple[str, ...]:
         """The instructions to ask for one after the other so that the whole order is carried out."""
-        ...
+        return (order.text,)
 
     def observation_text(self, query: Query) -> str:
         """The observation as the prompt shows it, including the mark that asks for actions."""
@@ -52,7 +46,7 @@ class Codec(Protocol):
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         """Observation, actions and separator: what the prompt repeats."""
-        ...
+        return f"{self.observation_text(demonstration)}{self.joint}{self.actions_text(demonstration)}{self.separator}"
 
     def grammar(self, query: Query, max_actions: int) -> str:
         """The GBNF grammar of valid replies."""
@@ -60,7 +54,7 @@ class Codec(Protocol):
 
     def schema(self, query: Query, max_actions: int) -> Mapping[str, object] | None:
         """The JSON Schema of valid replies; None where they are not JSON."""
-        ...
+        return None
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         """The rows that the reply holds so far; with `complete` the whole reply is checked.

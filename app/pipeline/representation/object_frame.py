@@ -16,6 +16,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,7 +36,7 @@ from app.pipeline.representation.anchors import (
     anchor_pose,
     tilted_objects,
 )
-from app.pipeline.representation.base import Decoder, clause_by_clause
+from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
     Row,
@@ -63,7 +64,7 @@ _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
 @dataclass(frozen=True, eq=False)
-class ObjectFrameCodec:
+class ObjectFrameCodec(Codec):
     """Actions relative to objects, fitted to the demonstrations of one prompt.
 
     For each row the (object, frame) pair is the one whose relative action spreads least over the demonstrations whose
@@ -82,6 +83,7 @@ class ObjectFrameCodec:
     first_row: int = 1
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
+    joint: ClassVar[str] = " "
 
     @classmethod
     def fit(
@@ -118,9 +120,6 @@ class ObjectFrameCodec:
         numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
         return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
-    def demonstration_text(self, demonstration: Demonstration) -> str:
-        return f"{self.observation_text(demonstration)} {self.actions_text(demonstration)}{self.separator}"
-
     def needed(self) -> tuple[Demonstration, ...]:
         """Of demonstrations that ask for the same thing and have the same rows, the last few.
 
@@ -134,9 +133,6 @@ class ObjectFrameCodec:
             texts = {self.actions_text(self.demonstrations[place]) for place in places}
             needed.update(sorted(places)[-MAX_REPEATED:] if len(texts) == 1 else places)
         return tuple(self.demonstrations[place] for place in sorted(needed))
-
-    def schema(self, query: Query, max_actions: int) -> None:
-        """Its rows are no JSON."""
 
     def grammar(self, query: Query, max_actions: int) -> str:
         return self._grammars(query.order, max_actions)

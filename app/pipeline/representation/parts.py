@@ -17,6 +17,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import Anchor, anchor_pose, tilted_objects
-from app.pipeline.representation.base import Decoder, clause_by_clause
+from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.common_parts import Part, Step, find_steps, kind_of
 from app.pipeline.representation.object_rows import actions_at
 from roboprompt_client.errors import InvalidInputError
@@ -35,7 +36,7 @@ _STEP = re.compile(r"(\d{1,3})\. (.+)", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
-class PartsCodec:
+class PartsCodec(Codec):
     """Demonstrations as steps, fitted to those of one prompt.
 
     Attributes:
@@ -49,6 +50,7 @@ class PartsCodec:
     with_instruction: bool
     stop: tuple[str, ...] = ("\n\n",)
     separator: str = "\n\n"
+    joint: ClassVar[str] = "\n"
 
     @classmethod
     def fit(cls, demonstrations: Sequence[Demonstration], with_instruction: bool) -> "PartsCodec":
@@ -84,16 +86,10 @@ class PartsCodec:
         steps = self.steps[self.demonstrations.index(demonstration)] or ()
         return "\n".join(f"{number}. {step.text}" for number, step in enumerate(steps, 1))
 
-    def demonstration_text(self, demonstration: Demonstration) -> str:
-        return f"{self.observation_text(demonstration)}\n{self.actions_text(demonstration)}{self.separator}"
-
     def grammar(self, query: Query, max_actions: int) -> str:
         steps = " | ".join(f'"{step.text}"' for step in self._possible(query))
         most = max(1, max_actions // min(len(part.rows) for part in self.parts))
         return f'root ::= "\\n"? step ("\\n" step){{0,{most - 1}}} "\\n\\n"?\nstep ::= [1-9] [0-9]? ". " ({steps})\n'
-
-    def schema(self, query: Query, max_actions: int) -> None:
-        """Its rows are no JSON."""
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         lines = [line.strip() for line in reply_text.strip("\n").split("\n")]

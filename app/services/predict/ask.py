@@ -13,20 +13,22 @@ from uuid import uuid4
 
 import anyio.to_thread
 
-from app.llm.base import LanguageModelError
+from app.llm.base import LanguageModelError, Reading, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
-from app.services.predict.instruction import ask_meaning
+from app.services.predict.instruction import ask_meaning, understand
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits, MotionCheck
-from app.services.predict.question import Question
+from app.services.predict.part_reply import PredictedAction
+from app.services.predict.prefix import choose_prefix
+from app.services.predict.question import Question, write_question
 from app.services.predict.record import Prediction, PredictionRecorder
-from app.services.predict.reply import Arriving, Reply
+from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
+from app.services.predict.samples import SampledReply
 from app.services.predict.warm import PrefixWarmer
-from app.services.predict.write import write_question
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
@@ -35,6 +37,7 @@ from roboprompt_client.wording import checked_instruction
 SHOWN_AFTER_S = 0.5  # shorter ones are never written down
 GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more
 FAILURES = (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError)
+Arriving = PredictedAction | TextDelta | Reading
 logger = logging.getLogger(__name__)
 _showing: set[asyncio.Task[None]] = set()  # the event loop itself holds its tasks weakly
 
@@ -83,20 +86,17 @@ class PredictActions:
                 that the task knows they mean; otherwise no LLM is called.
 
         Raises:
-            as KnownReader and `write_question`.
+            as `question_of`.
         """
         note(task=request.task)
         try:
-            return await anyio.to_thread.run_sync(self._question, request)
+            return await anyio.to_thread.run_sync(question_of, request, self._known, self._limits)
         except InstructionError as error:
             meaning = await self._meaning(request, error) if ask_meaning else None
             if meaning is None:
                 raise
-            return await anyio.to_thread.run_sync(self._question, replace(request, meaning=meaning))
-
-    def _question(self, request: PredictRequest) -> Question:
-        instruction = checked_instruction("instruction", request.instruction)
-        return write_question(request, instruction, self._known(request), self._limits)
+            meant = replace(request, meaning=meaning)
+            return await anyio.to_thread.run_sync(question_of, meant, self._known, self._limits)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
@@ -117,8 +117,11 @@ class PredictActions:
             UnsafeReplyError: if an action is beyond a bound of motion of the moment; recorded, carries the reply.
         """
         motion = MotionCheck(self._current, question)
-        async with self._asked(question, motion) as reply:
-            await reply.whole()
+        async with self._asked(question) as reply:
+            async for actions in reply.whole():
+                await motion.check(item.action for item in actions)
+                if actions:
+                    timings().reached("first_action")
         return await self._recorded(reply, motion)
 
     async def stream(self, question: Question) -> AsyncGenerator[Arriving | Prediction, None]:
@@ -128,23 +131,23 @@ class PredictActions:
             as `complete`.
         """
         motion = MotionCheck(self._current, question)
-        async with self._asked(question, motion) as reply:
-            if question.samples:
-                await reply.whole()
-                for action in reply.actions:
-                    await motion.again()
+        async with self._asked(question) as reply, aclosing(reply.stream()) as arriving:
+            async for item in arriving:
+                if isinstance(item, TextDelta | Reading):
+                    yield item
+                    continue
+                await motion.check(action.action for action in item)
+                for action in item:
+                    await motion.again()  # the one before may have been read slowly
+                    timings().reached("first_action")
                     yield action
-            else:
-                async with aclosing(reply.stream()) as arriving:
-                    async for item in arriving:
-                        yield item
         yield await self._recorded(reply, motion)
 
     @asynccontextmanager
-    async def _asked(self, question: Question, motion: MotionCheck) -> AsyncIterator[Reply]:
+    async def _asked(self, question: Question) -> AsyncIterator[Reply]:
         """The reply that the block waits for; meanwhile people see that it is under way, and no prefix is warmed."""
         async with self._models.using(question.known.profile.name) as model:
-            reply = Reply(question, model, motion)
+            reply = SampledReply(question, model) if question.samples else Reply(question, model)
             try:
                 with self._warmer.giving_way():
                     async with _watched(self._under_way, question):
@@ -164,6 +167,20 @@ class PredictActions:
             return await self._record.answered(reply, motion)
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
             raise await self._record.failed(reply, error) from error
+
+
+def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
+    """What is known -> the demonstrations of the plan that the scene calls for -> the instruction -> the question.
+
+    Synchronous: call it in a thread. Raises as each step.
+    """
+    instruction = checked_instruction("instruction", request.instruction)
+    known = read(request)
+    with timed("prompt"):
+        prefix, why = choose_prefix(known)
+    with timed("words"):
+        order = understand(request, instruction, known, prefix.instructions)
+    return write_question(request, known, prefix, why, order, limits)
 
 
 @asynccontextmanager

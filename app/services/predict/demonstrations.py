@@ -13,7 +13,6 @@ from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.sources import Compared
 from app.pipeline.plans import Recording, agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
-from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import DemonstrationRecord
@@ -105,3 +104,8 @@ def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings
     """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
     later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
     return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
+
+
+def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Those of the first scene's names that all scenes have."""
+    return tuple(name for name in names[0] if all(name in others for others in names)) if names else ()

@@ -8,8 +8,7 @@ import numpy as np
 
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
-from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.select import in_all
+from app.services.predict.demonstrations import Demonstrations, in_all
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from roboprompt_client import quaternions

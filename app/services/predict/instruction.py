@@ -14,13 +14,14 @@ from importlib.resources import files
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
+from app.pipeline.alike import check_named
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
-from app.services.predict.observe import Scene
+from app.services.predict.known import Known
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.trajectory import ObjectPose
@@ -61,14 +62,10 @@ def _frequency_list() -> bytes:
     return text.strip(b"{}\n")
 
 
-def ground_instruction(
-    request: PredictRequest,
-    instruction: str,
-    taught: Sequence[str],
-    settings: TaskSettings,
-    scene: Scene,
-) -> Order:
-    """The instruction as it is understood.
+def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
+    """The instruction; a closed loop goes on with what its first step understood.
+
+    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
 
     Args:
         instruction: the request's, checked.
@@ -78,14 +75,19 @@ def ground_instruction(
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
             the task's.
     """
-    order = _grounded(request, instruction, taught, settings, scene.objects)
+    if known.previous is not None and known.previous.instruction == request.instruction:
+        return known.previous.grounded
+    scene = known.scene
+    order = _grounded(request, instruction, taught, known.settings, scene.objects)
     if scene.bystanders:
         everything = (*scene.objects, *scene.bystanders)
-        with_others = _grounded(request, instruction, taught, settings, everything)
+        with_others = _grounded(request, instruction, taught, known.settings, everything)
         if with_others.objects != order.objects:
             meant = ", ".join(name for name in with_others.objects if name not in order.objects)
             message = f"may mean {meant}, which demonstrations do not have"
             raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in scene.objects))
+    if request.alike:
+        check_named(order, known.taught.followed(order), request.alike)
     return order
 
 

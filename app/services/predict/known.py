@@ -3,24 +3,48 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from sqlalchemy import Connection
+
 from app.llm.base import ModelProfile
-from app.pipeline.alike import alike_findings
-from app.pipeline.findings import Finding
-from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.scene import other_objects
+from app.pipeline.order.order import Order
 from app.pipeline.prompt import check_object_names
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
-from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.observe import Scene, look, observed
-from app.services.predict.prefix import Prefix, usual_prefixes
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import Caches, TaskReading
 from app.services.task_settings import TaskSettings
+from app.store import predictions
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import ObjectPose
+
+
+@dataclass(frozen=True)
+class PreviousStep:
+    """A closed loop's last prediction.
+
+    Attributes:
+        step: its number, from 0.
+        prompt_user, reply_text: as the LLM read and wrote them.
+        end_effector: where its action sent it.
+        instruction, grounded: as it was asked, and how it was understood.
+        objects: as they were observed.
+    """
+
+    step: int
+    model: str
+    style: PromptStyle
+    demonstration_ids: tuple[str, ...]
+    prompt_user: str
+    reply_text: str
+    end_effector: Pose
+    instruction: str
+    grounded: Order
+    objects: tuple[ObjectPose, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +60,6 @@ class Known:
         demonstrations: that the request names or its selection finds.
         chosen: whether the request names them.
         taught: all demonstrations of the task, which an answer is held against.
-        findings: which objects are others than demonstrated.
     """
 
     settings: TaskSettings
@@ -48,7 +71,13 @@ class Known:
     demonstrations: Demonstrations
     chosen: bool
     taught: Taught
-    findings: tuple[Finding, ...] = ()
+
+    @property
+    def step(self) -> int | None:
+        """The number of a closed loop's step that is asked for, from 0; None without one."""
+        if self.previous is not None:
+            return self.previous.step + 1
+        return 0 if self.style.closed_loop else None
 
 
 class KnownReader:
@@ -102,8 +131,6 @@ class KnownReader:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, task.record.object_names or (), taught.needed | demonstrations.needed)
             taught = taught.of_objects(present)
-        moved = changed_places(previous.objects, scene.objects) if previous else ()
-        others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
         return Known(
             settings,
             previous,
@@ -114,11 +141,10 @@ class KnownReader:
             demonstrations,
             chosen=request.options.episode_ids is not None and previous is None,
             taught=taught,
-            findings=(*others, *moved, *alike_findings(request.alike)),
         )
 
-    def usual_prefixes(self, task_name: str) -> list[Prefix]:
-        """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
+    def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
+        """What requests that name nothing but the task show.
 
         Raises:
             as for such a request.
@@ -128,8 +154,39 @@ class KnownReader:
             task = TaskReading(connection, task_name, self._caches)
             style = PromptStyle.of(request, task.settings, self.profile_of(None))
             task.taught(style.from_start, style.closed_loop)  # an answer needs it next
-            demonstrations = task.demonstrations(_ids(task, request))
-        return usual_prefixes(demonstrations, task.settings, style)
+            return task.demonstrations(_ids(task, request)), task.settings, style
+
+
+def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:
+    """The prediction that a closed loop goes on from; None for a request that begins.
+
+    Raises:
+        NotFoundError: if there is no such prediction.
+        InvalidInputError: if it is none that a closed loop of this task can go on from.
+    """
+    if request.options.after is None:
+        return None
+    record = predictions.get(connection, request.options.after)
+    valid = "the id of the last step of a closed loop that goes on"
+    if record.task != request.task:
+        raise InvalidInputError("after", f"is a prediction of the task {record.task!r}", valid)
+    if record.step is None or record.reply_text is None or record.actions is None:
+        raise InvalidInputError("after", "is not a step of a closed loop that gave an action", valid)
+    if not record.actions:
+        raise InvalidInputError("after", "is a step that ended its closed loop", valid)
+    last = record.actions[-1]
+    return PreviousStep(
+        record.step,
+        record.model,
+        PromptStyle(record.representation, record.prompt_format, record.prompt_system, closed_loop=True),
+        record.demonstration_ids,
+        record.prompt_user,
+        record.reply_text,
+        Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
+        record.instruction,
+        Order.from_json(record.grounding, [item.name for item in record.objects]),
+        tuple(item.pose() for item in record.objects),
+    )
 
 
 def _ids(

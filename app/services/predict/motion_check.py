@@ -1,6 +1,6 @@
 """The bounds of motion of the moment, against which every action of a reply is held."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import anyio.to_thread
 from sqlalchemy import Connection
@@ -60,15 +60,12 @@ class MotionCheck:
         self._limits = question.known.settings.limits_of_motion()
         self._guard = self._guarding(self._limits)
 
-    async def check(self, actions: Sequence[EndEffectorAction], *, sent_now: bool) -> None:
-        """Let the answer's next actions pass.
+    async def check(self, actions: Iterable[EndEffectorAction]) -> None:
+        """Let the answer's next actions pass by the limits that were read last; `again` or `within` follows.
 
-        Args:
-            sent_now: by the limits of the moment. Otherwise those that were read last do, as `within` follows; where
-                they forbid an action, it is held against those of the moment, which may be wider.
+        Where these forbid an action, it is held against those of the moment, which may be wider.
         """
-        if sent_now:
-            await self.again()
+        actions = list(actions)
         self._actions += actions
         try:
             for action in actions:

@@ -60,31 +60,59 @@ class PredictedAction:
         }
 
 
-class SupportCheck:
-    """Holds the actions of the reply to one instruction against the demonstrations, as they come.
+class PartReply:
+    """The reply to one part of an instruction: pieces -> rows -> actions that the demonstrations support.
 
     Attributes:
         doubts: about actions that the request lets pass, and about those that lie beyond every demonstration.
+        complete: whether all of it was read.
 
     Args:
-        num_before: actions of replies to earlier parts of the instruction.
+        num_before: actions of the replies to earlier parts.
     """
 
-    def __init__(self, question: Question, instruction: str, num_before: int) -> None:
-        plans = question.plans.get(instruction)
+    def __init__(self, question: Question, asked: Query, num_before: int) -> None:
+        options, plans = question.request.options, question.plans.get(asked.instruction)
+        self._reader = ReplyReader(question.template.codec, asked, options.max_actions - num_before)
         self._guard = SupportGuard(plans, num_before) if plans else None
-        self._allows = question.request.options.unsupported == "allow"
-        self._tolerated_m = TOLERATED_BINS * float(question.known.settings.workspace.workspace().bin_size_m.max())
-        self._index = num_before
+        self._allows = options.unsupported == "allow"
+        self._turned = question.turned
+        self._workspace = question.known.settings.workspace.workspace()
+        self._tolerated_m = TOLERATED_BINS * float(self._workspace.bin_size_m.max())
+        self._num_before, self._num_read = num_before, 0
         self.doubts: list[ActionDoubt] = []
+        self.complete = False
 
-    def check(self, action: EndEffectorAction) -> PlacedRow | None:
-        """Let the next action pass; the demonstrated row that it carries out, None where none is known.
+    def read(self, piece: TextDelta | Completion) -> list[PredictedAction]:
+        """The actions that a piece of the reply completes.
 
         Raises:
-            UnsupportedActionError: unless the request lets it pass.
+            ReplyParseError: if it is not a list of valid actions.
+            UnsupportedActionError: unless the request lets it pass; also of a reply that ends too early.
         """
-        index, self._index = self._index, self._index + 1
+        with timed("parse"):
+            new = self._parsed(piece)
+        actions = [half_turned(action) for action in new] if self._turned else new
+        rows = [self._row(index, action) for index, action in enumerate(actions, self._num_before + self._num_read)]
+        self._num_read += len(new)
+        if self.complete and self._guard is not None:
+            try:
+                self._guard.finish()
+            except UnsupportedActionError as error:
+                self._let_pass(error, self._num_before + self._num_read)
+        return list(map(PredictedAction, actions, discretize_actions(actions, self._workspace), rows))
+
+    def _parsed(self, piece: TextDelta | Completion) -> Sequence[EndEffectorAction]:
+        if isinstance(piece, TextDelta):
+            return self._reader.feed(piece.text)
+        if piece.finish_reason == "length":
+            tokens = piece.usage.completion_tokens
+            raise ReplyParseError(f"the reply was cut off after {tokens} tokens", piece.text)
+        self.complete = True
+        return self._reader.finish(piece.text)[self._num_read :]
+
+    def _row(self, index: int, action: EndEffectorAction) -> PlacedRow | None:
+        """The demonstrated row that the next action carries out; None where none is known."""
         if self._guard is None:
             return None
         try:
@@ -99,63 +127,7 @@ class SupportCheck:
             self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, seen_from))
         return row
 
-    def finish(self) -> None:
-        """Let the reply end; raises as `check`."""
-        try:
-            if self._guard is not None:
-                self._guard.finish()
-        except UnsupportedActionError as error:
-            self._let_pass(error, self._index)
-
     def _let_pass(self, error: UnsupportedActionError, index: int) -> None:
         if not self._allows:
             raise error
         self.doubts.append(ActionDoubt(index, unsupported=error))
-
-
-class PartReply:
-    """The reply to one part of an instruction.
-
-    Attributes:
-        support: holds its actions against the demonstrations.
-        complete: whether all of it was read.
-
-    Args:
-        num_before: actions of the replies to earlier parts.
-    """
-
-    def __init__(self, question: Question, asked: Query, num_before: int) -> None:
-        remaining = question.request.options.max_actions - num_before
-        self._question = question
-        self._reader = ReplyReader(question.template.codec, asked, remaining)
-        self._num_read = 0
-        self.support = SupportCheck(question, asked.instruction, num_before)
-        self.complete = False
-
-    def read(self, piece: TextDelta | Completion) -> list[PredictedAction]:
-        """The actions that a piece of the reply completes.
-
-        Raises:
-            ReplyParseError, UnsupportedActionError.
-        """
-        with timed("parse"):
-            if isinstance(piece, TextDelta):
-                new = self._reader.feed(piece.text)
-            elif piece.finish_reason == "length":
-                tokens = piece.usage.completion_tokens
-                raise ReplyParseError(f"the reply was cut off after {tokens} tokens", piece.text)
-            else:
-                new = list(self._reader.finish(piece.text)[self._num_read :])
-                self.complete = True
-        self._num_read += len(new)
-        if self._question.turned:
-            new = [half_turned(action) for action in new]
-        return predicted(new, [self.support.check(action) for action in new], self._question)
-
-
-def predicted(
-    actions: Sequence[EndEffectorAction], rows: Sequence[PlacedRow | None], question: Question
-) -> list[PredictedAction]:
-    """The actions with their bins, each with the demonstrated row that it carries out."""
-    bins = discretize_actions(actions, question.known.settings.workspace.workspace())
-    return list(map(PredictedAction, actions, bins, rows))

@@ -15,9 +15,10 @@ from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
 from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.observe import Scene
+from app.services.predict.known import Known, PreviousStep
 from app.services.predict.request import PromptStyle
 from app.services.task_settings import TaskSettings
+from app.store.errors import ConflictError
 from roboprompt_client.errors import InvalidInputError
 
 MAX_PREFIXES = 256
@@ -48,23 +49,32 @@ class Prefix:
         """The template for a step of a closed loop; without one there is only step 0."""
         return self.template.at_step(step) if isinstance(self.template, ClosedLoopTemplate) else self.template
 
+    def taken(self, previous: PreviousStep) -> str:
+        """What stands between the demonstrations and the next query: the steps of a closed loop until now.
 
-def choose_prefix(
-    demonstrations: Demonstrations, scene: Scene, settings: TaskSettings, style: PromptStyle, *, chosen: bool = False
-) -> tuple[Prefix, tuple[Finding, ...]]:
+        Raises:
+            ConflictError: if the demonstrations do not read as they did.
+        """
+        shown = self.template.prefix
+        if not previous.prompt_user.startswith(shown):
+            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
+        codec = self.at_step(previous.step).codec
+        reply = codec.reply_text(codec.rows(previous.reply_text, complete=True))
+        return f"{previous.prompt_user[len(shown) :]}{reply}{codec.separator}"
+
+
+def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
     """What the LLM reads before the query in this scene, and why.
 
-    Of several plans it is shown those that the scene calls for.
-
-    Args:
-        chosen: whether somebody chose the demonstrations: then all are shown.
+    Of several plans it is shown those that the scene calls for; of demonstrations that the request names, all.
 
     Raises:
         as `write_prefix`.
     """
-    choice = None if chosen or demonstrations.plans is None else demonstrations.plans(scene.objects)
+    workspace, plans = known.settings.workspace.workspace(), known.demonstrations.plans
+    choice = None if known.chosen or plans is None else plans(known.scene.objects)
     shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
-    return write_prefix(demonstrations, settings.workspace.workspace(), style, shown, scene.absent), findings
+    return write_prefix(known.demonstrations, workspace, known.style, shown, known.scene.absent), findings
 
 
 def usual_prefixes(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:

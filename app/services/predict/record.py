@@ -1,6 +1,6 @@
 """What became of a question to an LLM, kept: the prediction's row, its images, and the service's figures."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -8,9 +8,9 @@ import anyio.to_thread
 
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
+from app.pipeline.findings.rules import MODEL_FAILED, UNPARSABLE, UNSAFE, UNSUPPORTED, Rule
 from app.services.errors import RefusedReplyError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.measures import Metrics, note, timed, timings
-from app.services.predict.findings import failure_findings
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.question import Question
 from app.services.predict.reply import Reply
@@ -20,6 +20,13 @@ from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import ObjectRecord
 from roboprompt_client.errors import RoboPromptError, UnsafeActionError
+
+FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
+    "parse_error": (UNPARSABLE, "reply", "The reply is not a list of valid actions"),
+    "unsafe_action": (UNSAFE, "actions", "An action breaks a bound of motion"),
+    "unsupported": (UNSUPPORTED, "actions", "The demonstrations do not support an action"),
+    "model_error": (MODEL_FAILED, "reply", "The LLM did not answer"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +58,14 @@ class PredictionRecorder:
         Raises:
             UnsafeActionError: if limits of motion that were set since forbid an action; nothing is stored.
         """
-        findings = _findings(reply, "ok", None)
+        findings = _findings(reply)
         id_ = await self._store_reply(reply, _draft(reply, "ok", None, findings), motion)
         return Prediction(id_, reply.question, reply, timings().ms, findings)
 
     async def failed(self, reply: Reply, error: RoboPromptError) -> RoboPromptError:
         """Store a reply that is not passed on, and count it; returns the error that says so."""
         status, message, refusal = _refusal(error)
-        draft = _draft(reply, status, message, _findings(reply, status, message))
+        draft = _draft(reply, status, message, (*_findings(reply), _failure(status, message)))
         id_ = await self._store_reply(reply, draft, None)
         return error if refusal is None else refusal(reply.text or "", id_)
 
@@ -91,8 +98,14 @@ def _refusal(error: RoboPromptError) -> tuple[PredictionStatus, str, Callable[[s
     return "model_error", str(error), None
 
 
-def _findings(reply: Reply, status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:
-    return (*reply.question.findings, *reply.findings, *failure_findings(status, error))
+def _findings(reply: Reply) -> tuple[Finding, ...]:
+    return (*reply.question.findings, *reply.findings)
+
+
+def _failure(status: PredictionStatus, error: str) -> Finding:
+    """Why there are no actions."""
+    rule, where, what = FAILURES[status]
+    return rule.finding(f"{what}: {error}. The robot got no actions.", where)
 
 
 def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: tuple[Finding, ...]) -> PredictionDraft:
@@ -113,7 +126,7 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         error=error,
         usage={} if reply.text is None else dict(vars(reply.usage)),
         timings_ms=dict(timings().ms),
-        step=question.step,
+        step=question.known.step,
         objects=tuple(map(ObjectRecord.of, question.seen.objects)),
         samples=reply.samples,
         grounding=question.grounded.to_json(),

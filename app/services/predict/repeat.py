@@ -9,7 +9,7 @@ import anyio.to_thread
 from sqlalchemy import Connection
 
 from app.services.errors import UnsafeReplyError
-from app.services.predict.closed_loop import previous_step
+from app.services.predict.known import previous_step
 from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.request import PredictRequest
 from app.store import idempotency

@@ -2,21 +2,29 @@
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
+import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.findings.demonstrations import Taught
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
-from app.services.predict.demonstrations import Demonstrations, hands_of, read_compared, recordings_of, stepwise
+from app.services.predict.demonstrations import (
+    Demonstrations,
+    hands_of,
+    in_all,
+    read_compared,
+    recordings_of,
+    stepwise,
+)
 from app.services.predict.request import Selection
-from app.services.predict.select import Scenes, read_scenes
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
+from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
@@ -26,6 +34,70 @@ Ids = tuple[str, ...]
 Caches = dict[str, Cache[Any, Any]]  # by the name of the method that makes the values
 P = ParamSpec("P")
 V = TypeVar("V")
+
+
+def nearest_last(scenes_m: Array, observed_m: Array, number: int) -> list[int]:
+    """The indices of the `number` scenes nearest to the observed one, the nearest last.
+
+    Args:
+        scenes_m: (N, K, 3) positions of each scene's K objects in metres, world frame.
+        observed_m: (K, 3) the same of the observed scene.
+    """
+    distances_m = np.linalg.norm(scenes_m - observed_m, axis=2).sum(axis=1)
+    nearest = np.argsort(distances_m, kind="stable")[:number]
+    return [int(index) for index in nearest[::-1]]
+
+
+def most_diverse(scenes_m: Array, number: int) -> list[int]:
+    """The indices of `number` scenes that lie far apart, in ascending order.
+
+    Farthest-point sampling (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"): begins with
+    the first scene, then takes again and again the one that is farthest from all that were taken.
+
+    Args:
+        scenes_m: as for `nearest_last`.
+    """
+    number = min(number, len(scenes_m))
+    chosen: list[int] = []
+    gaps_m = np.full(len(scenes_m), np.inf)
+    for _ in range(number):
+        farthest = int(np.argmax(gaps_m))
+        chosen.append(farthest)
+        to_it_m = np.linalg.norm(scenes_m - scenes_m[farthest], axis=2).sum(axis=1)
+        gaps_m = np.minimum(gaps_m, to_it_m)
+        gaps_m[chosen] = -1.0  # of several scenes that are the same each is taken once
+    return sorted(chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class Scenes:
+    """The scenes of one version of a task, oldest first.
+
+    Attributes:
+        ids: of the N episodes.
+        names: of the K objects.
+        positions_m: (N, K, 3) in the world frame.
+    """
+
+    ids: Ids
+    names: tuple[str, ...]
+    positions_m: Array
+
+    @classmethod
+    def read(cls, connection: Connection, task: str) -> "Scenes":
+        """The scenes of the task's episodes, with the objects that all have."""
+        stored = episodes.scenes(connection, task)
+        names = in_all([[item.name for item in objects] for objects in stored.values()])
+        places_m = [{item.name: item.position_m for item in objects} for objects in stored.values()]
+        positions_m = np.array([[place[name] for name in names] for place in places_m])
+        return cls(tuple(stored), names, positions_m.reshape(len(stored), len(names), 3))
+
+    def nearest_last(self, objects: Sequence[ObjectPose], number: int) -> Ids:
+        """The ids of the `number` scenes nearest to these objects, as far as scenes have them, the nearest last."""
+        by_name = {pose.name: pose.position_m for pose in objects}
+        places = [place for place, name in enumerate(self.names) if name in by_name]
+        observed_m = np.array([by_name[self.names[place]] for place in places]).reshape(-1, 3)
+        return tuple(self.ids[index] for index in nearest_last(self.positions_m[:, places], observed_m, number))
 
 
 def kept(
@@ -80,23 +152,27 @@ class TaskReading:
                 observed `objects` to the episode's, the nearest last, where a language model attends to it most;
                 `diverse` those whose objects stand farthest apart, oldest first.
         """
-        if selection == "nearest":
-            return self._scenes().nearest_last(objects, number)
-        return self._chosen(selection, number, seed if selection == "random" else 0)
+        match selection:
+            case "first":
+                return self._scenes().ids[:number]
+            case "recent":
+                return self._scenes().ids[-number:]
+            case "random":
+                ids = self._scenes().ids
+                return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
+            case "nearest":
+                return self._scenes().nearest_last(objects, number)
+            case "diverse":
+                return self._diverse(number)
 
     @kept(1024)
-    def _chosen(self, selection: Selection, number: int, seed: int) -> Ids:
-        if selection == "random":
-            ids = episodes.list_ids(self._connection, self.record.name)
-            return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
-        if selection == "diverse":
-            return self._scenes().most_diverse(number)
-        order: Literal["recent", "first"] = "recent" if selection == "recent" else "first"
-        return tuple(item.id for item in episodes.demonstrations(self._connection, self.record.name, number, order))
+    def _diverse(self, number: int) -> Ids:
+        scenes = self._scenes()
+        return tuple(scenes.ids[index] for index in most_diverse(scenes.positions_m, number))
 
-    @kept(64)  # 10,000 of three objects take 1 MB
+    @kept(128)  # 10,000 of three objects take 1 MB
     def _scenes(self) -> Scenes:
-        return read_scenes(self._connection, self.record.name)
+        return Scenes.read(self._connection, self.record.name)
 
     def refuse_left_out(self, ids: Sequence[str]) -> None:
         """Refuse episodes that no prompt is to show.
@@ -133,7 +209,7 @@ class TaskReading:
     @property
     def _held_against(self) -> Ids:
         """The ids of the demonstrations that answers are held against."""
-        return self._chosen("diverse", MAX_HELD_AGAINST, 0)
+        return self._diverse(MAX_HELD_AGAINST)
 
     @kept(128)
     def taught(self, from_start: bool, closed_loop: bool) -> Taught:

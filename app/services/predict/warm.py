@@ -13,6 +13,7 @@ from app.llm.base import CompletionRequest, LanguageModelError, complete
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from app.services.predict.known import KnownReader
+from app.services.predict.prefix import usual_prefixes
 from app.store import tasks
 from app.store.store import Store
 from roboprompt_client.errors import RoboPromptError
@@ -103,7 +104,8 @@ class PrefixWarmer:
         if (wait_s := due_s - time.monotonic()) > 0:
             await asyncio.sleep(wait_s)  # an upload meanwhile puts it off
             return
-        await self._idle.wait()
+        while self._num_predictions:  # the next one may have begun since the last one ended
+            await self._idle.wait()
         with anyio.CancelScope() as reading:
             self._reading = reading
             await self._read(task)
@@ -116,7 +118,7 @@ class PrefixWarmer:
         What goes wrong is the answer when a robot asks.
         """
         try:
-            for prefix in reversed(await anyio.to_thread.run_sync(self._known.usual_prefixes, task)):
+            for prefix in reversed(await anyio.to_thread.run_sync(lambda: usual_prefixes(*self._known.usual(task)))):
                 prompt = Prompt(prefix.template.system, prefix.template.prefix, "")
                 request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=prefix.cache_key)
                 await complete(self._models.get(), request)

@@ -148,3 +148,14 @@ def test_the_order_in_which_objects_are_grasped_is_part_of_a_plan():
     recordings = [both_moved(seed, cube_first=seed != 2) for seed in range(4)]
     assert [one.grasped for one in recordings] == [(0, 1), (0, 1), (1, 0), (0, 1)]
     assert [len(group) for group in by_plan(aligned_by_plan(recordings))] == [3, 1]
+
+
+@pytest.mark.parametrize("place", [0, 3])
+def test_a_recording_whose_grasps_are_not_clear_does_not_bring_two_orders_together(place):
+    first = both_moved(0, cube_first=True)
+    elsewhere = tuple(pose(one.name, np.add(one.position_m, [0, 0, 0.1])) for one in first.demonstration.objects)
+    unclear = replace(first, demonstration=replace(first.demonstration, objects=elsewhere))
+    recordings = [both_moved(seed, cube_first=seed != 3) for seed in range(1, 4)]
+    recordings.insert(place, unclear)
+    assert [one.grasped for one in recordings].count((None, None)) == 1
+    assert [len(group) for group in by_plan(aligned_by_plan(recordings))] == [3, 1]

@@ -8,6 +8,7 @@ import pytest
 
 from app.pipeline.plans.by_scene import parting, ways_of
 from app.pipeline.plans.choice import MAX_WARMED, PlanChooser
+from roboprompt_client.errors import InvalidInputError
 
 from ..scenes import action, demonstration, pose
 
@@ -64,6 +65,12 @@ def test_a_prompt_shows_the_plan_of_the_nearest_yaw(yaw_deg):
     assert finding.code == "plan-of-this-scene"
     assert finding.where == "objects[nut]"
     assert f"the yaw of nut is {yaw_deg} degrees" in finding.message
+
+
+def test_a_scene_without_the_rotation_that_decides_is_refused():
+    nut, peg = scene(10)
+    with pytest.raises(InvalidInputError, match=r"objects\[nut\].quaternion_xyzw: is missing"):
+        PlanChooser(taught(SHOWN_DEG))((replace(nut, quaternion_xyzw=None), peg))
 
 
 def codes(chosen):
