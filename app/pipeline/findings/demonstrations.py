@@ -224,18 +224,17 @@ def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> l
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
+    both = [*_acting(one), *_acting(other)]
+    if len({tuple(action.gripper_open for action in demonstration.actions) for demonstration in both}) > 1:
         return False
-    rows = plan_rows([*one, *other])
-    acting = [
-        row.unturned if row.anchors[0].object_name in round_objects else row
-        for row in (rows[k] for k in acting_rows(rows))
-    ]
-    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in acting)
+    rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
+    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows)
 
 
-def _gripper(demonstration: Demonstration) -> list[bool]:
-    return [action.gripper_open for action in demonstration.actions]
+def _acting(way: Group) -> list[Demonstration]:
+    """The way with the actions alone in which the hand acts: ways have rows of their own, and may have more."""
+    acting = acting_rows(plan_rows(way))
+    return [replace(shown, actions=tuple(shown.actions[k] for k in acting)) for shown in way]
 
 
 def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
