@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe
-from app.pipeline.keyframes.path import HandPath, best_waypoints
+from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
 from app.pipeline.keyframes.resting import leave_path
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames, at_tips
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames
 from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
@@ -221,6 +221,9 @@ def _chosen(recording: Recording, numbers: Sequence[int], distances: Distances |
     """
     found: list[Keyframe] = []
     for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
+        if number == 1:  # its end: no other pose is weighed
+            found += at_frames(phase, [phase.last])
+            continue
         costs = None
         if distances is not None:
             off = np.array([distances(path, k) for k in range(len(found), len(found) + number)])
