@@ -1,6 +1,7 @@
 """Demonstrations of one instruction that do it in several ways, where nothing tells which way to take."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -62,16 +63,19 @@ def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> l
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
-        return False
     if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG:
         return False
-    rows = plan_rows([*one, *other])
-    acting = [
-        row.unturned if row.anchors[0].object_name in round_objects else row
-        for row in (rows[k] for k in acting_rows(rows))
-    ]
-    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in acting)
+    both = [*_acting(one), *_acting(other)]
+    if len({tuple(action.gripper_open for action in demonstration.actions) for demonstration in both}) > 1:
+        return False
+    rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
+    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows)
+
+
+def _acting(way: Group) -> list[Demonstration]:
+    """The way with the actions alone in which the hand acts: ways have rows of their own, and may have more."""
+    acting = acting_rows(plan_rows(way))
+    return [replace(shown, actions=tuple(shown.actions[k] for k in acting)) for shown in way]
 
 
 def _twist_deg(group: Group) -> float:
@@ -86,7 +90,3 @@ def _twist_rad(actions: Sequence[EndEffectorAction]) -> float:
         if not first.gripper_open and np.linalg.norm(then.position_m - first.position_m) < IN_PLACE_M
     ]
     return sum(float(quaternions.to_rotation_vector(turn)[2]) for turn in turns)
-
-
-def _gripper(demonstration: Demonstration) -> list[bool]:
-    return [action.gripper_open for action in demonstration.actions]

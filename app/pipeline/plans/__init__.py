@@ -13,8 +13,9 @@ from typing import TypeVar
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans.agreement import agreed, lone_way, two_ways
-from app.pipeline.plans.alignment import Recording, aligned
+from app.pipeline.plans.agreement import agreed
+from app.pipeline.plans.alignment import aligned
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
 
 __all__ = [
@@ -52,7 +53,7 @@ def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
     """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
     result = [recording.demonstration for recording in recordings]
     for places in _grouped((demonstration.order.form, k) for k, demonstration in enumerate(result)).values():
-        _put(result, places, _by_way(aligned([recordings[k] for k in places])))
+        _put(result, places, aligned([recordings[k] for k in places]))
     return tuple(result)
 
 
@@ -110,28 +111,6 @@ def _way(demonstration: Demonstration) -> tuple[int | bool, ...]:
     if demonstration.plan is not None:
         return demonstration.plan, len(demonstration.actions)
     return tuple(state for state, _ in groupby(action.gripper_open for action in demonstration.actions))
-
-
-def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
-    """The demonstrations with plans that are carried out in two ways kept apart."""
-    result = list(demonstrations)
-    pending = list(_grouped((d.kind, k) for k, d in enumerate(result)).values())
-    next_plan = 1 + max(demonstration.plan or 0 for demonstration in result)
-    while pending:
-        members = pending.pop()
-        group = [result[k] for k in members]
-        if (lone := lone_way(group)) is not None:
-            other = [members[lone]]
-        else:
-            ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), None)
-            if ways is None:
-                continue
-            other = [k for k, differs in zip(members, ways, strict=True) if differs]
-        for k in other:
-            result[k] = replace(result[k], plan=next_plan)
-        next_plan += 1
-        pending += [other, [k for k in members if k not in other]]
-    return result
 
 
 def _scene_decides(group: Sequence[Demonstration]) -> bool:

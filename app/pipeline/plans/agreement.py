@@ -83,6 +83,14 @@ def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
     return two_ways(row, GAP) is None and not _depends_on_scene(group, row)
 
 
+def other_way(group: Sequence[Demonstration]) -> list[int]:
+    """The places of demonstrations of one plan that do it in another way than the others; none where there is one."""
+    if (lone := lone_way(group)) is not None:
+        return [lone]
+    ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), ())
+    return np.flatnonzero(ways).tolist()
+
+
 def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     """(N,) bool: which demonstrations do the row the one way and which the other; None if there is one way.
 

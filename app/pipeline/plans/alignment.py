@@ -2,122 +2,37 @@
 
 Demonstrations with the same sequence of grasps and releases are cut into phases at these; a phase has as many keyframes
 in all of them, chosen so that the path stays close to straight motion and rows of different demonstrations lie close
-together relative to what they follow.
+together relative to what they follow. Each way of doing a thing is a plan, aligned by itself.
 """
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
+from app.pipeline.keyframes import Keyframe
 from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
-from app.pipeline.keyframes.resting import leave_path, path_left_m
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames, waypoints
+from app.pipeline.keyframes.resting import leave_path
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames
+from app.pipeline.plans.agreement import other_way
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
 
 PATH_KEPT_SHARE = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
-GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
-CLEARLY = 2.0  # if all others are so many times as far
 ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
 TOGETHER_WEIGHT = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
+CLEARLY_LESS = 0.8  # of the scatter: keyframes that began elsewhere are taken instead
 MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not count more
 
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A demonstration with the motion that it was made from."""
-
-    demonstration: Demonstration
-    motion: Motion
-    rule: KeyframeRule
-
-    @cached_property
-    def manner(self) -> Manner:
-        """How the recording moves."""
-        if self.rule.rule == "waypoints":
-            return "flows"
-        return manner_of(self.motion, self.rule.delta_rad_s)
-
-    @cached_property
-    def keyframes(self) -> tuple[Keyframe, ...]:
-        """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
-        found = find_keyframes(self.motion, self.rule)
-        if len(self._counts_of(found)) == len(self.motion.phases):
-            return found
-        return self._waypoints
-
-    @cached_property
-    def _waypoints(self) -> tuple[Keyframe, ...]:
-        return waypoints(self.motion, self.rule.tolerance_m, self.rule.tolerance_deg)
-
-    @cached_property
-    def paths(self) -> tuple[HandPath, ...]:
-        """Of each phase."""
-        tolerances = (self.rule.tolerance_m, self.rule.tolerance_deg)
-        return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.motion.phases)
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
-        by_switches = self._counts_of(self.keyframes)
-        if len(by_switches) == len(self.motion.phases):
-            return by_switches
-        # Keyframes that show other switches than there are are counted by time.
-        frames = [keyframe.frame for keyframe in self.keyframes]
-        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.motion.phases)
-
-    def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
-        counts, state = [0], bool(self.motion.phases[0].gripper_open)
-        for keyframe in keyframes:
-            counts[-1] += 1
-            if keyframe.gripper_open != state:
-                counts.append(0)
-                state = keyframe.gripper_open
-        return tuple(counts if counts[-1] else counts[:-1])
-
-    @cached_property
-    def counts_on_path(self) -> tuple[int, ...]:
-        """As many keyframes in each phase as its path needs, whether it rests or not."""
-        return self._counts_of(self._waypoints)
-
-    def left_m(self, actions: Sequence[EndEffectorAction]) -> float:
-        """How far the way through these actions leaves its path where that matters."""
-        return path_left_m(self.motion, self.manner, actions)
-
-    @property
-    def signature(self) -> tuple[bool, ...]:
-        """What the gripper does, in order."""
-        return (self.motion.phases[0].gripper_open, *(phase.ends_open for phase in self.motion.phases))
-
-    @cached_property
-    def grasped(self) -> tuple[int | None, ...]:
-        """Of each grasp the object that the hand closes on, by its place in the order of mention; None: not clear.
-
-        Where objects stand is known before the first action: one that was moved is found by no later grasp.
-        """
-        objects, positions_m = self.demonstration.ordered_objects, self.motion.trajectory.positions_m
-        grasps = [phase.last for phase in self.motion.phases if phase.gripper_open and not phase.ends_open]
-        found: list[int | None] = []
-        for frame in grasps if objects else ():
-            off_m = [float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in objects]
-            nearest, *others = sorted(range(len(objects)), key=off_m.__getitem__)
-            clear = off_m[nearest] <= GRASPED_M and all(off_m[k] >= CLEARLY * off_m[nearest] for k in others)
-            found.append(nearest if clear and nearest not in found else None)
-        return tuple(found)
-
-    def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
-        """The demonstration with the actions of these keyframes."""
-        actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
-        return replace(self.demonstration, actions=actions, later_objects=())
+Distances = Callable[[HandPath, int], Array]
+"""(N,) how far each pose of a path is from where others have the keyframe of that number, in tolerances."""
 
 
 def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
@@ -131,10 +46,11 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
         by_signature[recording.signature].append(place)
     plans = [places for alike in by_signature.values() for places in _by_grasped(group, alike)]
     found: dict[int, Demonstration] = {}
-    for plan, places in enumerate(plans):
-        members = [group[place] for place in places]
-        for place, demonstration in zip(places, _of_one_signature(members), strict=True):
-            found[place] = replace(demonstration, plan=plan)
+    for plan, places in enumerate(plans):  # which grows by the other ways that are found
+        while other := other_way(demonstrations := _of_one_signature([group[place] for place in places])):
+            plans.append([places[k] for k in other])
+            places = [place for k, place in enumerate(places) if k not in other]
+        found |= {place: replace(shown, plan=plan) for place, shown in zip(places, demonstrations, strict=True)}
     return tuple(found[place] for place in range(len(group)))
 
 
@@ -163,37 +79,133 @@ def _same_order(one: Sequence[int | None], other: Sequence[int | None]) -> bool:
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     """With the keyframes of the recordings' rule; where these lose their paths, with as many as the paths need."""
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
-    numbers = _numbers([member.counts for member in members], most_frequent=resting)
-    found = _with_numbers(members, numbers, as_found=resting)
+    found = _with_numbers(members, _numbers([member.counts for member in members], most_frequent=resting), resting)
     on_path = _numbers([member.counts_on_path for member in members], most_frequent=False)
-    left_m = [member.left_m(item.actions) for member, item in zip(members, found, strict=True)]
-    if on_path == numbers or not leave_path(left_m):
+    left_m = [member.left_m(item.actions) for member, item in zip(members, found.demonstrations, strict=True)]
+    if on_path != found.numbers and leave_path(left_m):
+        resting, found = False, _with_numbers(members, on_path, False)
+    return found.demonstrations if resting else _without_vague(found)
+
+
+def _without_vague(found: "_Alignment") -> list[Demonstration]:
+    """The demonstrations without vague rows.
+
+    Where rows are vague, keyframes of one number may be different stages of the task: then it is tried again, from the
+    keyframes of one demonstration.
+    """
+    if found.vague and sum((other := _after_one(found)).scatter_m) < CLEARLY_LESS * sum(found.scatter_m):
+        found = other
+    keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
+    return replace(found, keyframes=keyframes).demonstrations
+
+
+@dataclass(frozen=True, eq=False)
+class _Alignment:
+    """Recordings with equally many keyframes.
+
+    Attributes:
+        numbers: of keyframes in each phase.
+        keyframes: of each recording.
+    """
+
+    members: Sequence[Recording]
+    numbers: tuple[int, ...]
+    keyframes: Sequence[Sequence[Keyframe]]
+
+    @cached_property
+    def demonstrations(self) -> list[Demonstration]:
+        """With the actions of the keyframes."""
+        return [member.with_keyframes(own) for member, own in zip(self.members, self.keyframes, strict=True)]
+
+    @cached_property
+    def rows(self) -> tuple[PlanRow, ...]:
+        """Of the demonstrations."""
+        return plan_rows(self.demonstrations)
+
+    @cached_property
+    def scatter_m(self) -> list[float]:
+        """Of each row, rotations as meters."""
+        return [float(np.median(row.off_m + M_PER_RAD * np.radians(row.off_deg))) for row in self.rows]
+
+    @cached_property
+    def vague(self) -> frozenset[int]:
+        """Rows without which the others tell better where the hand goes.
+
+        Mostly such a row is on the way from one thing to another and follows neither. Those that end a phase stay.
+        """
+        phases = [phase for phase, number in enumerate(self.numbers) for _ in range(number)]
+        kept, left_m = list(range(len(phases))), np.zeros(len(self.members))
+        while (worst := self._vaguest(kept, phases, left_m)) is not None:
+            left_m = np.maximum(left_m, worst[1])
+            kept.remove(worst[0])
+        return frozenset(range(len(phases))) - frozenset(kept)
+
+    def _vaguest(self, kept: Sequence[int], phases: Sequence[int], left_m: Array) -> tuple[int, Array] | None:
+        """Of the rows that are kept the one that can best be missed, and how far the paths are left without it.
+
+        Args:
+            left_m: (N,) how far the paths are left without those that are not kept.
+        """
+        found, least_m = None, 0.0
+        for before, k, after in zip([-1, *kept[:-1]], kept, kept[1:], strict=False):  # -1: the first frame
+            if phases[k] != phases[after]:
+                continue
+            bends_m = self._bends_m(phases[k], before, after)
+            beside_m = ((self.scatter_m[before] if before >= 0 else 0.0) + self.scatter_m[after]) / 2
+            worth_m = float(np.median(bends_m)) + beside_m - self.scatter_m[k]
+            if worth_m < least_m and not leave_path(np.maximum(left_m, bends_m).tolist()):
+                found, least_m = (k, bends_m), worth_m
         return found
-    return _with_numbers(members, on_path, as_found=False)
+
+    def _bends_m(self, phase: int, before: int, after: int) -> Array:
+        """(N,) how far each path is from straight motion from one keyframe to another of the phase."""
+        bends_m = []
+        for member, own in zip(self.members, self.keyframes, strict=True):
+            path, start = member.paths[phase], own[before].frame if before >= 0 else 0
+            first, last = np.searchsorted(path.frames, [start, own[after].frame])
+            bends_m.append(member.rule.tolerance_m * path.deviations[first, last])
+        return np.array(bends_m)
 
 
-def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], *, as_found: bool) -> list[Demonstration]:
+def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_found: bool) -> _Alignment:
     """With so many keyframes in each phase.
 
     Args:
         as_found: whether recordings that rest at so many keep their own.
     """
-    own = [
+    keep = [
         as_found and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
         for member in members
     ]
     chosen = [
-        list(member.keyframes) if keeps else _chosen(member, numbers, None)
-        for member, keeps in zip(members, own, strict=True)
+        member.keyframes if keeps else _chosen(member, numbers, None)
+        for member, keeps in zip(members, keep, strict=True)
     ]
-    for _ in range(ROUNDS if len(members) > 1 and not all(own) else 0):
-        demonstrations = [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
-        rows = plan_rows(demonstrations)
+    return _settled(_Alignment(members, numbers, chosen), keep)
+
+
+def _after_one(found: _Alignment) -> _Alignment:
+    """Aligned from where the demonstration has its keyframes whose path needs most nearly as many."""
+    off = [sum(abs(one - other) for one, other in zip(m.counts, found.numbers, strict=True)) for m in found.members]
+    first = int(np.argmin(off))
+    shown, keyframes = found.members[first], found.keyframes[first]
+    chosen = [_chosen(member, found.numbers, partial(_off_one, member, shown, keyframes)) for member in found.members]
+    return _settled(replace(found, keyframes=chosen), [False] * len(chosen))
+
+
+def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
+    """With keyframes chosen where the others have them.
+
+    Args:
+        keep: which recordings keep theirs.
+    """
+    for _ in range(ROUNDS if len(keep) > 1 and not all(keep) else 0):
         chosen = [
-            item if keeps else _chosen(member, numbers, (rows, place))
-            for place, (member, keeps, item) in enumerate(zip(members, own, chosen, strict=True))
+            own if keeps else _chosen(member, found.numbers, partial(_off_rows, member, found.rows, place))
+            for place, (member, keeps, own) in enumerate(zip(found.members, keep, found.keyframes, strict=True))
         ]
-    return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
+        found = replace(found, keyframes=chosen)
+    return found
 
 
 def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:
@@ -206,14 +218,11 @@ def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple
     return tuple(numbers)
 
 
-def _chosen(
-    recording: Recording, numbers: Sequence[int], others: tuple[Sequence[PlanRow], int] | None
-) -> list[Keyframe]:
+def _chosen(recording: Recording, numbers: Sequence[int], distances: Distances | None) -> list[Keyframe]:
     """Keyframes as many as wanted in each phase.
 
     Args:
-        others: the rows of all demonstrations and the recording's place among them, to lie near to; None: its own path
-            alone decides.
+        distances: from the others, to lie near to them; None: its own path alone decides.
     """
     found: list[Keyframe] = []
     for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
@@ -221,27 +230,35 @@ def _chosen(
             found += at_frames(phase, [phase.last])
             continue
         costs = None
-        if others is not None:
-            rows, place = others
-            costs = np.array(
-                [_distances(recording, path, row, place) for row in rows[len(found) : len(found) + number]]
-            )
-            costs = TOGETHER_WEIGHT * np.minimum(costs, MAX_DISTANCE) ** 2
+        if distances is not None:
+            off = np.array([distances(path, k) for k in range(len(found), len(found) + number)])
+            costs = TOGETHER_WEIGHT * np.minimum(off, MAX_DISTANCE) ** 2
         frames = [int(path.frames[k]) for k in best_waypoints(path.deviations, number, costs)]
-        if others is None:
+        if distances is None:
             frames = at_tips(recording.motion.trajectory.positions_m, phase.first, frames, recording.rule.tolerance_m)
         found += at_frames(phase, frames)
     return found
 
 
-def _distances(recording: Recording, path: HandPath, row: PlanRow, place: int) -> Array:
-    """(N,) how far each pose of the path is from where the other demonstrations have the row, in tolerances."""
-    demonstration = recording.demonstration
+def _off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: HandPath, k: int) -> Array:
+    """`Distances` from the rows of demonstrations, among which the recording has this place."""
+    demonstration, row = recording.demonstration, rows[k]
     origin = anchor_pose(row.anchors[place], demonstration, tilted_objects([demonstration]))
     trajectory = recording.motion.trajectory
     hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
     offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
     off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)
     off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
+    distances: Array = off_m / recording.rule.tolerance_m
+    return distances
+
+
+def _off_one(recording: Recording, shown: Recording, keyframes: Sequence[Keyframe], path: HandPath, k: int) -> Array:
+    """`Distances` from the keyframes of one demonstration, seen from the world or the object where they are least."""
+    places_m = recording.motion.trajectory.positions_m[path.frames]
+    shown_m = shown.motion.trajectory.positions_m[keyframes[k].frame]
+    objects = zip(recording.demonstration.ordered_objects, shown.demonstration.ordered_objects, strict=True)
+    moved_m = np.array([np.zeros(3), *(here.position_m - there.position_m for here, there in objects)])
+    off_m = np.linalg.norm(places_m - (shown_m + moved_m)[:, None], axis=2).min(axis=0)
     distances: Array = off_m / recording.rule.tolerance_m
     return distances

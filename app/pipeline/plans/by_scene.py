@@ -7,7 +7,7 @@ that parts them by chance does not count; plans that none parts are not chosen b
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -142,12 +142,11 @@ def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
 
 def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
     """Whether grasps and releases are the same, seen from what they follow."""
-    states = {tuple(action.gripper_open for action in demonstration.actions) for demonstration in demonstrations}
-    if len(states) > 1:
+    acting = [replace(shown, actions=tuple(shown.actions[k] for k in shown.switches)) for shown in demonstrations]
+    if len({tuple(action.gripper_open for action in shown.actions) for shown in acting}) > 1:
         return False
-    rows = plan_rows(demonstrations)
-    acting = [rows[k] for k in demonstrations[0].switches]
-    return bool(acting) and all(row.off_deg.max() <= ALIKE_DEG and row.off_m.max() <= ALIKE_M for row in acting)
+    rows = plan_rows(acting)
+    return bool(rows) and all(row.off_deg.max() <= ALIKE_DEG and row.off_m.max() <= ALIKE_M for row in rows)
 
 
 def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Parting | None:

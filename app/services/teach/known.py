@@ -21,7 +21,7 @@ from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
 from app.pipeline.plans import Recording
-from app.pipeline.plans.alignment import GRASPED_M
+from app.pipeline.plans.recording import GRASPED_M
 from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.instruction import is_english

@@ -10,7 +10,7 @@ from app.pipeline.findings.elsewhere import unlike_findings
 from app.pipeline.findings.hand import Kept, kept, missed_m, path_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
-from tests.pipeline.plans.taught import picked, reached, recording
+from tests.pipeline.plans.taught import INSTRUCTION, picked, reached, recording, scene
 from tests.pipeline.recordings import ScriptedMotion
 from tests.pipeline.scenes import action, demonstration, pose
 
@@ -82,6 +82,17 @@ def test_ways_that_the_task_declares_are_no_danger():
     recordings = [moved(picked(seed), (0, 0.12 * (seed % 2), 0)) for seed in range(10)]
     assert found(taught(recordings)) == [("several-ways", "danger")]
     assert found(taught(recordings, several_ways=True)) == [("several-ways", "info")]
+
+
+def test_ways_that_differ_only_in_how_the_hand_gets_there_are_one():
+    """Half of the demonstrations come from higher, by one more row."""
+    random, group = np.random.default_rng(0), []
+    for k in range(8):
+        cube, plate = scene(random)
+        over = [action(cube.position_m + np.array([0, 0, height_m])) for height_m in (0.3, 0.1)[k % 2 :]]
+        actions = [*over, action(cube.position_m, gripper_open=False), action(plate.position_m)]
+        group.append(replace(demonstration(INSTRUCTION, (cube, plate), actions), plan=k % 2))
+    assert "several-ways" not in [code for code, _ in found(Taught(tuple(group)))]
 
 
 def test_a_slip_among_ten_is_no_way():

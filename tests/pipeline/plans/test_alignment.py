@@ -5,9 +5,9 @@ import pytest
 
 from app.pipeline.plans import agreeing, aligned_by_plan, by_plan, plan_rows, shown_together
 
-from ..recordings import pick_and_place, resting
+from ..recordings import flowing, pick_and_place, resting
 from ..scenes import pose, same_actions
-from .taught import picked, picks, recording
+from .taught import picked, picks, recording, scene
 
 
 def grasps(demonstration):
@@ -115,6 +115,56 @@ def test_two_ways_of_doing_a_thing_are_two_plans(number):
     for demonstration, recorded in zip(agreeing(aligned), aligned, strict=True):
         k = grasps(recorded)[0]
         assert np.linalg.norm(demonstration.actions[k].position_m - recorded.actions[k].position_m) < 0.01
+
+
+def carried(seed, through_m):
+    """The cube is grasped, carried through places and let go at the plate.
+
+    Args:
+        through_m: of the scene's places of cube and plate.
+    """
+    cube, plate = scene(np.random.default_rng(seed))
+    through = through_m(cube.position_m, plate.position_m)
+    up_m = np.add(plate.position_m, [0, 0, 0.15])
+    motion = flowing([(0.1, 0.0, 1.1), cube.position_m, *through, plate.position_m, up_m])
+    return recording(replace(motion, switches=(motion.knots[1][0], motion.knots[-2][0])), (cube, plate))
+
+
+@pytest.mark.parametrize(("aside_m", "kept"), [(0.02, 0), (0.08, 1)])
+def test_a_row_is_left_out_that_says_less_than_the_rows_beside_it(aside_m, kept):
+    """Half-way between two things a row follows neither: where the way bends little, straight motion is nearer."""
+
+    def beside_the_middle_m(cube_m, plate_m):
+        way_m = plate_m - cube_m
+        return [cube_m + way_m / 2 + aside_m * np.cross(way_m, [0, 0, 1]) / np.linalg.norm(way_m[:2])]
+
+    recordings = [carried(700 + k, beside_the_middle_m) for k in range(10)]
+    assert all(item.counts[1] == 2 for item in recordings)
+    for demonstration in aligned_by_plan(recordings):
+        assert len(grasps(demonstration)) - 1 == kept
+
+
+def test_rows_are_the_same_stage_of_a_task_in_every_demonstration():
+    """All pass one gate, which is the first keyframe of some, and of others the second, third or fourth."""
+    gate_m = (0.1, 0.0, 1.0)
+    before_m = [(-0.1, 0.3, 0.9), (0.3, 0.3, 0.95), (0.3, -0.2, 0.95)]
+    recordings = [carried(800 + k, lambda *_, number=k % 4: [*before_m[:number], gate_m]) for k in range(10)]
+    (group,) = by_plan(aligned_by_plan(recordings))
+    assert min(np.linalg.norm(row.positions_m - gate_m, axis=1).max() for row in plan_rows(group)) < 0.02
+
+
+def test_ways_are_aligned_each_by_itself():
+    """Rows of the one way stand where they stood if the other had not been recorded."""
+    motions = [picks(50 + k) for k in range(12)]
+    sides_m = [np.array([0.0, 0.04 * (-1) ** k, 0.0]) for k in range(12)]
+    recordings = [
+        recording(replace(motion, knots=tuple((t, tuple(np.add(at_m, side_m))) for t, at_m in motion.knots)), objects)
+        for (motion, objects), side_m in zip(motions, sides_m, strict=True)
+    ]
+    together = aligned_by_plan(recordings)
+    for first in (0, 1):
+        for one, alone in zip(together[first::2], aligned_by_plan(recordings[first::2]), strict=True):
+            assert same_actions(one.actions, alone.actions)
 
 
 def test_order_does_not_matter():

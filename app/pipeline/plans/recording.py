@@ -1,0 +1,105 @@
+"""A demonstration with the motion that it was made from: its phases, and how many keyframes each needs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
+from app.pipeline.keyframes.path import HandPath
+from app.pipeline.keyframes.resting import path_left_m
+from app.pipeline.keyframes.rule import waypoints
+from roboprompt_client.trajectory import EndEffectorAction
+
+GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
+CLEARLY = 2.0  # if all others are so many times as far
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A demonstration with the motion that it was made from."""
+
+    demonstration: Demonstration
+    motion: Motion
+    rule: KeyframeRule
+
+    @cached_property
+    def manner(self) -> Manner:
+        """How the recording moves."""
+        if self.rule.rule == "waypoints":
+            return "flows"
+        return manner_of(self.motion, self.rule.delta_rad_s)
+
+    @cached_property
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
+        found = find_keyframes(self.motion, self.rule)
+        if len(self._counts_of(found)) == len(self.motion.phases):
+            return found
+        return self._waypoints
+
+    @cached_property
+    def _waypoints(self) -> tuple[Keyframe, ...]:
+        return waypoints(self.motion, self.rule.tolerance_m, self.rule.tolerance_deg)
+
+    @cached_property
+    def paths(self) -> tuple[HandPath, ...]:
+        """Of each phase."""
+        tolerances = (self.rule.tolerance_m, self.rule.tolerance_deg)
+        return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.motion.phases)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
+        by_switches = self._counts_of(self.keyframes)
+        if len(by_switches) == len(self.motion.phases):
+            return by_switches
+        # Keyframes that show other switches than there are are counted by time.
+        frames = [keyframe.frame for keyframe in self.keyframes]
+        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.motion.phases)
+
+    def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
+        counts, state = [0], bool(self.motion.phases[0].gripper_open)
+        for keyframe in keyframes:
+            counts[-1] += 1
+            if keyframe.gripper_open != state:
+                counts.append(0)
+                state = keyframe.gripper_open
+        return tuple(counts if counts[-1] else counts[:-1])
+
+    @cached_property
+    def counts_on_path(self) -> tuple[int, ...]:
+        """As many keyframes in each phase as its path needs, whether it rests or not."""
+        return self._counts_of(self._waypoints)
+
+    def left_m(self, actions: Sequence[EndEffectorAction]) -> float:
+        """How far the way through these actions leaves its path where that matters."""
+        return path_left_m(self.motion, self.manner, actions)
+
+    @property
+    def signature(self) -> tuple[bool, ...]:
+        """What the gripper does, in order."""
+        return (self.motion.phases[0].gripper_open, *(phase.ends_open for phase in self.motion.phases))
+
+    @cached_property
+    def grasped(self) -> tuple[int | None, ...]:
+        """Of each grasp the object that the hand closes on, by its place in the order of mention; None: not clear.
+
+        Where objects stand is known before the first action: one that was moved is found by no later grasp.
+        """
+        objects, positions_m = self.demonstration.ordered_objects, self.motion.trajectory.positions_m
+        grasps = [phase.last for phase in self.motion.phases if phase.gripper_open and not phase.ends_open]
+        found: list[int | None] = []
+        for frame in grasps if objects else ():
+            off_m = [float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in objects]
+            nearest, *others = sorted(range(len(objects)), key=off_m.__getitem__)
+            clear = off_m[nearest] <= GRASPED_M and all(off_m[k] >= CLEARLY * off_m[nearest] for k in others)
+            found.append(nearest if clear and nearest not in found else None)
+        return tuple(found)
+
+    def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
+        """The demonstration with the actions of these keyframes."""
+        actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
+        return replace(self.demonstration, actions=actions, later_objects=())
