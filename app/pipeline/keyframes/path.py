@@ -39,7 +39,7 @@ class HandPath:
         frames: (N,) ascending.
         positions: (N, 3) in tolerances.
         rotation_vectors: (N, 3) from the first pose, in tolerances; they go on beyond half a turn.
-        most_turn: of one motion, in tolerances.
+        most_turn: of one motion, in tolerances, where its sense matters; else infinite.
     """
 
     frames: Frames
@@ -49,9 +49,13 @@ class HandPath:
 
     @classmethod
     def between(
-        cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float
+        cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float, *, held: bool
     ) -> "HandPath":
-        """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all."""
+        """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all.
+
+        Args:
+            held: whether something is in the hand: it matters in which sense that is turned.
+        """
         part = slice(first, last + 1)
         positions: Array = trajectory.positions_m[part] / tolerance_m
         rotations = Rotation.from_quat(trajectory.quaternions_xyzw[part])
@@ -59,7 +63,8 @@ class HandPath:
         spacing = SPACING
         while len(kept := _apart(positions, vectors, spacing)) > MAX_POSES:
             spacing *= 1.5
-        return cls(kept + first, positions[kept], vectors[kept], MOST_TURN_DEG / tolerance_deg)
+        most_turn = MOST_TURN_DEG / tolerance_deg if held else math.inf
+        return cls(kept + first, positions[kept], vectors[kept], most_turn)
 
     @cached_property
     def deviations(self) -> Array:

@@ -93,7 +93,7 @@ def _grasped(motion: Motion, frame: int) -> bool:
 def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> bool:
     """Whether a way is several motions: bent in space and in the joints, which leave moving in proportion.
 
-    So is one that turns the hand by more than half a turn.
+    So is one that turns what is held by half a turn or more.
     """
     path = motion.path(way.first, way.last, TOLERANCE_M, TOLERANCE_DEG)
     return path.turns_round or (path.bend > most and _bend_in_joints(motion, way) > most_in_joints)

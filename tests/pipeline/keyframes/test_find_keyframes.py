@@ -65,10 +65,10 @@ def test_a_rest_after_a_whole_turn_is_not_enough(turn_deg):
     turned = ScriptedMotion(
         ((0, (0.1, 0.0, 1.0)), (1, PICK_M), (1.4, PICK_M), (6, PICK_M), (7, (0.1, 0.0, 1.0)), (7.4, (0.1, 0.0, 1.0))),
         turns=((1.4, 0.0), (5.6, turn_deg)),
+        switches=(1.2,),
         rest_s=0.4,
     )
-    motion = Motion.of(turned.at(20))
-    assert manner_of(motion) == ("flows" if abs(turn_deg) > 150 else "rests")
+    assert manner_of(Motion.of(turned.at(20))) == ("flows" if abs(turn_deg) > 150 else "rests")
 
 
 def by_waypoints(recorded, wavering=1.0):

@@ -155,15 +155,21 @@ def test_a_hand_that_wavers_on_a_straight_way_leaves_no_keyframe():
 
 @pytest.mark.parametrize("hz", [10, 60])
 @pytest.mark.parametrize("turn_deg", [190, -270, 360, 540])
-def test_turns_beyond_half_a_turn_are_kept_in_their_sense(turn_deg, hz):
+def test_what_is_held_keeps_the_sense_of_turns_beyond_half_a_turn(turn_deg, hz):
     """An arm turns by the shorter way from each keyframe to the next."""
-    turned = ScriptedMotion(((0, HOME_M), (1, PICK_M), (8, PICK_M), (9, HOME_M)), turns=((2.0, 0.0), (7.0, turn_deg)))
+    knots = ((0, HOME_M), (1, PICK_M), (8, PICK_M), (9, HOME_M))
+    turned = ScriptedMotion(knots, turns=((2.0, 0.0), (7.0, turn_deg)), switches=(1.5, 7.5))
     recorded = turned.at(hz)
     hands = Rotation.from_quat(recorded.quaternions_xyzw)
     frames = [0, *(frame for frame, _ in waypoints(Motion.of(recorded)))]
     steps_deg = (hands[frames[1:]] * hands[frames[:-1]].inv()).as_rotvec(degrees=True)
     assert np.abs(steps_deg).max() <= 152
     assert steps_deg[:, 2].sum() == pytest.approx(turn_deg, abs=1)
+
+
+def test_an_empty_hand_may_turn_either_way():
+    turned = ScriptedMotion(((0, HOME_M), (3, PICK_M)), turns=((0.0, 0.0), (3.0, 270.0)))
+    np.testing.assert_allclose(places_m(turned.at(20)), [PICK_M], atol=1e-6)
 
 
 def zigzag(corners):
