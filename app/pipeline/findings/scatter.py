@@ -19,7 +19,7 @@ from app.pipeline.findings.rules import (
     Rule,
 )
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, acting_rows
+from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor, asked_anchor
 from app.pipeline.representation.turning import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
@@ -36,7 +36,8 @@ class _Acting:
     Attributes:
         seen_from: what the row is relative to, as it is called in the scene that is asked about.
         apart_m, hand_apart_deg: see `_apart`.
-        releases: whether the hand lets something go: that may have no one place, as in a bin.
+        loosely: whether the hand lets something go, or does something with what it holds: that may have no one place,
+            as in a bin.
     """
 
     index: int
@@ -44,7 +45,7 @@ class _Acting:
     seen_from: str
     apart_m: float
     hand_apart_deg: float
-    releases: bool
+    loosely: bool
 
     def finding(self, rule: Rule, message: str, value: float) -> Finding:
         row = self.row
@@ -67,10 +68,11 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             k,
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
-            *_apart(shown, rows[k], k, support.tilted, round_objects),
-            releases=k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open,
+            *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
+            loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
         )
         for shown, rows in support.alike(asked)
+        for touching in [touching_rows(rows)]
         for k in acting_rows(rows)
     ]
     apart = [item for item in acting if APART.severity(item.apart_m) is not None]
@@ -131,7 +133,7 @@ def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
     return frozenset(
         asked_anchor(rows[k].anchors[0], group[0].order, asked)
         for group, rows in support.alike(asked)
-        for k in acting_rows(rows)
+        for k in touching_rows(rows)
         if rows[k].anchors[0].frame in MIXED_FRAMES
     )
 
@@ -155,7 +157,7 @@ def _circle_finding(item: _Acting) -> Finding:
 
 
 def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
-    missed = [item for item in scattered if not item.releases and MISSED.severity(item.row.center_off_m) is not None]
+    missed = [item for item in scattered if not item.loosely and MISSED.severity(item.row.center_off_m) is not None]
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
     message = (
         f"{len(item.row.off_m)} demonstrations scatter by {100 * item.row.scatter_m:.1f} cm where the hand acts (action"
