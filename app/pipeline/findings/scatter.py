@@ -16,10 +16,11 @@ from app.pipeline.findings.rules import (
     NOT_SHOWN_APART,
     ON_A_CIRCLE,
     SCATTERED,
+    TURNED_OTHERWISE,
     Rule,
 )
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
+from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import M_PER_RAD, MIXED_FRAMES, Anchor, asked_anchor
 from app.pipeline.representation.turning import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
@@ -38,6 +39,7 @@ class _Acting:
         apart_m, hand_apart_deg: see `_apart`.
         loosely: whether the hand lets something go, or does something with what it holds: that may have no one place,
             as in a bin.
+        turn_off_deg: see there; of what is held.
     """
 
     index: int
@@ -46,6 +48,7 @@ class _Acting:
     apart_m: float
     hand_apart_deg: float
     loosely: bool
+    turn_off_deg: float
 
     def finding(self, rule: Rule, message: str, value: float) -> Finding:
         row = self.row
@@ -70,6 +73,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             _seen_from(rows[k], shown[0].order, asked),
             *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
             loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
+            turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
         )
         for shown, rows in support.alike(asked)
         for touching in [touching_rows(rows)]
@@ -78,6 +82,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
     apart = [item for item in acting if APART.severity(item.apart_m) is not None]
     hand_apart = [item for item in acting if HAND_APART.severity(item.hand_apart_deg) is not None]
     contradicting = [item for item in acting if CONTRADICTING.severity(item.row.way_off_m) is not None]
+    turned = [item for item in acting if TURNED_OTHERWISE.severity(item.turn_off_deg) is not None]
     on_a_circle = [item for item in acting if _on_a_circle(item.row, round_objects)]
     scattered = [item for item in acting if item.row.scatter_m > SCATTER_M]
     if apart:
@@ -86,6 +91,8 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         yield _hand_apart_finding(max(hand_apart, key=lambda item: item.hand_apart_deg))
     elif contradicting:
         yield _contradicting_finding(max(contradicting, key=lambda item: item.row.way_off_m))
+    elif turned:
+        yield _turned_finding(max(turned, key=lambda item: item.turn_off_deg))
     elif on_a_circle:
         yield _circle_finding(max(on_a_circle, key=lambda item: item.row.scatter_m))
     elif scattered:
@@ -145,6 +152,15 @@ def _contradicting_finding(item: _Acting) -> Finding:
         " in several ways, were recorded in another frame, or what they follow is not among the objects."
     )
     return item.finding(CONTRADICTING, message, item.row.way_off_m)
+
+
+def _turned_finding(item: _Acting) -> Finding:
+    message = (
+        f"What is held is turned by {item.turn_off_deg:.0f} degrees more, or less, in more than a third of"
+        f" {len(item.row.off_m)} demonstrations (action {item.index + 1}): as poured from it in some of them only."
+        " Delete those that leave it out."
+    )
+    return item.finding(TURNED_OTHERWISE, message, item.turn_off_deg)
 
 
 def _circle_finding(item: _Acting) -> Finding:

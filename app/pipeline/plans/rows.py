@@ -77,7 +77,7 @@ class PlanRow:
     @cached_property
     def way_off_m(self) -> float:
         """How far from the centre more than a third of the demonstrations are at least: they do it another way."""
-        return float(np.sort(self.off_m)[-1 - int(WAY_SHARE * len(self.off_m))])
+        return _of_a_way(self.off_m)
 
     @property
     def unturned(self) -> "PlanRow":
@@ -105,6 +105,11 @@ class PlanRow:
         """(N,) angles of the demonstrations' rotations from their mean."""
         off: Array = np.degrees((self.mean_rotation.inv() * self.rotations).magnitude())
         return off
+
+
+def _of_a_way(off: Array) -> float:
+    """What more than a third of some distances are at least."""
+    return float(np.sort(off)[-1 - int(WAY_SHARE * len(off))])
 
 
 def plan_rows(
@@ -169,35 +174,50 @@ def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
 def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
     """The rows in which the hand does something with what it holds, as with a cup, a hammer or a sponge.
 
-    Where it goes back where it came from, or turns and turns back; of what it never lets go also where that is lowest.
+    Where it goes back where it came from, though not down again, or turns and turns back; of what it never lets go also
+    where that is lowest.
     """
     switches = _switches(plan)
     found: set[int] = set()
     for grasp in (k for k in switches if not plan[k].gripper_open):
         release = next((k for k in switches if k > grasp), None)
-        held = [k for k in range(grasp + 1, release or len(plan)) if _apart_m(plan[k], plan[grasp])[0] > ASIDE_M]
-        found.update(k for k in held if k + 1 < len(plan) and (_goes_back(plan, k) or _tilts(plan, k)))
+        held = [k for k in range(grasp + 1, release or len(plan)) if _aside_m(plan[k], plan[grasp]) > ASIDE_M]
+        found.update(k for k in held if k + 1 < len(plan) and (_strikes(plan, k) or _tilts(plan, k)))
         if release is None and held:
             lowest_m = min(_height_m(plan[k]) for k in held)
             found.update(k for k in held if _height_m(plan[k]) <= min(lowest_m + LOWEST_M, _height_m(plan[-1]) - LOW_M))
     return sorted(found)
 
 
-def _apart_m(one: PlanRow, other: PlanRow) -> tuple[float, float]:
-    """How far the hand is beside where it is in another row, and how far it is turned, of the median demonstration."""
-    aside_m = np.linalg.norm((one.positions_m - other.positions_m)[:, :2], axis=1)
-    return float(np.median(aside_m)), float(np.median(np.degrees((other.hands.inv() * one.hands).magnitude())))
+def turn_off_deg(plan: Sequence[PlanRow], k: int) -> float:
+    """How much more or less than in the median demonstration the hand turns to row `k` in more than a third of them."""
+    turned_deg = _turned_deg(plan[k - 1], plan[k])
+    return _of_a_way(np.abs(turned_deg - np.median(turned_deg)))
+
+
+def _turned_deg(one: PlanRow, other: PlanRow) -> Array:
+    turned: Array = np.degrees((one.hands.inv() * other.hands).magnitude())
+    return turned
+
+
+def _aside_m(one: PlanRow, other: PlanRow) -> float:
+    return float(np.median(np.linalg.norm((one.positions_m - other.positions_m)[:, :2], axis=1)))
 
 
 def _height_m(row: PlanRow) -> float:
     return float(np.median(row.positions_m[:, 2]))
 
 
+def _strikes(plan: Sequence[PlanRow], k: int) -> bool:
+    """Whether the hand comes from where it goes next, and is not merely lifted here."""
+    return _goes_back(plan, k) and _height_m(plan[k]) < max(_height_m(plan[j]) for j in (k - 1, k + 1)) + LOW_M
+
+
 def _tilts(plan: Sequence[PlanRow], k: int) -> bool:
     """Whether the hand is turned here otherwise than before, and turns back afterwards."""
     before, here, after = plan[k - 1 : k + 2]
-    turns_deg = _apart_m(before, here)[1], _apart_m(here, after)[1]
-    return min(turns_deg) > TILTED_DEG and _apart_m(before, after)[1] < min(turns_deg)
+    least_deg = float(np.median([_turned_deg(before, here), _turned_deg(here, after)], axis=1).min())
+    return least_deg > TILTED_DEG and float(np.median(_turned_deg(before, after))) < least_deg
 
 
 def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
