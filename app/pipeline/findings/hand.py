@@ -19,6 +19,7 @@ from roboprompt_client.trajectory import EndEffectorAction, Trajectory
 NEVER_M = 1.0  # from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
+END_S = 0.2  # within which a hand that is on its way gets on
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -98,7 +99,7 @@ class RecordedHand:
         starts_open: whether the fingers are open until the first act.
         acts: the switches of the gripper, without fingers that come to their place before the hand moves.
         start_m, end_m: (3,) where it is at first and at last.
-        end_speed_m_s: at the last frame.
+        end_speed_m_s: at the last frame; a hand that trembles at one place has none.
         nearest_m: the least distance from any object.
         may_hold: the objects so near to its first pose that it may hold them from the start.
     """
@@ -131,7 +132,7 @@ class RecordedHand:
             tuple(_act(trajectory, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
             trajectory.positions_m[0],
             trajectory.positions_m[-1],
-            float(motion.hand_speeds_m_s[-1]),
+            min(float(motion.hand_speeds_m_s[-1]), _gets_on_m_s(motion)),
             float(away_m.min()),
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
         )
@@ -144,3 +145,11 @@ def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration,
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
     return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)
+
+
+def _gets_on_m_s(motion: Motion) -> float:
+    """How fast the hand leaves, in the last moment of a recording, where it was when that began."""
+    positions_m, times_s = motion.trajectory.positions_m, motion.times_s
+    first = min(int(np.searchsorted(times_s, times_s[-1] - END_S)), max(len(times_s) - 2, 0))
+    way_m = float(np.linalg.norm(positions_m[-1] - positions_m[first]))
+    return way_m / max(float(times_s[-1] - times_s[first]), 1e-9)
