@@ -247,7 +247,10 @@ def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
         return
     rare = int(WAY_SHARE * len(paths))
     missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
-    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
+    remedy = (
+        "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01; if they are so, the motion has"
+        " more corners than a reply has actions: teach its parts as tasks of their own."
+    )
     if PATH_NOT_KEPT.severity(missed_m) is not None:
         number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
         message = (
