@@ -42,12 +42,7 @@ def limits_of(settings: Settings) -> Limits:
         max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
         max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
         max_frames=settings.max_frames,
-        max_objects=settings.max_objects,
-        max_cameras=settings.max_cameras,
-        max_name_chars=settings.max_name_chars,
-        max_instruction_chars=settings.max_instruction_chars,
         max_prompt_chars=settings.max_prompt_chars,
-        max_page_size=settings.max_page_size,
         allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
     )
@@ -91,7 +86,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     store = await asyncio.to_thread(open_store, settings)
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required and there is none: roboprompt keys add NAME --scope admin")
-    models = ModelRegistry(settings)
+    kept = settings.embedded_kept_folder or settings.data / "prefixes"
+    models = ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept}))
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(
         store,

@@ -1,26 +1,17 @@
-"""Where work runs that takes more than one core: processes on this machine, or a Ray cluster (extra `ray`)."""
+"""Where work runs that takes more than one core: processes on this machine."""
 
-import logging
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
-from importlib import import_module
 from multiprocessing import forkserver, get_context, parent_process, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
-from typing import Any, Protocol, TypeVar
-
-from roboprompt_client.errors import RoboPromptError
+from typing import Protocol, TypeVar
 
 Result = TypeVar("Result")
-LOCAL = "local"
-
-
-class RayMissingError(RoboPromptError):
-    """Ray is not installed."""
 
 
 class Executor(Protocol):
@@ -75,43 +66,6 @@ class LocalExecutor:
         return ProcessPoolExecutor(self.workers, self._context, initializer=_prepare_worker)
 
 
-class RayExecutor:
-    """A Ray task for each function. The cluster's machines must have this package with its extra `sim` installed.
-
-    Args:
-        address: of a running cluster, `auto` for the one of this machine; `local` starts one here.
-
-    Raises:
-        RayMissingError; ConnectionError: if no cluster answers there.
-    """
-
-    def __init__(self, address: str = LOCAL) -> None:
-        os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-        try:
-            self._ray: Any = import_module("ray")
-        except ModuleNotFoundError as error:
-            raise RayMissingError("--ray needs Ray: pip install 'roboprompt[ray]'") from error
-        dashboard = False if address == LOCAL else None
-        self._ray.init(address=address, include_dashboard=dashboard, log_to_driver=False, logging_level=logging.ERROR)
-        self.workers = int(self._ray.cluster_resources()["CPU"])
-        self.description = f"Ray ({address}), {self.workers} CPUs"
-        self._run: Any = self._ray.remote(_run)
-        self._pending: set[Future[Any]] = set()
-
-    def submit(self, job: Callable[..., Result], /, *arguments: object) -> Future[Result]:
-        """Run a module's function in the cluster; arguments and result can be pickled."""
-        future: Future[Result] = self._run.remote(job, *arguments).future()
-        self._pending.add(future)
-        future.add_done_callback(self._pending.discard)
-        return future
-
-    def close(self) -> None:
-        """Leave the cluster, or end the one that was started here."""
-        self._ray.shutdown()
-        for future in list(self._pending):  # Ray would let those who wait for them wait forever
-            future.cancel()
-
-
 def call(executor: Executor, job: Callable[..., Result], /, *arguments: object) -> Result:
     """The job's result. One that died with its process, which others share, gets a second chance."""
     try:
@@ -156,7 +110,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         wait([parent.sentinel])
         os._exit(1)
-
-
-def _run(job: Callable[..., Result], /, *arguments: object) -> Result:
-    return job(*arguments)

@@ -74,16 +74,11 @@ class Settings(LlmSettings, BaseSettings):
     max_request_megapixels: Annotated[float, Field(gt=0, description="of all images of a request together")] = 64
     max_unpacked_mb: Annotated[float, Field(gt=0, description="of a trajectory's .npz, before it is unpacked")] = 100
     max_frames: Annotated[int, Field(ge=1, description="of a trajectory")] = 100_000
-    max_objects: Annotated[int, Field(ge=1, le=64, description="of a scene")] = 64
-    max_cameras: Annotated[int, Field(ge=0, le=16, description="of a scene")] = 16
-    max_name_chars: Annotated[int, Field(ge=1, le=64, description="of a task, an object or a camera")] = 64
-    max_instruction_chars: Annotated[int, Field(ge=1, le=500, description="of an instruction")] = 500
     max_prompt_chars: Annotated[int, Field(ge=100, description="system prompt and demonstrations together")] = 400_000
     allowed_models: Annotated[
         tuple[str, ...],
         Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
     ] = ()
-    max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
     keep_predictions_days: Annotated[
         float | None, Field(gt=0, description="then predictions are deleted, with their images; empty: for ever")
     ] = None

@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 
-from app.llm.llama.embedded import usable_cores
+from app.executors import usable_cores
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.weights import find_trimmed_weights
 from app.llm.llm_settings import LlmSettings

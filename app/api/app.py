@@ -25,10 +25,21 @@ DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of
 the demonstrations and the observation as text, asks an LLM to continue the pattern, and answers with
 end-effector actions.
 
-Metres, radians and seconds; world frame; quaternions x y z w; cameras with OpenCV axes. Errors are
+Meters, radians and seconds; world frame; quaternions x y z w; cameras with OpenCV axes. Errors are
 `application/problem+json`.
 """
 
+# In the order in which a robot comes to need them.
+TAGS = [
+    {"name": "episodes", "description": "demonstrations: uploaded, corrected, left out, deleted"},
+    {"name": "predictions", "description": "actions for what the robot sees now, and how it went"},
+    {"name": "tasks", "description": "what all episodes of one name share: settings, a check, statistics, jobs"},
+    {"name": "poses", "description": "where objects are in images"},
+    {"name": "labels", "description": "objects marked in images, from which the estimator `registered` learns them"},
+    {"name": "runs", "description": "robots at work: reported, watched, stopped"},
+    {"name": "models", "description": "the LLMs that can be asked"},
+    {"name": "health", "description": "probes and metrics"},
+]
 # Bodies that routes read by hand, and how errors are answered: FastAPI cannot know of them.
 _HAND_READ = (EpisodeJson, EpisodeMetadata, LabelBody, PosesBody, PredictBody, Problem)
 _SCHEMES: dict[str, Any] = {
@@ -64,6 +75,7 @@ def create_app(open_services: OpenServices, version: str, body_limits: BodyLimit
         title="RoboPrompt",
         version=version,
         description=DESCRIPTION,
+        openapi_tags=TAGS,
         lifespan=lifespan,
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
@@ -97,6 +109,7 @@ def install_openapi(app: FastAPI) -> None:
                 [(model, "validation") for model in _HAND_READ], ref_template="#/components/schemas/{model}"
             )
             _document_refusals(document)
+            document["paths"] = dict(sorted(document["paths"].items(), key=lambda path: path[0].count("/")))
             document.setdefault("components", {}).setdefault("schemas", {}).update(definitions["$defs"])
             _describe_access(document)
             app.openapi_schema = document

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from app.llm.base import ModelProfile
-from app.pipeline.episode import Demonstration
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
+from app.services.predict.demonstrations import canonical_demonstration
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.predict.standing import Standing, StandingComparison, TaskStats
@@ -29,9 +29,7 @@ def _fields(record: object, *names: str) -> JsonObject:
 def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:
     """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
     workspace = settings.workspace.workspace()
-    poses = settings.canonical(tuple(item.pose() for item in record.objects))
-    actions = tuple(keyframe.action() for keyframe in record.keyframes)
-    demonstration = Demonstration(record.instruction, poses, actions, record.id)
+    demonstration = canonical_demonstration(record.demonstration(), settings)
     # KAT's format is for its action tokens only
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
     codec = fit_codec("absolute", prompt_format, [demonstration], workspace)

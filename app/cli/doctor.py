@@ -43,11 +43,9 @@ MIN_FREE_GB = 1.0  # the weights take 0.6 of it when they are first unpacked
 CLIENTS_OWN = {"api_key"}  # read by roboprompt-client
 LIBRARY = "import xllamacpp"
 WHAT_FOR = {
-    "sim": "roboprompt demo, eval, record, film",
+    "sim": "roboprompt demo, eval",
     "datasets": "imports of LeRobot, robomimic, MCAP",
     "video": "videos of LeRobot datasets",
-    "rerun": "roboprompt export --rerun",
-    "ray": "--ray",
     "postgres": "ROBOPROMPT_DATABASE_URL=postgresql://...",
     "s3": "ROBOPROMPT_BLOBS_URL",
     "otel": "ROBOPROMPT_OTEL_ENDPOINT",

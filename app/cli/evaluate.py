@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.cli.evaluate_options import PAPER, EvaluateOptions
+from app.cli.evaluate_options import EvaluateOptions
 from app.cli.shared import check_models, check_names, check_service
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
 MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
 INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
-BUDGET_SPENT = 3  # the exit status of a run that its budget stopped
 
 
 def evaluate(**options: Any) -> None:  # noqa: ANN401
@@ -27,18 +26,17 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
     Results are kept as they come: the same command with the same --out continues where an earlier one stopped.
     """
     # The simulator is an extra that `roboprompt serve` does without.
-    from app.cli.evaluate_plan import paper_of, sweep_of
+    from app.cli.evaluate_plan import sweep_of
     from app.evaluation.sweeps import SWEEPS
 
     asked = EvaluateOptions(**options)
-    check_names("--sweep", [asked.sweep_name], [*SWEEPS, PAPER])
+    check_names("--sweep", [asked.sweep_name], SWEEPS)
     console = Console(stderr=asked.as_json)
-    progress = _progress(console)
-    run = paper_of(asked, console, progress) if asked.sweep == PAPER else sweep_of(asked)
+    run = sweep_of(asked)
     if asked.url is not None:
         check_service(asked.url)
     check_models(asked.model or (), asked.url)
-    result = _result(run, progress, console)
+    result = _result(run, _progress(console), console)
     _tell(console, result, asked)
     if asked.as_json:
         plan = run.plan
@@ -46,7 +44,7 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
         known = {"sweep": asked.sweep_name, "out": str(asked.folder), **scenes}
         print(json.dumps({**known, **result.summary()}))  # noqa: T201
     if result.remaining:
-        raise typer.Exit(_status(result))
+        raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
 
 
 # Typer reads a command's options from its signature.
@@ -65,22 +63,11 @@ def _result(run: "SweepRun", progress: Progress, console: Console) -> "SweepResu
         raise typer.Exit(1) from error
 
 
-def _status(result: "SweepResult") -> int:
-    from app.evaluation.sweep_run import BUDGET
-
-    if result.stopped.startswith(BUDGET):
-        return BUDGET_SPENT
-    return INTERRUPTED if result.stopped == "interrupted" else 1
-
-
 def _tell(console: Console, result: "SweepResult", asked: EvaluateOptions) -> None:
     from app.evaluation.scores import errors_of
     from app.evaluation.tables import terminal_table
 
-    if asked.sweep == PAPER:
-        _say(console, [(asked.folder / "table.md").read_text(encoding="utf-8")])
-    else:
-        console.print(terminal_table(result.evaluation, console.width))
+    console.print(terminal_table(result.evaluation, console.width))
     errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", asked.command]
     _say(console, [f"results: {asked.folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])

@@ -12,11 +12,10 @@ import typer
 
 SWEEP_NAMES = (
     "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models,"
-    " moving, outside, composition, paper"
+    " moving, outside, composition"
 )
 METHOD_NAMES = "default, nearest, regression, replay, expert, voxposer, voxposer-oracle"
-TABLE_NAMES = "I, II, III, IV, 3a, 3b, 3c, 4a, 4b, 4c"
-PAPER, OUTSIDE = "paper", "outside"
+OUTSIDE = "outside"
 EPISODES = 25
 Option = typer.Option
 
@@ -27,9 +26,7 @@ class EvaluateOptions:
 
     sweep: Annotated[str | None, Option(help=f"{SWEEP_NAMES}; default: main, with --world outside")] = None
     task: Annotated[list[str] | None, Option(help="may be repeated; default: all of the sweep")] = None
-    episodes: Annotated[
-        int | None, Option(min=1, help="unseen scenes per task (default: 25; of --sweep paper: as in its tables)")
-    ] = None
+    episodes: Annotated[int, Option(min=1, help="unseen scenes per task")] = EPISODES
     demos: Annotated[int, Option(min=1, max=100, help="demonstrations in a prompt")] = 10
     model: Annotated[
         list[str] | None, Option(help="a name from GET /models; may be repeated; default: the service's")
@@ -80,28 +77,9 @@ class EvaluateOptions:
         ),
     ] = None
     out: Annotated[Path | None, Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None
-    ray: Annotated[
-        str | None, Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
-    ] = None
     url: Annotated[str | None, Option(help="of a running service, instead of one of its own")] = None
     at_once: Annotated[int, Option(min=1, help="predictions asked for at a time")] = 1
     report: Annotated[bool, Option(help="a page with prompt, reply and pictures of failures")] = True
-    table: Annotated[
-        list[str] | None,
-        Option(help=f"of --sweep paper: {TABLE_NAMES} (a figure's charts); may be repeated; default: all"),
-    ] = None
-    price_in: Annotated[
-        list[float] | None,
-        Option(min=0, help="of --sweep paper: for a million tokens read; once, or once for each --model"),
-    ] = None
-    price_out: Annotated[
-        list[float] | None, Option(min=0, help="of --sweep paper: for a million tokens written, as --price-in")
-    ] = None
-    budget: Annotated[
-        float | None,
-        Option(help="of --sweep paper: stop before the trial that may exceed it, in the prices' currency, this run"),
-    ] = None
-    yes: Annotated[bool, Option("--yes", help="of --sweep paper: ask the LLM without asking you first")] = False
     as_json: Annotated[bool, Option("--json", help="one JSON object as the last line")] = False
 
     @property

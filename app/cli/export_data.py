@@ -17,7 +17,6 @@ from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.parcel import Parcel
-from app.datasets.rerun import write_rerun
 from app.services.task_settings import TaskSettings
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
@@ -67,16 +66,15 @@ def export_data(
     task: Annotated[str, typer.Option(help="what to export")],
     archive: Annotated[Path | None, typer.Option(help="one file that `roboprompt import` reads, byte for byte")] = None,
     lerobot: Annotated[Path | None, typer.Option(help="folder of a LeRobot dataset, version 3.0")] = None,
-    rerun: Annotated[Path | None, typer.Option(help=".rrd file for the rerun viewer (pip install rerun-sdk)")] = None,
     url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
 ) -> None:
-    """Export a task. Name at least one of --archive, --lerobot and --rerun; none may exist yet."""
+    """Export a task. Name --archive, --lerobot or both; none may exist yet."""
     console = Console(stderr=as_json)
-    wanted = {"archive": archive, "lerobot": lerobot, "rerun": rerun}
+    wanted = {"archive": archive, "lerobot": lerobot}
     targets = {name: path for name, path in wanted.items() if path is not None}
     if not targets:
-        raise typer.BadParameter("name at least one of --archive, --lerobot, --rerun", param_hint="--archive")
+        raise typer.BadParameter("name --archive, --lerobot or both", param_hint="--archive")
     check_service(url)
     try:
         with RoboPromptClient(url) as client:
@@ -84,7 +82,6 @@ def export_data(
             writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
                 "archive": lambda path, parcels: write_archive(path, task, settings, parcels),
                 "lerobot": write_lerobot,
-                "rerun": write_rerun,
             }
             shown = episode_ids(client, task, left_out=False) if "lerobot" in targets else ids
             for name, path in targets.items():

@@ -1,4 +1,4 @@
-"""`roboprompt jobs`: work at re-extractions beside the service, on this machine's cores or a Ray cluster."""
+"""`roboprompt jobs`: work at re-extractions beside the service, on this machine's cores."""
 
 import json
 import time
@@ -12,14 +12,13 @@ import typer
 
 from app.bootstrap import open_store
 from app.cli.shared import EnvFile, refusals_said, settings_of
-from app.executors import Executor, LocalExecutor, RayExecutor
+from app.executors import Executor, LocalExecutor
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract_all_again
 from app.services.teach.reextract import RunJobs
 from app.settings import Settings
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
-from roboprompt_client.errors import RoboPromptError
 
 CHUNK = 20  # episodes that a worker extracts in one go, some seconds
 IMPORTS = ("app.cli.jobs",)  # what a worker needs
@@ -27,20 +26,16 @@ IMPORTS = ("app.cli.jobs",)  # what a worker needs
 
 def jobs(
     data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
-    ray: Annotated[
-        str | None, typer.Option(help="work on the Ray cluster at this address, 'auto', or 'local' to start one")
-    ] = None,
     env_file: EnvFile = None,
 ) -> None:
     """Work at all queued re-extractions of tasks, and end when none is left.
 
     The database and the images are those of the settings, as for the service, which may keep running: with
-    ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command. Every machine of a Ray cluster must reach both: a
-    PostgreSQL and an object store by URL, or a shared folder.
+    ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command.
     """
     settings = settings_of(data, env_file)
     settings = settings.model_copy(update={"data": settings.data.resolve()})
-    with refusals_said(), closing(LocalExecutor(imports=IMPORTS) if ray is None else RayExecutor(ray)) as executor:
+    with refusals_said(), closing(LocalExecutor(imports=IMPORTS)) as executor:
         done = _work(settings, executor)
     print(json.dumps({**done, "where": executor.description}))  # noqa: T201
 
@@ -58,10 +53,7 @@ def _work(settings: Settings, executor: Executor) -> dict[str, float]:
         futures = [executor.submit(_extract_chunk, address, chunk, wanted) for chunk in chunks]
         extractions: list[Extraction] = []
         for future in futures:
-            outcome = future.result()
-            if isinstance(outcome, RoboPromptError):
-                raise outcome
-            extractions += outcome
+            extractions += future.result()
         return extractions
 
     with closing(open_store(settings)) as store:
@@ -73,12 +65,9 @@ def _work(settings: Settings, executor: Executor) -> dict[str, float]:
 
 def _extract_chunk(
     address: tuple[str, str | None, str | None], records: Sequence[EpisodeRecord], wanted: TaskSettings
-) -> list[Extraction] | RoboPromptError:
-    """In a worker. Errors are returned: Ray would raise them with its own text."""
-    try:
-        return extract_all_again(_opened(*address), records, wanted)
-    except RoboPromptError as error:
-        return error
+) -> list[Extraction]:
+    """In a worker."""
+    return extract_all_again(_opened(*address), records, wanted)
 
 
 @cache

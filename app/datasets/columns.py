@@ -17,6 +17,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 
 Columns = Mapping[str, np.ndarray[Any, Any]]
+STILL, STILL_SHARE = 0.005, 0.2  # of a gripper's column: fingers that vary by less have neither opened nor closed
 _SELECTOR = re.compile(r"(?P<column>.*?)(?:\[(?P<start>-?\d+)(?P<cut>:(?P<stop>-?\d*))?\])?")
 
 
@@ -107,10 +108,17 @@ def _gripper(columns: Columns, mapping: FeatureMap) -> np.ndarray[Any, np.dtype[
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     above, below = mapping.gripper_open_above, mapping.gripper_open_below
     if above is not None and below is None:
-        return np.greater(values, above)
-    if below is not None and above is None:
-        return np.less(values, below)
-    raise InvalidInputError("mapping", "says not when the gripper is open", "one of gripper_open_above and _below")
+        is_open = np.greater(values, above)
+    elif below is not None and above is None:
+        is_open = np.less(values, below)
+    else:
+        remedy = "one of gripper_open_above and _below"
+        raise InvalidInputError("mapping", "says not when the gripper is open", remedy)
+    varies = float(np.ptp(values)) > max(STILL, STILL_SHARE * float(np.abs(values).max()))
+    if varies and is_open.all() == is_open.any():
+        message = f"is {values.min():.4g} to {values.max():.4g}, by which the gripper neither opens nor closes"
+        raise InvalidInputError(str(mapping.gripper), message, "gripper_open_above or _below between these values")
+    return is_open
 
 
 def _rates(positions: Array, times_s: Array | None, frequency_hz: float) -> Array:

@@ -27,14 +27,6 @@ class OtherModelError(EvaluationError):
     """The results that are there were made with another default model."""
 
 
-class BudgetSpentError(EvaluationError):
-    """The next trial may exceed the budget; says what is spent."""
-
-
-class NotConfirmedError(EvaluationError):
-    """The estimated cost was not agreed to; no LLM was asked."""
-
-
 class LedgerInUseError(EvaluationError):
     """Another run writes into the same file."""
 

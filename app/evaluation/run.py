@@ -17,14 +17,13 @@ from typing import Any, Literal, TypeVar
 
 from rich.progress import Progress
 
-from app.evaluation.costs import Purse, estimates
-from app.evaluation.failures import BudgetSpentError, NotLearnedError, ServiceLostError
+from app.evaluation.failures import NotLearnedError, ServiceLostError
 from app.evaluation.foreign import ForeignExecutor
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.plan import Plan, check_default_model, evaluation_of
-from app.evaluation.results import Crash, Evaluation, Trial
+from app.evaluation.results import Crash, Evaluation
 from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import PlannedTrial, TrialRunner
@@ -83,7 +82,6 @@ class Run:
     Args:
         shared: whether the service is used by others as well: task names then are this session's own.
         models: for methods that ask an LLM without the service.
-        purse: pays for the trials, whose methods then all name their model; None: they cost nothing.
     """
 
     plan: Plan
@@ -94,7 +92,6 @@ class Run:
     shared: bool = False
     timing: Timing = field(default_factory=Timing)
     models: Models | None = None
-    purse: Purse | None = None
     _session: str = field(default_factory=lambda: secrets.token_hex(3))
 
     def __call__(self) -> Evaluation:
@@ -155,28 +152,23 @@ class Run:
         return lesson if self.plan.images else lesson.without_images()
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
-        """Run what remains, each trial kept as it ends; where it costs something, once the estimate is confirmed.
+        """Run what remains, each trial kept as it ends.
 
         Raises:
-            ServiceLostError, BudgetSpentError: what is under way still ends; NotConfirmedError.
+            ServiceLostError: what is under way still ends.
         """
         remaining = self.plan.remaining(self.ledger)
         asking = threading.Semaphore(self.plan.predictions_at_once)
         runner = TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
-        if self.purse is not None and remaining:
-            of_trial = lambda planned: self._lesson(lessons, planned)  # noqa: E731
-            self.purse.expect(estimates(self.client, remaining, of_trial, runner.look, self.purse.prices))
         total = sum(1 for _ in self.plan.trials())
         bar = self.progress.add_task("trials", total=total, completed=total - len(remaining))
         unreachable = 0
 
         def run(planned: PlannedTrial) -> None:
-            self._run_trial(runner, planned, self._lesson(lessons, planned))
+            self._run_trial(runner, planned, lessons[planned.task][suffix_of(planned.method, self.plan.methods)])
 
         def on_done(future: Future[None]) -> None:
             nonlocal unreachable
-            if isinstance(refused := future.exception(), BudgetSpentError):
-                raise refused
             self.progress.advance(bar)
             gone = isinstance(future.exception(), ServiceUnreachableError)
             unreachable = unreachable + 1 if gone else 0
@@ -185,13 +177,7 @@ class Run:
 
         in_threads(run, remaining, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
 
-    def _lesson(self, lessons: Mapping[str, Lessons], planned: PlannedTrial) -> Lesson | Exception:
-        return lessons[planned.task][suffix_of(planned.method, self.plan.methods)]
-
     def _run_trial(self, runner: TrialRunner, planned: PlannedTrial, lesson: Lesson | Exception) -> None:
-        if self.purse is not None:
-            self.purse.put_aside(planned)
-        outcome: Trial | None = None
         digest = self.plan.digest(planned.method)
         try:
             if isinstance(lesson, Exception):
@@ -200,11 +186,7 @@ class Run:
         except Exception as error:
             self.ledger.append(Crash(*planned.key, f"{type(error).__name__}: {error}"), digest)
             raise
-        else:
-            self.ledger.append(outcome, digest)
-        finally:
-            if self.purse is not None:
-                self.purse.pay(planned, outcome)
+        self.ledger.append(outcome, digest)
 
 
 def executor_of(world: World) -> Executor:

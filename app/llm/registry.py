@@ -17,7 +17,6 @@ from app.llm.base import (
     UnknownModelError,
 )
 from app.llm.llm_settings import LlmSettings
-from app.llm.recorded import RecordingModel, ReplayedModel
 from app.llm.resilient import NO_LIMITS, Guard, ResilientModel
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
@@ -34,14 +33,6 @@ class OfferedModel:
     reason: str = ""  # why not, and what to install or set; empty if available
 
 
-@dataclass(frozen=True)
-class _Made:
-    """A model as its backend made it, and as requests reach it."""
-
-    bare: LanguageModel
-    wrapped: LanguageModel
-
-
 class ModelRegistry:
     """The models of one service.
 
@@ -52,10 +43,10 @@ class ModelRegistry:
     def __init__(self, settings: LlmSettings, backends: Mapping[str, Backend] | None = None) -> None:
         self._settings = settings
         self._backends = all_backends() if backends is None else backends
-        self._models: OrderedDict[str, _Made] = OrderedDict()  # the one unused for longest first
+        self._models: OrderedDict[str, ResilientModel] = OrderedDict()  # the one unused for longest first
         self._guards: dict[str, Guard] = {}
         self._users: Counter[str] = Counter()
-        self._evicted: list[_Made] = []  # not closed yet
+        self._evicted: list[ResilientModel] = []  # not closed yet
         self._lock = threading.Lock()
         offered = (profile.name for profile in self._offered_profiles())
         self._reserved = frozenset((settings.default_model, *offered))
@@ -70,7 +61,7 @@ class ModelRegistry:
             ModelUnavailableError: something is missing; says what to install or set.
             ModelBusyError: as many others as are kept are all in use.
         """
-        return self._get(name or self._settings.default_model).wrapped
+        return self._get(name or self._settings.default_model)
 
     def profile(self, name: str = "") -> ModelProfile:
         """The model's profile. Keeps nothing but the default model, whose weights need not be looked for again.
@@ -80,13 +71,13 @@ class ModelRegistry:
         """
         name = name or self._settings.default_model
         if name in self._models or name == self._settings.default_model:
-            return self._get(name).wrapped.profile
-        return self._make(name).wrapped.profile
+            return self._get(name).profile
+        return self._make(name).profile
 
     @asynccontextmanager
     async def using(self, name: str) -> AsyncIterator[LanguageModel]:
         """The model, which stays open inside the block; raises as `get`."""
-        model = self._get(name, using=True).wrapped
+        model = self._get(name, using=True)
         try:
             await self._close_evicted()
             yield model
@@ -95,7 +86,7 @@ class ModelRegistry:
                 self._users[name] -= 1
                 self._users += Counter()  # forget those that are not in use
 
-    def _get(self, name: str, *, using: bool = False) -> _Made:
+    def _get(self, name: str, *, using: bool = False) -> ResilientModel:
         new = None if name in self._models else self._make(name)
         with self._lock:
             if name not in self._models:
@@ -116,7 +107,7 @@ class ModelRegistry:
 
     async def _close_evicted(self) -> None:
         while self._evicted:
-            await self._evicted.pop().wrapped.aclose()
+            await self._evicted.pop().aclose()
 
     def profiles(self) -> list[OfferedModel]:
         """Every offered model, and the default one if it is not among them."""
@@ -128,7 +119,7 @@ class ModelRegistry:
 
     async def warm_up(self, name: str = "") -> bool:
         """Start an embedded model before the first request needs it; returns whether it is one. Raises as `profile`."""
-        model = self._get(name or self._settings.default_model).bare
+        model = self._get(name or self._settings.default_model).model
         if isinstance(model, StartedModel):
             await model.warm_up()
         return isinstance(model, StartedModel)
@@ -137,27 +128,18 @@ class ModelRegistry:
         """Close every model that was made."""
         models, self._models = [*self._models.values(), *self._evicted], OrderedDict()
         self._evicted.clear()
-        await asyncio.gather(*(model.wrapped.aclose() for model in models))
+        await asyncio.gather(*(model.aclose() for model in models))
 
-    def _make(self, name: str) -> _Made:
+    def _make(self, name: str) -> ResilientModel:
         backend_name, _, model = name.partition("/")
         if backend_name not in self._backends:
             known = ", ".join(profile.name for profile in self._offered_profiles())
             raise UnknownModelError(f"there is no model {name!r}; there are {known}")
-        if self._settings.replay_llm:
-            replayed = ReplayedModel(name, self._settings.replay_llm)
-            return _Made(replayed, replayed)
-        bare = self._backends[backend_name].create(model, self._settings)
-        return _Made(bare, self._wrap(bare, name))
-
-    def _wrap(self, model: LanguageModel, name: str) -> LanguageModel:
-        """The model within its backend's limits, and recorded if it is to be."""
-        backend_name, _, _ = name.partition("/")
-        limits_of = self._backends[backend_name].limits
-        limits = limits_of(self._settings) if limits_of else NO_LIMITS
+        backend = self._backends[backend_name]
+        bare = backend.create(model, self._settings)
+        limits = backend.limits(self._settings) if backend.limits else NO_LIMITS
         owner = name if limits.each_model else backend_name
-        resilient = ResilientModel(model, self._guards.setdefault(owner, Guard(owner, limits)))
-        return RecordingModel(resilient, self._settings.record_llm) if self._settings.record_llm else resilient
+        return ResilientModel(bare, self._guards.setdefault(owner, Guard(owner, limits)))
 
     def _offered_profiles(self) -> list[ModelProfile]:
         return [profile for backend in self._backends.values() for profile in backend.offered(self._settings)]

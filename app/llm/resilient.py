@@ -159,20 +159,20 @@ class ResilientModel:
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
         jitter: Callable[[], float] = random.random,
     ) -> None:
-        self._model = model
+        self.model = model
         self._guard = guard
         self._sleep = sleep
         self._jitter = jitter
 
     @property
     def profile(self) -> ModelProfile:
-        return self._model.profile
+        return self.model.profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
         return within_deadline(self._tries(request), request.timeout_s, self.profile.name)
 
     async def aclose(self) -> None:
-        await self._model.aclose()
+        await self.model.aclose()
 
     async def _tries(self, request: CompletionRequest) -> Pieces:
         deadline_s = anyio.current_time() + request.timeout_s
@@ -196,7 +196,7 @@ class ResilientModel:
         circuit, asked_s, silent = self._guard.circuit, anyio.current_time(), True
         with circuit.passage():
             try:
-                async with aclosing(self._model.stream(request)) as pieces:
+                async with aclosing(self.model.stream(request)) as pieces:
                     async for piece in pieces:
                         if silent:
                             circuit.answered()

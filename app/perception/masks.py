@@ -11,10 +11,11 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid.fit import SX, YAW, fit_any_size
+from app.perception.cuboid.fit import fit_any_size
 from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import SHAPES
 from app.perception.cuboid.pieces import piece_points_m, trimmed
+from app.perception.cuboid.shape import SX, YAW
 from app.perception.cuboid.view import view_of
 from app.perception.models import MasksModel
 from app.perception.sightings import Miss, Sighting, fused

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery
 from app.perception.object_model import MIN_CONFIDENCE
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from app.pipeline.geometry import canonical_pose
+from app.pipeline.geometry import canonical_pose, canonical_rotation
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
@@ -160,5 +160,5 @@ def _mean_rotation(good: Sequence[Sighting], weights: Array, yaw_symmetry_deg: f
 
 def _turn(one: Rotation, other_xyzw: Array, yaw_symmetry_deg: float | None) -> Rotation:
     """From one rotation to the other, as small as the symmetry allows."""
-    turn = ObjectPose("turn", np.zeros(3), (one.inv() * Rotation.from_quat(other_xyzw)).as_quat())
-    return Rotation.from_quat(canonical_pose(turn, yaw_symmetry_deg).quaternion_xyzw)
+    turn = one.inv() * Rotation.from_quat(other_xyzw)
+    return turn if yaw_symmetry_deg is None else canonical_rotation(turn, yaw_symmetry_deg)

@@ -53,7 +53,12 @@ def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPo
     """
     if pose.quaternion_xyzw is None or yaw_symmetry_deg is None:
         return pose
-    rotation = Rotation.from_quat(pose.quaternion_xyzw)
+    turned = canonical_rotation(Rotation.from_quat(pose.quaternion_xyzw), yaw_symmetry_deg)
+    return replace(pose, quaternion_xyzw=turned.as_quat(canonical=True))
+
+
+def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float) -> Rotation:
+    """The rotation, turned about its own z axis as `canonical_pose` says."""
     (xx, xy, _), (yx, yy, _), _ = rotation.as_matrix()
     if yaw_symmetry_deg == 0:
         turns_rad = math.atan2(-yx, yy) + np.array([0, np.pi])  # these bring the x axis above the world's
@@ -63,8 +68,7 @@ def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPo
     yaws_rad = np.arctan2(yx * cos + yy * sin, xx * cos + xy * sin)
     # of two that are equally near, -45 and 45 degrees of a cube, always the same
     nearest = np.lexsort((yaws_rad, np.abs(yaws_rad).round(6)))[0]
-    turned = rotation * Rotation.from_euler("z", turns_rad[nearest])
-    return replace(pose, quaternion_xyzw=turned.as_quat(canonical=True))
+    return rotation * Rotation.from_euler("z", turns_rad[nearest])
 
 
 def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:

@@ -11,7 +11,7 @@ import hmac
 import logging
 import secrets
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
@@ -126,12 +126,8 @@ class KeyRing:
             writing.add_done_callback(self._noting.discard)
 
     async def _write_use(self, key_id: str) -> None:
-        def write() -> None:
-            with self._store.write() as connection:
-                api_keys.note_use(connection, key_id, USE_NOTED_EVERY)
-
         try:
-            await anyio.to_thread.run_sync(write)
+            await anyio.to_thread.run_sync(_write, self._store, api_keys.note_use, key_id, USE_NOTED_EVERY)
         except StoreError as error:
             logger.warning("when a key was used could not be written down: %s", error)
 
@@ -148,6 +144,12 @@ class KeyRing:
     def _read(self) -> Mapping[str, ApiKeyRecord]:
         with self._store.read() as connection:
             return {record.id: record for record in api_keys.valid(connection)}
+
+
+def _write(store: Store, query: Callable[..., None], *arguments: object) -> None:
+    """Run a query of the store in a transaction of its own. Synchronous."""
+    with store.write() as connection:
+        query(connection, *arguments)
 
 
 def caller_from(record: ApiKeyRecord) -> Caller:
@@ -218,12 +220,10 @@ class Sessions:
             StoreError: if it cannot be stored.
         """
         token = f"{SESSION_PREFIX}_{caller.key_id}_{secrets.token_urlsafe(SECRET_BYTES)}"
-
-        def write() -> None:
-            with self._store.write() as connection:
-                api_keys.begin_session(connection, digest_of(token), caller.key_id, datetime.now(UTC) + LONGEST)
-
-        await anyio.to_thread.run_sync(write)
+        until = datetime.now(UTC) + LONGEST
+        await anyio.to_thread.run_sync(
+            _write, self._store, api_keys.begin_session, digest_of(token), caller.key_id, until
+        )
         return token
 
     async def recognise(self, token: str) -> Caller | None:
@@ -252,9 +252,4 @@ class Sessions:
         Raises:
             StoreError: if that cannot be stored.
         """
-
-        def write() -> None:
-            with self._store.write() as connection:
-                api_keys.end_session(connection, digest_of(token))
-
-        await anyio.to_thread.run_sync(write)
+        await anyio.to_thread.run_sync(_write, self._store, api_keys.end_session, digest_of(token))

@@ -19,13 +19,11 @@ from app.services.predict.read_steps import ReadSteps
 from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
-from app.services.scene_images import DrawOverlay
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
-from app.services.teach.labels import LabelObjects, LearnFromLabels
-from app.services.teach.learn import LearnObjectModels
+from app.services.teach.labels import LabelObjects
+from app.services.teach.learn import LearnFromLabels, LearnObjectModels, TryModel
 from app.services.teach.reextract import RunJobs
-from app.services.teach.try_model import TryModel
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
 
@@ -50,7 +48,6 @@ class Services:
     label_objects: LabelObjects
     learn_from_labels: LearnFromLabels
     try_model: TryModel
-    draw_overlay: DrawOverlay
     predict_actions: PredictActions
     read_steps: ReadSteps
     check_task: CheckTask
@@ -106,7 +103,6 @@ class Services:
             label_objects=LabelObjects(store),
             learn_from_labels=LearnFromLabels(store, configure),
             try_model=TryModel(store, pose_servers),
-            draw_overlay=DrawOverlay(store),
             predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
             read_steps=ReadSteps(store),
             check_task=CheckTask(store, profile_of, PredictActions(*parts, None)),

@@ -24,12 +24,12 @@ class Retention:
     max_bytes: int | None = None
 
 
+@dataclass(frozen=True)
 class KeepHouse:
     """Deletes what is to be kept no longer. Synchronous: call it in a thread."""
 
-    def __init__(self, store: Store, retention: Retention) -> None:
-        self._store = store
-        self._retention = retention
+    store: Store
+    retention: Retention
 
     def __call__(self) -> int:
         """Delete predictions beyond the limits, then sweep, unless another process has done so within the hour.
@@ -39,27 +39,27 @@ class KeepHouse:
         Raises:
             StoreError: if the store fails.
         """
-        return self._store.sweep_once(self._forget)
+        return self.store.sweep_once(self._forget)
 
     def _forget(self) -> None:
         forgotten = 0
-        if (max_age := self._retention.max_age) is not None:
+        if (max_age := self.retention.max_age) is not None:
             while ids := self._older_than(datetime.now(UTC) - max_age):
                 forgotten += self._erase(ids)
-        if (max_bytes := self._retention.max_bytes) is not None:
-            sizes = self._store.blobs.sizes()
-            with self._store.read() as connection:
+        if (max_bytes := self.retention.max_bytes) is not None:
+            sizes = self.store.blobs.sizes()
+            with self.store.read() as connection:
                 beyond = erasure.predictions_beyond(connection, max_bytes, sizes)
             forgotten += sum(self._erase(beyond[at : at + BATCH]) for at in range(0, len(beyond), BATCH))
         if forgotten:
             logger.info("%d predictions were deleted, as the settings demand", forgotten)
-            with self._store.write() as connection:
+            with self.store.write() as connection:
                 audit.record(connection, "predictions.expired", "", {"predictions": forgotten}, actor="retention")
 
     def _older_than(self, moment: datetime) -> tuple[str, ...]:
-        with self._store.read() as connection:
+        with self.store.read() as connection:
             return erasure.predictions_before(connection, moment, BATCH)
 
     def _erase(self, ids: tuple[str, ...]) -> int:
-        with self._store.write() as connection:
+        with self.store.write() as connection:
             return erasure.erase_predictions(connection, ids)

@@ -15,7 +15,7 @@ from app.perception.object_model import ObjectModel, ObjectModelError
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
 from app.pipeline.prompt import check_object_names
-from app.services.templates import with_templates
+from app.services.scene_images import with_templates
 from app.store.blobs import BlobStore
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.connection import is_loopback

@@ -1,4 +1,4 @@
-"""A scene's images: to the store as they came, back as frames, and drawn over with what was found in them."""
+"""What perception needs of the store: images as they came and as frames, templates, and what was found, drawn over."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -6,14 +6,23 @@ import cv2
 
 from app.perception.base import ObjectQuery
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame
+from app.perception.object_model import ObjectModelError
 from app.perception.overlay import draw_overlay
+from app.perception.registered.estimator import TaughtQuery
+from app.perception.registered.model import RegisteredModel
+from app.perception.registered.template import Template
+from app.services.cache import Cache
 from app.services.task_settings import TaskSettings
-from app.store import episodes, predictions, tasks
+from app.store import episodes, predictions
 from app.store.blobs import BlobStore
-from app.store.errors import NotFoundError
+from app.store.errors import CorruptDataError, NotFoundError
 from app.store.store import Store
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+
+MAX_TEMPLATES = 16  # in memory, some MB each
+_decoded: Cache[str, Template] = Cache(MAX_TEMPLATES)  # of any store: a digest names the same bytes everywhere
 
 
 def put_images(
@@ -58,48 +67,63 @@ def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
     return decode_frame(record.camera(), images, STORED_PIXELS)
 
 
-class DrawOverlay:
-    """Draws masks, outlines, axes and names; outlines are those of the task's present object models.
+def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:
+    """The queries, those of registered objects with their templates.
 
-    Synchronous: call it in a thread.
+    Raises:
+        ObjectModelError: if a template is not stored.
+        StoreUnavailableError: if it cannot be read.
     """
+    return tuple(_with_template(query, blobs) for query in queries)
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
 
-    def of_episode(self, episode_id: str, camera: str) -> bytes:
-        """A PNG of the episode's first frame.
+def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
+    if not isinstance(query.model, RegisteredModel):
+        return query
+    digest = query.model.template
+    try:
+        template = _decoded.get_or_make(digest, lambda: Template.from_bytes(blobs.read(digest)))
+    except (CorruptDataError, InvalidInputError) as error:
+        message = f"is {digest!r}, which is not stored here as a template ({error})"
+        remedy = "what POST /tasks/{name}/labels/learn gives"
+        raise ObjectModelError(query.name, message, remedy, within="template") from None
+    return TaughtQuery(**vars(query), template=template)
 
-        Raises:
-            NotFoundError: if there is no such episode, or it has no color image of that camera.
-        """
-        with self._store.read() as connection:
-            record = episodes.get(connection, episode_id)
-            settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
-        stored, _ = stored_image(record.cameras, camera, "rgb", f"episode {episode_id}")
-        return self._png(stored, record.objects, record.given_objects, settings)
 
-    def of_prediction(self, prediction_id: str, camera: str) -> bytes:
-        """A PNG of what the robot saw when it asked.
+def overlay_of_episode(store: Store, episode_id: str, camera: str) -> bytes:
+    """A PNG of the episode's first frame with masks, outlines, axes and names; outlines are those of present models.
 
-        Raises:
-            NotFoundError: if there is no such prediction, or no color image of that camera came with it.
-        """
-        with self._store.read() as connection:
-            record = predictions.get(connection, prediction_id)
-            settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
-        stored, _ = stored_image(record.cameras, camera, "rgb", f"prediction {prediction_id}")
-        return self._png(stored, record.objects, record.request.get("objects", ()), settings)
+    Raises:
+        NotFoundError: if there is no such episode, or it has no color image of that camera.
+    """
+    with store.read() as connection:
+        record = episodes.get(connection, episode_id)
+        settings = TaskSettings.of(connection, record.task)
+    stored, _ = stored_image(record.cameras, camera, "rgb", f"episode {episode_id}")
+    return _overlay(store.blobs, stored, record.objects, record.given_objects, settings)
 
-    def _png(
-        self,
-        camera: CameraRecord,
-        objects: Sequence[ObjectRecord],
-        sent: Iterable[JsonObject],
-        settings: TaskSettings,
-    ) -> bytes:
-        frame = read_frame(self._store.blobs, camera)
-        mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
-        queries = settings.with_models(ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in objects)
-        image = draw_overlay(frame, [item.pose() for item in objects], queries)
-        return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
+
+def overlay_of_prediction(store: Store, prediction_id: str, camera: str) -> bytes:
+    """The same of what the robot saw when it asked.
+
+    Raises:
+        NotFoundError: if there is no such prediction, or no color image of that camera came with it.
+    """
+    with store.read() as connection:
+        record = predictions.get(connection, prediction_id)
+        settings = TaskSettings.of(connection, record.task)
+    stored, _ = stored_image(record.cameras, camera, "rgb", f"prediction {prediction_id}")
+    return _overlay(store.blobs, stored, record.objects, record.request.get("objects", ()), settings)
+
+
+def _overlay(
+    blobs: BlobStore,
+    camera: CameraRecord,
+    objects: Sequence[ObjectRecord],
+    sent: Iterable[JsonObject],
+    settings: TaskSettings,
+) -> bytes:
+    mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
+    queries = settings.with_models(ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in objects)
+    image = draw_overlay(read_frame(blobs, camera), [item.pose() for item in objects], queries)
+    return cv2.imencode(".png", image[..., ::-1])[1].tobytes()

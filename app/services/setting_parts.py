@@ -10,7 +10,7 @@ from app.perception.strict import Metres, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
-from roboprompt_client.arrays import MAX_M, Array
+from roboprompt_client.arrays import MAX_M
 from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits
 
 
@@ -57,18 +57,6 @@ class WorkspaceSettings(_Settings):
     def workspace(self) -> Workspace:
         """As the pipeline wants it; raises InvalidInputError if min is not below max."""
         return _workspace(self.min, self.max)
-
-    def grown(self, positions_m: Array) -> "WorkspaceSettings":
-        """With `auto` the box that holds these demonstrated positions (N, 3) as well; otherwise as it is.
-
-        A box that still is RLBench's comes from no demonstration: it is not kept.
-        """
-        if self.preset != "auto" or not len(positions_m):
-            return self
-        untaught = (self.min, self.max) == (RLBENCH_MIN_M, RLBENCH_MAX_M)
-        box = Workspace.around(positions_m, None if untaught else self.workspace())
-        low, high = box.min_m.tolist(), box.max_m.tolist()
-        return WorkspaceSettings(preset="auto", min=tuple(low), max=tuple(high))
 
 
 class KeyframeSettings(_Settings):

@@ -15,6 +15,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from sqlalchemy import Connection
 
 from app.perception.base import ESTIMATOR_NAMES, GivenPoses, ObjectQuery
 from app.perception.models import AsObjectModel, model_from_json
@@ -28,6 +29,7 @@ from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, Point, WorkspaceSettings
+from app.store import tasks
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, ObjectPose, Trajectory
@@ -155,6 +157,15 @@ class TaskSettings(BaseModel):
         for one, other in alike((*self.aliases, *self.object_models, *self.yaw_symmetry_deg)):
             raise ValueError(f"{one!r} and {other!r} are one name: the objects of a task must differ in more")
         return self
+
+    @classmethod
+    def of(cls, connection: Connection, name: str) -> Self:
+        """Those of the task of that name; raises NotFoundError."""
+        return cls.model_validate(tasks.get(connection, name).settings)
+
+    def within(self, workspace: WorkspaceSettings) -> "TaskSettings":
+        """The settings with this workspace."""
+        return self.model_copy(update={"workspace": workspace})
 
     def limits_of_motion(self) -> MotionLimits:
         """What every action of a prediction must keep to."""

@@ -12,16 +12,17 @@ from sqlalchemy import Connection, Row, delete, insert, select
 from app.store import tables
 from app.store.database import lock, writes
 from app.store.errors import ConflictError
-from app.store.records import StoredResponse
+from app.store.values import JsonObject
 from app.store.visibility import NO_KEY, present
 
 UPLOAD, PREDICT = "POST /episodes", "POST /predict"  # scopes
 # After this a key may be used again. An upload's is kept: a dataset imported twice adds nothing, however much later.
 KEPT_FOR = {PREDICT: timedelta(hours=24)}
+_STATUSES = {UPLOAD: 201, PREDICT: 200}
 _KEYS = tables.idempotency_keys
 
 
-def find(connection: Connection, scope: str, key: str, request_digest: str) -> StoredResponse | None:
+def find(connection: Connection, scope: str, key: str, request_digest: str) -> JsonObject | None:
     """What the same request was answered with before, or None if it is new.
 
     In a write transaction it waits for another one that has the same key under way.
@@ -45,39 +46,27 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
         raise ConflictError(
             f"Idempotency-Key {key!r} was used for a different request: send a new key with new content"
         )
-    return StoredResponse(row.status, row.response)
+    response: JsonObject = row.response
+    return response
 
 
-def answered(connection: Connection, scope: str, key: str) -> StoredResponse | None:
+def answered(connection: Connection, scope: str, key: str) -> JsonObject | None:
     """What the caller's request with the key was answered with, or None if there was none."""
     row = _row(connection, scope, key, present().key_id) or _row(connection, scope, key, NO_KEY)
-    return None if row is None else StoredResponse(row.status, row.response)
+    return None if row is None else row.response
 
 
-def forget(connection: Connection, scope: str, key: str) -> None:
-    """Let the caller use the key again: what the request did was undone since."""
-    own = (_KEYS.c.scope == scope, _KEYS.c.owner == present().key_id, _KEYS.c.key == key)
-    connection.execute(delete(_KEYS).where(*own))
-
-
-def save(connection: Connection, scope: str, key: str, request_digest: str, answer: StoredResponse) -> None:
-    """Remember the answer, and forget those of the same scope that are too old.
+def save(connection: Connection, scope: str, key: str, request_digest: str, answer: JsonObject) -> None:
+    """Remember the answer in the place of an earlier one, and forget those of the same scope that are too old.
 
     Call it after `find`, in the write transaction that does what the request asks.
     """
-    now = datetime.now(UTC)
+    now, own = datetime.now(UTC), {"scope": scope, "owner": present().key_id, "key": key}
+    connection.execute(delete(_KEYS).filter_by(**own))
     if scope in KEPT_FOR:
         connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.created_at < now - KEPT_FOR[scope]))
-    values = {
-        "scope": scope,
-        "owner": present().key_id,
-        "key": key,
-        "request_digest": request_digest,
-        "status": answer.status,
-        "response": answer.response,
-        "created_at": now,
-    }
-    connection.execute(insert(_KEYS).values(values))
+    values = {"request_digest": request_digest, "status": _STATUSES[scope], "response": answer, "created_at": now}
+    connection.execute(insert(_KEYS).values({**own, **values}))
 
 
 def _row(connection: Connection, scope: str, key: str, owner: str) -> Row[Any] | None:

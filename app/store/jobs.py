@@ -91,7 +91,8 @@ def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extracti
     """Keep a batch and renew the claim; raises LostClaimError."""
     rows = [{"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item)} for item in extractions]
     _change(connection, job, {"claimed_until": datetime.now(UTC) + lease})
-    connection.execute(insert(_STAGED), rows)
+    if rows:  # unless each of the batch was deleted meanwhile
+        connection.execute(insert(_STAGED), rows)
     number = select(func.count()).select_from(_STAGED).where(_STAGED.c.job == job.id).scalar_subquery()
     of_task = episodes.number_of(connection, job.task)
     _change(connection, job, {"num_extracted": number, "num_episodes": of_task})
@@ -102,10 +103,10 @@ def release(connection: Connection, job: JobRecord) -> None:
     _change(connection, job, {"claimed_until": datetime.now(UTC)})
 
 
-def finish(connection: Connection, job: JobRecord, settings: JsonObject) -> None:
-    """Put what was extracted in the place of the old, and the task's settings with it; raises LostClaimError.
+def finish(connection: Connection, job: JobRecord) -> None:
+    """Put what was extracted in the place of the old; raises LostClaimError.
 
-    Call it after `tasks.lock` and when nothing is `pending`, in the same write transaction.
+    Call it after `tasks.lock` and when nothing is `pending`, and set the task's settings, in one write transaction.
     """
     staged = select(_STAGED.c.keyframes).where(_STAGED.c.job == job.id, _STAGED.c.episode == _EPISODES.c.id)
     connection.execute(
@@ -116,7 +117,6 @@ def finish(connection: Connection, job: JobRecord, settings: JsonObject) -> None
             objects=staged.with_only_columns(_STAGED.c.objects).scalar_subquery(),
         )
     )
-    tasks.change(connection, job.task, {"settings": settings})
     _end(connection, job, {"status": "done"})
 
 

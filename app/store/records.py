@@ -53,18 +53,32 @@ class TaskCounts:
     failures: int = 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class EpisodeFields:
-    """What a new and a stored episode have in common."""
+@dataclass(frozen=True)
+class DemonstrationRecord:
+    """What a prompt needs of an episode."""
 
     id: str
+    instruction: str
+    objects: tuple[ObjectRecord, ...]
+    keyframes: tuple[KeyframeRecord, ...]
+    control_frequency_hz: float = CONTROL_FREQUENCY_HZ
+
+    def demonstration(self) -> Demonstration:
+        """As the pipeline wants it."""
+        poses = tuple(record.pose() for record in self.objects)
+        rows = [(record.position_m, record.quaternion_xyzw, record.gripper_open) for record in self.keyframes]
+        actions = tuple(EndEffectorAction.many(*zip(*rows, strict=True))) if rows else ()
+        later = tuple(tuple(item.pose() for item in record.objects) for record in self.keyframes if record.objects)
+        return Demonstration(self.instruction, poses, actions, self.id, later)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeFields(DemonstrationRecord):
+    """What a new and a stored episode have in common."""
+
     created_at: datetime
     task: str
-    instruction: str
     num_frames: int
-    control_frequency_hz: float
-    keyframes: tuple[KeyframeRecord, ...]
-    objects: tuple[ObjectRecord, ...]
     given_objects: tuple[JsonObject, ...]  # the objects as the caller sent them: their poses can be estimated again
     cameras: tuple[CameraRecord, ...]
     extra: JsonObject | None = None  # what else was uploaded; None in lists, which do not read it
@@ -89,25 +103,6 @@ class EpisodeRecord(EpisodeFields):
     """A stored episode; its trajectory is read on its own."""
 
     sequence: int
-
-
-@dataclass(frozen=True)
-class DemonstrationRecord:
-    """What a prompt needs of an episode."""
-
-    id: str
-    instruction: str
-    objects: tuple[ObjectRecord, ...]
-    keyframes: tuple[KeyframeRecord, ...]
-    control_frequency_hz: float = CONTROL_FREQUENCY_HZ
-
-    def demonstration(self) -> Demonstration:
-        """As the pipeline wants it."""
-        poses = tuple(record.pose() for record in self.objects)
-        rows = [(record.position_m, record.quaternion_xyzw, record.gripper_open) for record in self.keyframes]
-        actions = tuple(EndEffectorAction.many(*zip(*rows, strict=True))) if rows else ()
-        later = tuple(tuple(item.pose() for item in record.objects) for record in self.keyframes if record.objects)
-        return Demonstration(self.instruction, poses, actions, self.id, later)
 
 
 @dataclass(frozen=True)
@@ -168,14 +163,6 @@ class PredictionRecord(PredictionDraft):
     outcome_note: str | None
     outcome_at: datetime | None
     key_id: str | None  # of the API key that asked for it; None where none was needed
-
-
-@dataclass(frozen=True)
-class StoredResponse:
-    """What a request was answered with."""
-
-    status: int
-    response: JsonObject
 
 
 @dataclass(frozen=True)

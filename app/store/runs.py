@@ -39,7 +39,7 @@ def report(connection: Connection, run_id: str, task: str, state: JsonObject) ->
     now = datetime.now(UTC)
     row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
     if row is None:
-        tasks.get(connection, task)
+        tasks.lock(connection, task)
         connection.execute(delete(_RUNS).where(_RUNS.c.heard_at < now - LIVING))
         values = {"id": run_id, "task": task, "key_id": present().key_id or None, "stop": False, "created_at": now}
         connection.execute(insert(_RUNS).values(**values, state=state, heard_at=now))

@@ -8,24 +8,37 @@ from sqlalchemy import Connection, Row, bindparam, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
-from app.store import tables
+from app.store import audit, tables
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import TaskCounts, TaskRecord, TaskState
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
 _TASKS = tables.tasks
+_BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 # Every prediction asks this, and building the statement would take as long as running it.
 _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
 _STATE = select(_TASKS.c.name, _TASKS.c.created_at, _TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
 
 
+def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord | None:
+    """The task, if there is one; raises ForbiddenTaskError.
+
+    Args:
+        lock: no other transaction changes it until this one ends.
+    """
+    present().require_task(name)
+    # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
+    query = _GET.with_for_update(key_share=True) if lock else _GET
+    row = connection.execute(query, {"name": name}).first()
+    return None if row is None else _record(row)
+
+
 def get(connection: Connection, name: str) -> TaskRecord:
     """The task; raises NotFoundError, ForbiddenTaskError."""
-    present().require_task(name)
-    if (row := connection.execute(_GET, {"name": name}).first()) is None:
+    if (task := find(connection, name)) is None:
         raise NotFoundError("task", name)
-    return _record(row)
+    return task
 
 
 def state(connection: Connection, name: str) -> TaskState:
@@ -37,22 +50,9 @@ def state(connection: Connection, name: str) -> TaskState:
 
 def lock(connection: Connection, name: str) -> TaskRecord:
     """The task, which no other transaction changes until this one ends; raises NotFoundError."""
-    if (task := _locked(connection, name)) is None:
+    if (task := find(connection, name, lock=True)) is None:
         raise NotFoundError("task", name)
     return task
-
-
-def _locked(connection: Connection, name: str) -> TaskRecord | None:
-    present().require_task(name)
-    # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
-    row = connection.execute(_GET.with_for_update(key_share=True), {"name": name}).first()
-    return None if row is None else _record(row)
-
-
-def exists(connection: Connection, name: str) -> bool:
-    """Whether there is a task of that name."""
-    present().require_task(name)
-    return connection.execute(_GET, {"name": name}).first() is not None
 
 
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
@@ -75,7 +75,7 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
     Call it in a write transaction. What it returns (object names, settings, version) cannot change before the commit,
     so the caller's checks against it hold.
     """
-    if (task := _locked(connection, name)) is not None:
+    if (task := find(connection, name, lock=True)) is not None:
         return task
     now = datetime.now(UTC)
     values = {"name": name, "version": 1, "settings": settings, "created_at": now, "updated_at": now}
@@ -85,12 +85,37 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
     return lock(connection, name)
 
 
-def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
-    """Replace the task's settings; the version grows if they differ. Raises NotFoundError."""
+def update_settings(connection: Connection, name: str, settings: JsonObject, *, actor: str | None = None) -> TaskRecord:
+    """Replace the task's settings; if they differ the version grows, and the audit log has what bounds motion.
+
+    Args:
+        actor: in whose name, as in `audit.record`.
+
+    Raises:
+        NotFoundError: if there is no such task.
+    """
     task = lock(connection, name)
     if task.settings != settings:
         change(connection, name, {"settings": settings})
+        record_limits(connection, name, task.settings, settings, actor=actor)
     return get(connection, name)
+
+
+def record_limits(
+    connection: Connection,
+    name: str,
+    before: JsonObject,
+    after: JsonObject,
+    *,
+    action: str = "limits.changed",
+    actor: str | None = None,
+) -> None:
+    """Add an entry to the audit log if the settings' bounds of motion differ."""
+    changed = [bound for bound in _BOUNDS if before.get(bound) != after.get(bound)]
+    if changed:
+        both = {"before": before, "after": after}
+        details = {when: {bound: values.get(bound) for bound in changed} for when, values in both.items()}
+        audit.record(connection, action, name, details, actor)
 
 
 def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None:
@@ -109,10 +134,15 @@ def require_version(connection: Connection, name: str, version: int) -> None:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 
+def num_episodes(connection: Connection) -> dict[str, int]:
+    """How many episodes each task has that has any."""
+    query = select(tables.episodes.c.task, func.count()).group_by(tables.episodes.c.task)
+    return {row[0]: row[1] for row in connection.execute(query)}
+
+
 def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
     """How much is stored of every task that is seen, without the predictions of `without_models`."""
-    episodes, predictions = tables.episodes, tables.predictions
-    episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
+    predictions = tables.predictions
     outcomes = select(
         predictions.c.task,
         func.count(),
@@ -122,10 +152,10 @@ def counts(connection: Connection, without_models: Collection[str] = ()) -> dict
     if without_models:
         outcomes = outcomes.where(predictions.c.model.not_in(without_models))
     outcomes = of_visible_predictions(outcomes).group_by(predictions.c.task)
-    num_episodes: dict[str, int] = {row[0]: row[1] for row in episode_counts}
+    of_episodes = num_episodes(connection)
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}
     names = connection.scalars(of_visible_tasks(select(_TASKS.c.name), _TASKS.c.name).order_by(_TASKS.c.name))
-    return {name: TaskCounts(num_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
+    return {name: TaskCounts(of_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
 
 
 def _record(row: Row[Any]) -> TaskRecord:

@@ -14,7 +14,7 @@ from app.pipeline.success_rate import SuccessRate
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
 from app.services.task_settings import TaskSettings
-from app.store import episodes, prediction_lists, predictions, tasks
+from app.store import episodes, prediction_lists, predictions
 from app.store.prediction_lists import Configuration, Counts, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
@@ -116,7 +116,7 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
         NotFoundError: if there is none.
     """
     record = predictions.get(connection, prediction_id)
-    settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+    settings = TaskSettings.of(connection, record.task)
     shown = episodes.by_ids(connection, record.task, record.demonstration_ids)
     records = [
         DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes, e.control_frequency_hz) for e in shown.values()

@@ -9,6 +9,7 @@ import numpy as np
 from app.evaluation.world import World
 from app.pipeline.order.order import clause_of
 from app.sim.outcomes import RecordedDemonstration, SceneView
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 Poses = tuple[ObjectPose, ...]
@@ -33,6 +34,7 @@ class Case:
         settings: of the task at the service.
         options: of `POST /predict`.
         others: recordings of another task.
+        end_effector: where the robot says that its hand is; None where it does not say.
     """
 
     recordings: tuple[Recording, ...]
@@ -41,6 +43,7 @@ class Case:
     settings: Mapping[str, Any]
     options: Mapping[str, Any] = field(default_factory=dict)
     others: tuple[Recording, ...] = ()
+    end_effector: Pose | None = None
 
     @property
     def main(self) -> int:
@@ -77,4 +80,5 @@ def unchanged_case(
         {"yaw_symmetry_deg": dict(world.tasks[scene.task]), "num_demonstrations": len(recorded)},
         {"model": "nearest", "max_actions": 100},  # an instruction may have six parts
         tuple(map(recording_of, others)),
+        scene.end_effector,
     )

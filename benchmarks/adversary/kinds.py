@@ -43,6 +43,7 @@ RIGHT: Mapping[str, Kind] = {
     "five recordings": _right(whole.fewer_recordings(5)),
     "three asked for": _right(whole.asking(whole.unchanged, num_demonstrations=3, selection="nearest")),
     "objects in another order": _right(whole.objects_in_another_order),
+    "hand elsewhere": _right(whole.hand_elsewhere),
     "turned within symmetry": _right(whole.turned_within_symmetry),
 }
 WRONG: Mapping[str, Kind] = {

@@ -97,7 +97,8 @@ class Bench:
             return Outcome(*key, "refused at upload", failure=str(lesson)), _problem(lesson)
         heard = kinds_of(lesson)
         try:
-            predicted = self.client.predict(name, case.instruction, Observation(case.objects), **case.options)
+            seen = Observation(case.objects, end_effector=case.end_effector)
+            predicted = self.client.predict(name, case.instruction, seen, **case.options)
         except (ServiceProblemError, InvalidInputError, UnsafeActionError) as error:
             return Outcome(*key, "refused", failure=str(error), upload_findings=heard), _problem(error)
         result = call(self.executor, self.world.execute, self.scene, predicted.actions)

@@ -124,6 +124,15 @@ def objects_in_another_order(case: Case, random: np.random.Generator) -> Case:
     return replace(case, objects=tuple(case.objects[k] for k in random.permutation(len(case.objects))))
 
 
+def hand_elsewhere(case: Case, random: np.random.Generator) -> Case | None:
+    """The hand begins up to 30 cm away from where recordings start, and up to 15 cm higher or lower."""
+    if case.end_effector is None:
+        return None
+    place_m = case.end_effector.position_m + level(random, 0.0, 0.3)
+    place_m[2] += random.uniform(-0.15, 0.15)
+    return replace(case, end_effector=case.end_effector._replace(position_m=tuple(place_m.tolist())))
+
+
 def turned_within_symmetry(case: Case, random: np.random.Generator) -> Case:
     """Objects that look alike after a turn are seen after it."""
     symmetry = case.settings["yaw_symmetry_deg"]

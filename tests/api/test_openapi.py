@@ -25,3 +25,9 @@ def test_every_reference_resolves():
     schemas = json.loads(text)["components"]["schemas"]
     referred = {part.split('"')[0] for part in text.split('"#/components/schemas/')[1:]}
     assert referred <= set(schemas)
+
+
+def test_each_subject_is_described_and_has_operations():
+    document = json.loads(openapi_text())
+    used = {tag for path in document["paths"].values() for operation in path.values() for tag in operation["tags"]}
+    assert {tag["name"] for tag in document["tags"]} == used

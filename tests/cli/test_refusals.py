@@ -44,8 +44,6 @@ def _no_work(monkeypatch):
         (["eval", "--model", "nearest", "--model", "gpt-5"], "there is no model 'gpt-5'"),
         (["serve", "--port", "99999"], "99999 is no port (valid: 1 to 65535)"),
         (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
-        (["films", "--task", "foo"], "'foo' is none of push_button"),
-        (["film", "--task", "foo"], "'foo' is none of push_button"),
     ],
 )
 def test_wrong_choices(words, expected):

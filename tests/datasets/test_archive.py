@@ -1,13 +1,11 @@
-import sys
 import zipfile
 
 import pytest
 
 from app.datasets.archive import write_archive
-from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
+from app.datasets.bounds import DamagedError, DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
-from app.datasets.rerun import write_rerun
 from roboprompt_client.errors import InvalidInputError
 from tests.datasets.parcels import parcel, parcels
 
@@ -92,11 +90,4 @@ def test_an_interrupted_export_leaves_nothing(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         write_archive(tmp_path / "pick.zip", "pick", SETTINGS, broken())
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_rerun_says_which_package_it_needs(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(MissingPackageError, match="pip install rerun-sdk"):
-        write_rerun(tmp_path / "pick.rrd", parcels())
     assert list(tmp_path.iterdir()) == []

@@ -94,6 +94,21 @@ def test_what_is_missing_is_named_with_what_there_is():
         trajectory_of(columns(), FeatureMap(**{**vars(mapping()), "gripper_open_below": None}), FREQUENCY_HZ)
 
 
+@pytest.mark.parametrize("fingers", [np.linspace(0.08, 0.01, NUM_FRAMES), np.linspace(1.0, 0.6, NUM_FRAMES)])
+def test_fingers_that_move_all_on_one_side_of_the_threshold_are_refused(fingers):
+    """A width in meters, held against a threshold of 0.5: each grasp would be lost, and nothing would say so."""
+    measured = mapping(gripper="width", gripper_open_above=0.5, gripper_open_below=None)
+    with pytest.raises(InvalidInputError, match="neither opens nor closes"):
+        trajectory_of({**columns(), "width": fingers}, measured, FREQUENCY_HZ)
+
+
+@pytest.mark.parametrize(("at", "is_open"), [(0.0, False), (1.0, True)])
+def test_fingers_that_stay_need_no_threshold_between(at, is_open):
+    still = at + 0.001 * np.sin(TIMES_S)
+    measured = mapping(gripper="width", gripper_open_above=0.5, gripper_open_below=None)
+    assert (trajectory_of({**columns(), "width": still}, measured, FREQUENCY_HZ).gripper_open == is_open).all()
+
+
 def test_wishes_from_file_and_command_line(tmp_path):
     path = tmp_path / "mapping.json"
     path.write_text(json.dumps({"gripper": "g", "rotation_format": "euler_xyz"}))

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.episodes import arrays, camera, hand_arrays, metadata, multipart, npz, pick_trajectory, png, refused, upload
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, refused, upload
 
 PLACE_M = (0.123, 0.077, 0.785)
 CUBOID = {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}
@@ -114,25 +114,6 @@ def test_pages_and_deletion(http):
     assert http.delete(f"/episodes/{ids[0]}").status_code == 204
     assert http.get(f"/episodes/{ids[0]}").status_code == 404
     assert http.get("/tasks/paged").json()["num_episodes"] == 4
-
-
-def test_new_keyframe_rule_extracts_again(http):
-    id_ = upload(http, "reextract", PLACE_M).json()["id"]
-    before = http.get("/tasks/reextract").json()
-    after = http.put("/tasks/reextract", json={"keyframes": {"rule": "uniform", "interval": 10}}).json()
-    assert after["version"] > before["version"]
-    assert after["num_demonstrations"] == before["num_demonstrations"]
-    assert [k["index"] for k in http.get(f"/episodes/{id_}").json()["keyframes"]] == [10, 20]
-
-
-def test_settings_that_do_not_fit_change_nothing(http):
-    parts = multipart(metadata("keeps", {"cube": PLACE_M}), npz(**hand_arrays(pick_trajectory(PLACE_M))))
-    http.post("/episodes", files=parts).raise_for_status()
-    before = http.get("/tasks/keeps").json()
-    response = http.put("/tasks/keeps", json={"keyframes": {"rule": "authors"}})  # which needs joints
-    assert response.status_code == 422
-    assert "episode" in response.json()["errors"][0]["field"]
-    assert http.get("/tasks/keeps").json() == before
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,6 @@ def provoked(tmp_path_factory):
     with answering(gossip) as address:
         urls = {name.replace("API_KEY", "BASE_URL"): f"{address}/v1" for name in PLANTED}
         settings = {**PLANTED, **urls, "ROBOPROMPT_AUTH": "on", "ROBOPROMPT_RATE_LIMIT_PER_S": "0"}
-        settings |= {"ROBOPROMPT_RECORD_LLM": str(data / "recorded")}
         key = {"authorization": f"Bearer {token}"}
         with killable_server(data, settings) as (_, url), httpx.Client(base_url=url, headers=key, timeout=60) as http:
             assert upload(http, "pick", PLACE_M).status_code == 201

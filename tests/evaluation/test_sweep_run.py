@@ -111,13 +111,7 @@ def test_the_rest_is_run_and_nothing_twice(folder):
     assert (summary["trials"], summary["errors"], summary["remaining"]) == (NUM_TRIALS, 0, 0)
     assert summary["tasks"]["open_drawer"]["methods"]["expert replay"]["trials"] == 2
     assert summary["tasks"]["open_drawer"].keys() >= {"successes", "trials", "success_rate"}
-    assert {path.name for path in folder.iterdir()} == {
-        "results.jsonl",
-        "run.json",
-        "table.md",
-        "success.png",
-        "success.svg",
-    }
+    assert {path.name for path in folder.iterdir()} == {"results.jsonl", "run.json", "table.md"}
 
 
 def test_the_record_of_the_run(folder):

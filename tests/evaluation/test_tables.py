@@ -5,7 +5,6 @@ import pytest
 from rich.console import Console
 
 from app.evaluation.methods import Method
-from app.evaluation.plots import write_plots
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation
 from app.evaluation.scores import reached, results_of
 from app.evaluation.sweeps import SWEEPS
@@ -128,31 +127,6 @@ def test_a_task_has_the_first_methods_figures_and_beside_them_everybodys(mixed):
 def test_table_says_where_the_noise_is():
     run = evaluation(task("open_drawer", (1, 1), (0, 0)), methods=(replace(OTHER, noise_on="test"), OURS))
     assert "pose noise of tests alone 1.5" in markdown(run, "one thing")
-
-
-@pytest.mark.parametrize(
-    ("sweep", "plots"),
-    [
-        ("main", {"success"}),
-        ("demonstrations", {"success", "demonstrations"}),
-        ("noise", {"success", "noise"}),
-        ("keyframes", {"success", "sampling"}),
-    ],
-)
-def test_plots_follow_the_sweep(sweep, plots, tmp_path):
-    methods = SWEEPS[sweep].with_models(())
-    trials = [trial("open_drawer", 100_000 + k, m.label, k == 0) for m in methods for k in range(2)]
-    written = write_plots(evaluation(TaskEvaluation("open_drawer", (), tuple(trials)), methods=methods), tmp_path)
-    assert {path.stem for path in written} == plots
-    assert {path.name for path in tmp_path.iterdir()} == {f"{name}.{kind}" for name in plots for kind in ("png", "svg")}
-    assert (tmp_path / "success.png").read_bytes().startswith(b"\x89PNG")
-    assert "<svg" in (tmp_path / "success.svg").read_text()
-
-
-def test_plots_without_any_trial(tmp_path):
-    crashed = TaskEvaluation("stack_cube", (), (), (Crash("stack_cube", 1, "uniform 5", "gone"),))
-    methods = SWEEPS["keyframes"].with_models(())
-    assert {path.stem for path in write_plots(evaluation(crashed, methods=methods), tmp_path)} == {"success"}
 
 
 def driven(*misses):

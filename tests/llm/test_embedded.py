@@ -48,6 +48,58 @@ async def longest_pause(while_running):
     return longest / (time.perf_counter() - begun)
 
 
+@pytest.fixture
+def keeping(settings, tmp_path):
+    """A model of its own, as often as it is called, that keeps what it has read in one folder; and the files there."""
+
+    def files():
+        return [file for file in tmp_path.rglob("*") if file.is_file()]
+
+    def start():
+        weights = find_trimmed_weights("gemma-3-270m", settings)
+        return EmbeddedModel(PROFILE, weights, OPTIONS.model_copy(update={"embedded_kept_folder": tmp_path}))
+
+    return start, files
+
+
+async def read_by(model):
+    """How many tokens of a prompt a model that starts finds already read, and the reply; then it ends."""
+    completion = await complete(model, asking(object_frame_prompt(num_demonstrations=3), max_tokens=8))
+    await model.aclose()
+    return completion.usage.cached_tokens / completion.usage.prompt_tokens, completion.text
+
+
+async def test_what_was_read_is_there_after_a_restart_and_not_on_the_disk_meanwhile(keeping):
+    start, files = keeping
+    first, reply = await read_by(start())
+    (file,) = files()
+    assert (first, file.parent.stat().st_mode & 0o77) == (0, 0)
+    model = start()
+    await model.warm_up()
+    assert files() == []
+    again, repeated = await read_by(model)
+    assert (again > 0.95, repeated) == (True, reply)
+
+
+@pytest.mark.parametrize("damage", ["a byte", "half", "other weights", "no file of ours"])
+async def test_a_damaged_or_foreign_file_is_removed_and_the_prompt_read_again(keeping, damage):
+    start, files = keeping
+    _, reply = await read_by(start())
+    (file,) = files()
+    content = bytearray(file.read_bytes())
+    if damage == "a byte":
+        content[len(content) // 2] ^= 1
+    elif damage == "half":
+        del content[len(content) // 2 :]
+    file.unlink()
+    name = {"other weights": f"other{file.name}", "no file of ours": "notes.bin"}.get(damage, file.name)
+    file.with_name(name).write_bytes(content)
+    model = start()
+    await model.warm_up()
+    assert files() == []
+    assert await read_by(model) == (0, reply)
+
+
 async def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings, capfd):
     others = child_pids()
     async with started(settings) as model:

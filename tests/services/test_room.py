@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from app.services.teach.remove import remove_episode
+from app.services.teach.edit import remove_episode
 from app.store import audit, tasks
 from tests.services.test_upload_episode import respond, upload
 

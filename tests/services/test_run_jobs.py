@@ -1,7 +1,6 @@
 """Re-extraction as a job, on both databases: claimed once, resumed, switched over at once."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from datetime import timedelta
 
 import pytest
@@ -122,17 +121,41 @@ def test_what_comes_in_and_goes_meanwhile(services, monkeypatch):
             with store.write() as connection:
                 episodes.remove(connection, record.id)
         seen.append(record.id)
-        return extract(store, record, settings) if len(seen) > 1 else replace_id(record)
-
-    def replace_id(record):
-        with services.store.read() as connection:
-            other = episodes.all_of(connection, "pick")[0]
-        return replace(extract(services.store, other, settings_of(services)), episode_id=record.id)
+        return extract(store, record, settings)
 
     monkeypatch.setattr(extraction, "extract_again", extract_while_others_work)
-    begin(services)
+    job = begin(services)
     services.run_jobs.run_next()
     assert indices(services) == [[10, 20]] * 5
+    assert job_of(services, job).status == "done"
+
+
+def test_a_batch_of_which_every_episode_is_deleted_meanwhile(services, monkeypatch):
+    extract, extracted = extraction.extract_again, []
+
+    def extract_what_is_gone(store, record, settings):
+        if len(extracted) < 2:
+            with store.write() as connection:
+                episodes.remove(connection, record.id)
+        extracted.append(record.id)
+        return extract(store, record, settings)
+
+    monkeypatch.setattr(extraction, "extract_again", extract_what_is_gone)
+    job = begin(services)
+    services.run_jobs.run_next()
+    assert indices(services) == [[10, 20]] * 3
+    assert job_of(services, job).status == "done"
+
+
+def test_a_job_that_settings_contradict_by_now_fails(services):
+    """An error that is no refusal would end the worker, and no job would be done any more."""
+    before = indices(services)
+    job = begin(services, {**UNIFORM, "representation": "object_frame"})
+    services.configure_task("pick", {"prompt_format": "kat"})
+    assert services.run_jobs.run_next()
+    assert job_of(services, job).status == "failed"
+    assert "prompt_format" in job_of(services, job).error
+    assert indices(services) == before
 
 
 def settings_of(services):

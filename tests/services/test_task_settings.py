@@ -5,6 +5,7 @@ from pydantic import ValidationError
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, WorkspaceSettings
 from app.services.task_settings import TaskSettings
+from app.services.teach.room import grown
 
 KEEP_OUT = {"min": (0, 0, 0), "max": (1, 1, 1)}
 BOX = {"min": (-1.0, -1.0, 0.0), "max": (1.0, 1.0, 2.0)}
@@ -80,24 +81,24 @@ def test_a_preset_with_a_box_is_refused():
 
 
 def test_what_a_task_answers_can_be_sent_back():
-    grown = TaskSettings().workspace.grown(np.array([[0.3, 0.1, 0.02]]))
-    current = TaskSettings(workspace=grown, keyframes=KeyframeSettings(rule="uniform", interval=7))
+    taught = grown(TaskSettings().workspace, np.array([[0.3, 0.1, 0.02]]))
+    current = TaskSettings(workspace=taught, keyframes=KeyframeSettings(rule="uniform", interval=7))
     back = current.changed(settings(**current.model_dump(mode="json")))
-    assert back.workspace.grown(np.array([[0.3, 0.1, 0.02]])) == grown
+    assert grown(back.workspace, np.array([[0.3, 0.1, 0.02]])) == taught
     assert back.keyframes == current.keyframes
 
 
 @pytest.mark.parametrize("preset", [None, "rlbench"])
 def test_only_auto_grows(preset):
     fixed = WorkspaceSettings(preset=preset)
-    assert fixed.grown(np.array([[5.0, 5.0, 5.0]])) is fixed
+    assert grown(fixed, np.array([[5.0, 5.0, 5.0]])) is fixed
 
 
 def test_a_box_that_no_demonstration_shaped_is_not_kept():
     """RLBench's stands for the untaught: demonstrations at another height get a box around themselves."""
-    first = WorkspaceSettings(preset="auto").grown(np.array([[0.3, 0.1, 0.02]]))
+    first = grown(WorkspaceSettings(preset="auto"), np.array([[0.3, 0.1, 0.02]]))
     assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 1.0))
-    further = first.grown(np.array([[1.5, 0.1, 0.02]]))
+    further = grown(first, np.array([[1.5, 0.1, 0.02]]))
     assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 1.0))
 
 

@@ -12,7 +12,6 @@ from app.cli import application
 from app.store import episodes, idempotency, predictions
 from app.store.backup import back_up, restore
 from app.store.errors import ConflictError, CorruptDataError, SchemaVersionError, StoreUnavailableError
-from app.store.records import StoredResponse
 from app.store.store import Store, blob_digests
 from app.store.tables import metadata
 
@@ -27,7 +26,7 @@ def fill(store):
     added = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=seen),)))
     with store.write() as connection:
         predictions.record_outcome(connection, added.id, True, "Zoë \N{ROBOT FACE}")
-        idempotency.save(connection, "POST /episodes", "key", "d" * 64, StoredResponse(201, {"id": "a"}))
+        idempotency.save(connection, "POST /episodes", "key", "d" * 64, {"id": "a"})
     store.blobs.put(b"orphan")
 
 

@@ -7,7 +7,7 @@ from sqlalchemy import func, select, update
 
 from app.store import audit, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
-from app.store.records import Extraction, StoredResponse
+from app.store.records import Extraction
 
 from .drafts import TASK, camera_record, episode_draft, object_record, predict, prediction_draft, read, upload, write
 
@@ -16,7 +16,7 @@ LEASE = timedelta(minutes=1)
 
 
 def remember(store, scope, key, response):
-    write(store, idempotency.save, scope, key, "d", StoredResponse(200, response))
+    write(store, idempotency.save, scope, key, "d", response)
 
 
 def fill(store, task):

@@ -6,7 +6,6 @@ import pytest
 
 from app.store import episodes, idempotency, tasks
 from app.store.errors import ConflictError
-from app.store.records import StoredResponse
 
 from .drafts import SETTINGS, TASK, episode_draft, read, write
 
@@ -14,7 +13,7 @@ SCOPE = "POST /episodes"
 
 
 def test_same_request_gets_the_stored_answer(store):
-    answer = StoredResponse(201, {"id": "e1", "keyframes": [1, 2.5, None]})
+    answer = {"id": "e1", "keyframes": [1, 2.5, None]}
     with store.write() as connection:
         assert idempotency.find(connection, SCOPE, "key", "digest") is None
         idempotency.save(connection, SCOPE, "key", "digest", answer)
@@ -26,7 +25,7 @@ def test_same_request_gets_the_stored_answer(store):
 
 def test_same_key_for_another_request_is_a_conflict(store):
     with store.write() as connection:
-        idempotency.save(connection, SCOPE, "key", "digest", StoredResponse(201, {}))
+        idempotency.save(connection, SCOPE, "key", "digest", {})
         with pytest.raises(ConflictError, match="Idempotency-Key 'key' was used for a different request"):
             idempotency.find(connection, SCOPE, "key", "other digest")
 
@@ -40,21 +39,21 @@ def test_request_repeated_at_the_same_time_is_done_once(store):
             if found := idempotency.find(connection, SCOPE, "key", "digest"):
                 return found
             tasks.get_or_create(connection, TASK, SETTINGS)
-            answer = StoredResponse(201, {"id": episodes.add(connection, episode_draft()).id})
+            answer = {"id": episodes.add(connection, episode_draft()).id}
             idempotency.save(connection, SCOPE, "key", "digest", answer)
             return answer
 
     with ThreadPoolExecutor(4) as pool:
         answers = list(pool.map(upload_once, range(4)))
     (episode,) = read(store, episodes.list_page).items
-    assert answers == [StoredResponse(201, {"id": episode.id})] * 4
+    assert answers == [{"id": episode.id}] * 4
 
 
 def test_a_key_is_forgotten_after_a_day(store, monkeypatch):
-    write(store, idempotency.save, SCOPE, "key", "digest", StoredResponse(201, {"id": "old"}))
+    write(store, idempotency.save, SCOPE, "key", "digest", {"id": "old"})
     monkeypatch.setitem(idempotency.KEPT_FOR, SCOPE, timedelta(0))
     with store.write() as connection:
         assert idempotency.find(connection, SCOPE, "key", "other digest") is None
-        idempotency.save(connection, SCOPE, "key", "other digest", StoredResponse(201, {"id": "new"}))
+        idempotency.save(connection, SCOPE, "key", "other digest", {"id": "new"})
     monkeypatch.undo()
-    assert read(store, idempotency.find, SCOPE, "key", "other digest") == StoredResponse(201, {"id": "new"})
+    assert read(store, idempotency.find, SCOPE, "key", "other digest") == {"id": "new"}

@@ -7,7 +7,6 @@ from app.services.api_keys import caller_from
 from app.store import idempotency, predictions
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import ForbiddenTaskError, NotFoundError
-from app.store.records import StoredResponse
 from app.store.visibility import Visibility, seeing
 
 from .drafts import TASK, predict, prediction_draft, write
@@ -17,11 +16,11 @@ ROBOT, RIVAL = (Visibility(key, others=False, demonstrations=False, judges_other
 
 def test_what_was_sent_without_a_key_has_no_owner(store):
     asked = predict(store, prediction_draft())
-    write(store, idempotency.save, idempotency.UPLOAD, "k", "d", StoredResponse(201, {"id": "e"}))
+    write(store, idempotency.save, idempotency.UPLOAD, "k", "d", {"id": "e"})
     with seeing(ROBOT), store.read() as connection:
         with pytest.raises(NotFoundError):
             predictions.get(connection, asked.id)
-        assert idempotency.find(connection, idempotency.UPLOAD, "k", "d") == StoredResponse(201, {"id": "e"})
+        assert idempotency.find(connection, idempotency.UPLOAD, "k", "d") == {"id": "e"}
         assert idempotency.find(connection, idempotency.UPLOAD, "k", "other content") is None
 
 
@@ -29,12 +28,14 @@ def test_answers_belong_to_who_got_them(store):
     for visibility, id_ in ((ROBOT, "1"), (RIVAL, "2"), (Visibility(), "3")):
         with seeing(visibility), store.write() as connection:
             assert idempotency.find(connection, idempotency.PREDICT, "k", "d") is None
-            idempotency.save(connection, idempotency.PREDICT, "k", "d", StoredResponse(200, {"id": id_}))
+            idempotency.save(connection, idempotency.PREDICT, "k", "d", {"id": id_})
     with seeing(RIVAL), store.write() as connection:
-        assert idempotency.answered(connection, idempotency.PREDICT, "k") == StoredResponse(200, {"id": "2"})
-        idempotency.forget(connection, idempotency.PREDICT, "k")
+        assert idempotency.answered(connection, idempotency.PREDICT, "k") == {"id": "2"}
+        idempotency.save(connection, idempotency.PREDICT, "k", "d", {"id": "4"})
     with seeing(ROBOT), store.read() as connection:
-        assert idempotency.find(connection, idempotency.PREDICT, "k", "d") == StoredResponse(200, {"id": "1"})
+        assert idempotency.find(connection, idempotency.PREDICT, "k", "d") == {"id": "1"}
+    with seeing(RIVAL), store.read() as connection:
+        assert idempotency.find(connection, idempotency.PREDICT, "k", "d") == {"id": "4"}
 
 
 def test_predictions_belong_to_who_asked(store):

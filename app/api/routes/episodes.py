@@ -10,6 +10,7 @@ import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
+from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
@@ -21,13 +22,14 @@ from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.measures import note
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
-from app.services.teach.edit import edit_episode
-from app.services.teach.remove import remove_episode
+from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
+from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
@@ -61,10 +63,11 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     belongs to them.
     """
     body = await read_body(request)
-    async with image_work(request).room(request, body, services.limits) as decode:
+    # the turn comes before the trajectory is unpacked, which may be a thousand times as large then
+    async with image_work(request).room(request, body, services.limits) as decode, services.teaching:
         upload = await decode(_read_upload, services.limits, body, idempotency_key)
-        store = partial(services.upload_episode, upload, episode_document)
-        document = await anyio.to_thread.run_sync(store, limiter=services.teaching)
+        note(task=upload.task)
+        document = await run_in_threadpool(services.upload_episode, upload, episode_document)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
@@ -78,8 +81,6 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
         trajectory = trajectory_from_npz(npz, limits.max_unpacked_bytes, limits.max_frames)
     else:
         metadata, trajectory = _from_json(document, limits.max_frames)
-    names, cameras = [item.name for item in metadata.objects], [item.name for item in metadata.cameras]
-    limits.check_scene(metadata.task, metadata.instruction, names, cameras)
     images = split_images(metadata.cameras, parts)
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
@@ -110,11 +111,11 @@ def list_episodes(
     cursor: Cursor = None,
 ) -> Response:
     """Episodes, newest first."""
-    services.limits.check_page(limit)
     with services.store.read() as connection:
-        listed = tasks.list_all(connection) if task is None else [tasks.get(connection, task)]
-        known = {record.name: TaskSettings.model_validate(record.settings) for record in listed}
+        if task is not None:
+            tasks.get(connection, task)
         page = episodes.list_page(connection, task, limit, cursor, left_out=left_out)
+        known = {name: TaskSettings.of(connection, name) for name in {record.task for record in page.items}}
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
 
@@ -124,8 +125,8 @@ def get_episode(services: Wired, episode_id: str) -> Response:
     """One episode and what was extracted from it."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-        task = tasks.get(connection, record.task)
-    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
+        settings = TaskSettings.of(connection, record.task)
+    return JSONResponse(episode_document(record, settings))
 
 
 @router.get(
@@ -148,19 +149,22 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
         _422="a value is not valid, the instruction names no object, or the episode cannot be extracted again",
     ),
 )
-def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
+async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
     """Correct the instruction, leave the episode out of prompts or show it again, or note something about it.
 
     What the upload said is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
     shown again is extracted as the task's present settings want it.
     """
-    if body.instruction is not None:
-        services.limits.check_scene("", body.instruction, (), ())
-    record = edit_episode(services.store, episode_id, body.model_dump(exclude_none=True))
-    services.prefix_warmer.changed(record.task)
-    with services.store.read() as connection:
-        task = tasks.get(connection, record.task)
-    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
+    change = partial(_edited, services.store, episode_id, body.model_dump(exclude_none=True))
+    document = await anyio.to_thread.run_sync(change, limiter=services.teaching)
+    services.prefix_warmer.changed(document["task"])
+    return JSONResponse(document)
+
+
+def _edited(store: Store, episode_id: str, changes: JsonObject) -> JsonObject:
+    record = edit_episode(store, episode_id, changes)
+    with store.read() as connection:
+        return episode_document(record, TaskSettings.of(connection, record.task))
 
 
 @router.delete("/episodes/{episode_id}", status_code=204, responses=problems(_404="no such episode"))
@@ -230,6 +234,6 @@ def get_upload(services: Wired, idempotency_key: str) -> Response:
     """The episode that an upload with this `Idempotency-Key` made."""
     with services.store.read() as connection:
         stored = idempotency.answered(connection, SCOPE, idempotency_key)
-        if stored is None or not episodes.exist(connection, stored.response["id"]):
+        if stored is None or not episodes.exist(connection, stored["id"]):
             raise NotFoundError("upload", idempotency_key)
-    return JSONResponse({"episode_id": stored.response["id"]})
+    return JSONResponse({"episode_id": stored["id"]})

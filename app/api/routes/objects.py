@@ -4,8 +4,10 @@ Another instance of the service, or any other client, may ask this one's estimat
 """
 
 from enum import Enum
+from functools import partial
 from typing import Annotated
 
+import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
@@ -31,7 +33,8 @@ from app.perception.poses_wire import PoseQuestion, poses_document
 from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
-from app.services.teach.label_masks import LabelDraft
+from app.services.scene_images import overlay_of_episode, overlay_of_prediction
+from app.services.teach.labels import LabelDraft
 from app.store import labels
 from app.store.blobs import BlobStore
 from app.store.labels import LabelRecord
@@ -82,7 +85,6 @@ async def poses(request: Request, services: Wired) -> Response:
 
 def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
     asked = PosesBody.model_validate(body.document)
-    limits.check_views([item.name for item in asked.objects], [item.name for item in asked.cameras])
     frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
     questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
     return poses_document(find_poses(questions, frames, blobs))
@@ -97,8 +99,8 @@ def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
 )
 async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A camera's first image with the objects as they were found."""
-    draw = services.draw_overlay.of_episode
-    return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
+    png = await image_work(request).run(request, overlay_of_episode, services.store, episode_id, camera)
+    return Response(png, media_type=PNG)
 
 
 @router.get(
@@ -110,8 +112,8 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
 )
 async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
     """What the robot saw when it asked, with the objects as they were found."""
-    draw = services.draw_overlay.of_prediction
-    return Response(await image_work(request).run(request, draw, prediction_id, camera), media_type=PNG)
+    png = await image_work(request).run(request, overlay_of_prediction, services.store, prediction_id, camera)
+    return Response(png, media_type=PNG)
 
 
 @router.post(
@@ -176,15 +178,15 @@ def delete_label(services: Wired, name: str, label_id: str) -> Response:
         _422="the labels do not give a template, or an episode cannot be extracted with it",
     ),
 )
-def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
+async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
     """Learn what an object looks like from its last ten labels, and find it by that from now on.
 
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
     did not fit, and why.
     """
-    model = services.learn_from_labels(
-        name, body.object, body.symmetric, yaw_may_be_unknown=body.yaw_may_be_unknown, dry_run=body.dry_run
-    )
+    how = {"yaw_may_be_unknown": body.yaw_may_be_unknown, "dry_run": body.dry_run}
+    learn = partial(services.learn_from_labels, name, body.object, body.symmetric, **how)
+    model = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
     if not body.dry_run:
         services.prefix_warmer.changed(name)
     number = len(model["views"])
@@ -215,7 +217,6 @@ def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
     if (asked.episode_id is None) != bool(asked.cameras):
         remedy = "episode_id, or cameras with their images"
         raise InvalidInputError("episode_id", "and cameras are both given, or neither is", remedy)
-    limits.check_views([asked.object], [camera.name for camera in asked.cameras])
     if asked.episode_id is None:
         images = split_images(asked.cameras, body.parts)
         frames = decode_frames(asked.cameras, images, limits.max_image_pixels)

@@ -195,8 +195,6 @@ async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
 def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
     """What is asked, checked and decoded; synchronous: call it in a thread where there are images."""
     asked = PredictBody.model_validate(body.document)
-    names, cameras = [item.name for item in asked.objects], [item.name for item in asked.cameras]
-    limits.check_scene(asked.task, asked.instruction, names, cameras)
     images = split_images(asked.cameras, body.parts)
     query = PredictRequest(
         task=asked.task or "",

@@ -25,7 +25,6 @@ def list_predictions(
     cursor: Cursor = None,
 ) -> Response:
     """Predictions, newest first, failed ones included."""
-    services.limits.check_page(limit)
     with services.store.read() as connection:
         page = predictions.list_page(connection, task, outcome, limit, cursor, cases=cases)
     documents = [stored_prediction_document(record) for record in page.items]
@@ -97,6 +96,5 @@ def plan(services: Wired, body: Annotated[PlanBody, Body()]) -> Response:
     again. No step is made up and none is left out: a sentence with a word that finds no place, an "it" that may be two
     things, or a step that two tasks may do is refused. No LLM is asked and nothing is stored.
     """
-    services.limits.check_scene(None, body.instruction, [item.name for item in body.objects], ())
     steps = services.read_steps(body.instruction, [item.query() for item in body.objects])
     return JSONResponse({"steps": [step._asdict() for step in steps]})

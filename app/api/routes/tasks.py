@@ -23,7 +23,7 @@ from app.services.container import Services
 from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach.check import CheckedTask
-from app.services.teach.try_model import Tried
+from app.services.teach.learn import Tried
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject
@@ -108,8 +108,8 @@ router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
 def list_tasks(services: Wired) -> Response:
     """Every task."""
     with services.store.read() as connection:
-        counts = tasks.counts(connection)
-        documents = [task_document(record, counts[record.name].episodes) for record in tasks.list_all(connection)]
+        numbers = tasks.num_episodes(connection)
+        documents = [task_document(record, numbers.get(record.name, 0)) for record in tasks.list_all(connection)]
     return JSONResponse({"tasks": documents})
 
 

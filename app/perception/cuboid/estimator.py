@@ -14,8 +14,8 @@ from app.perception.base import ObjectQuery, model_of
 from app.perception.cuboid.fit import fit_upright
 from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import CuboidModel
-from app.perception.cuboid.pieces import HsvImage, color_mask, find_pieces, to_hsv
-from app.perception.cuboid.view import view_of
+from app.perception.cuboid.pieces import Bytes, HsvImage, Piece, color_mask, find_pieces, to_hsv
+from app.perception.cuboid.view import View, view_of
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
@@ -90,21 +90,27 @@ class _Search:
         """What each camera makes of everything that looks so, whichever is meant and wherever its origin lies."""
         looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
         if looks not in self._found:
-            self._found[looks] = [item for image in self._images for item in _sighted(*image, looks)]
+            self._found[looks] = _sighted(self._images, looks)
         return self._found[looks]
 
 
-def _sighted(frame: RgbdFrame, hsv: HsvImage, looks: CuboidModel) -> Sequence[Sighting | Miss]:
-    assert frame.depth_m is not None
-    mask = color_mask(hsv, looks.color)
+def _sighted(images: Sequence[tuple[RgbdFrame, HsvImage]], looks: CuboidModel) -> list[Sighting | Miss]:
     size_m, yaw_range_rad = np.array(looks.size_m), np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
-    sightings = []
-    for piece in find_pieces(frame, mask, size_m, looks.shape):
-        view = view_of(frame, piece)
-        fit = fit_upright(view, looks.shape, size_m, yaw_range_rad=yaw_range_rad)
-        sightings.append(judged(frame, piece, view, looks.shape, fit))
-    if sightings:
-        return sightings
+    seen: list[tuple[RgbdFrame, Piece, View]] = []
+    misses = []
+    for frame, hsv in images:
+        mask = color_mask(hsv, looks.color)
+        pieces = find_pieces(frame, mask, size_m, looks.shape)
+        seen += [(frame, piece, view_of(frame, piece)) for piece in pieces]
+        if not pieces:
+            misses.append(_miss(frame, mask))
+    fits = fit_upright([view for *_, view in seen], looks.shape, size_m, yaw_range_rad=yaw_range_rad)
+    return [*(judged(*item, looks.shape, fit) for item, fit in zip(seen, fits, strict=True)), *misses]
+
+
+def _miss(frame: RgbdFrame, mask: Bytes) -> Miss:
+    """Why the pixels of an object's color are no object."""
+    assert frame.depth_m is not None
     count = int(np.count_nonzero(mask))
     if not count:
         reason = "no pixel has its color"
@@ -112,7 +118,7 @@ def _sighted(frame: RgbdFrame, hsv: HsvImage, looks: CuboidModel) -> Sequence[Si
         reason = f"the {count} pixels of its color have no depth"
     else:
         reason = f"{count} pixels have its color, but none of their patches is large enough"
-    return [Miss(frame.camera.name, reason)]
+    return Miss(frame.camera.name, reason)
 
 
 def _in_order(models: dict[str, CuboidModel]) -> list[str]:

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.perception.cuboid.fit import YAW, Fit, outline_points_m, surface_distances_m
+from app.perception.cuboid.fit import Fit
 from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import SQUARE, Piece, window
+from app.perception.cuboid.shape import YAW, outline_points_m, surface_distances_m
 from app.perception.cuboid.view import View
 from app.perception.sightings import Sighting
 from roboprompt_client.arrays import Array

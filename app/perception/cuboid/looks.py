@@ -8,9 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid.fit import SX, YAW, fit_any_size
+from app.perception.cuboid.fit import fit_any_size
 from app.perception.cuboid.model import ColorModel, Shape
 from app.perception.cuboid.pieces import SQUARE, Bools, color_mask, find_parts, to_hsv
+from app.perception.cuboid.shape import SX, YAW
 from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad

@@ -118,7 +118,7 @@ def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArr
     known = mask & (depth_m > 0)
     if np.count_nonzero(known) < MIN_PIXELS // 2:
         return []
-    distance_m = float(np.median(depth_m[known]))
+    distance_m = float(quantiles(depth_m[known], 0.5)[0])
     farthest = cv2.dilate(np.where(known, depth_m, np.float32(0)), SQUARE)
     nearest = cv2.erode(np.where(known, depth_m, np.float32(np.inf)), SQUARE)
     smooth = known & (farthest - nearest < STEP_PIXELS * distance_m / camera.fx_px)
@@ -139,7 +139,7 @@ def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) 
     x, y, width, height = cv2.boundingRect(mask.astype(np.uint8))
     cut = np.s_[y : y + height, x : x + width]
     known = mask[cut] & (depth_m[cut] > 0)
-    return Piece(left + x, top + y, mask[cut], float(np.median(depth_m[cut][known])) if known.any() else 0.0)
+    return Piece(left + x, top + y, mask[cut], float(quantiles(depth_m[cut][known], 0.5)[0]) if known.any() else 0.0)
 
 
 def _together(frame: RgbdFrame, pieces: Sequence[Piece], size_m: Array) -> list[Piece]:
@@ -163,9 +163,15 @@ def _fits(points_m: Array, size_m: Array) -> bool:
     """Whether an upright object of the size could have all of the points, but for noise."""
     if not len(points_m):
         return False
-    low, high = np.percentile(points_m, [2, 98], axis=0)
+    low, high = quantiles(points_m, 0.02, 0.98)
     (*level_m, up_m), most_m = high - low, np.array([np.hypot(*size_m[:2]), size_m[2]])
     return bool(([np.hypot(*level_m), up_m] < SLACK_FACTOR * most_m + SLACK_M).all())
+
+
+def quantiles(values: npt.NDArray[P], *shares: float) -> npt.NDArray[P]:
+    """(len(shares), ...) of values (N, ...) those that a share lies below; numpy's own takes four times as long."""
+    ordered: npt.NDArray[P] = np.sort(values, axis=0)
+    return ordered[[round(share * (len(values) - 1)) for share in shares]]
 
 
 def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[P]:

@@ -1,11 +1,12 @@
 """Pixels of an object in an image -> what a fit needs of them: surface points, outline, ground."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner
+from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner, quantiles
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
@@ -43,10 +44,6 @@ class View:
     rays: Array
     footprint_m: float
     ground_m: float | None
-
-    def thinned(self, factor: int) -> "View":
-        """Every `factor`-th point and ray."""
-        return replace(self, points_m=self.points_m[::factor], rays=self.rays[::factor])
 
 
 def view_of(frame: RgbdFrame, piece: Piece) -> View:
@@ -88,20 +85,21 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
 
 def _ground_m(around_m: Array, object_m: Array) -> float | None:
     """The height that most of what surrounds the object has; None if there is no such level."""
-    below = around_m[around_m < np.median(object_m) + GROUND_NEAR_M]
+    below = around_m[around_m < quantiles(object_m, 0.5) + GROUND_NEAR_M]
     if len(below) < MIN_AROUND:
         return None
-    counts, edges = np.histogram(below, np.arange(below.min(), below.max() + 2 * GROUND_BIN_M, GROUND_BIN_M))
-    peak = edges[np.argmax(counts)] + GROUND_BIN_M / 2
+    counts = np.bincount(((below - below.min()) / GROUND_BIN_M).astype(int))
+    peak = below.min() + (np.argmax(counts) + 0.5) * GROUND_BIN_M
     near = below[np.abs(below - peak) < GROUND_NEAR_M]
-    return float(np.median(near)) if len(near) > 0.2 * len(below) else None
+    return float(quantiles(near, 0.5)[0]) if len(near) > 0.2 * len(below) else None
 
 
 def _rim(mask: Bools) -> tuple[Pixels, Pixels]:
     """(M, 2) row and column of pixels with a neighbor that is not in the mask, and the way (M, 2) to the neighbor."""
     rim = np.argwhere(mask & ~eroded(mask, CROSS))
     beside = rim + NEIGHBORS[:, None]
-    direction, pixel = np.nonzero(~np.pad(mask, 1, mode="edge")[beside[..., 0] + 1, beside[..., 1] + 1])
+    framed = cv2.copyMakeBorder(mask.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    direction, pixel = np.nonzero(framed[beside[..., 0] + 1, beside[..., 1] + 1] == 0)
     return rim[pixel], NEIGHBORS[direction]
 
 

@@ -10,6 +10,7 @@ from typing import Self
 
 import cv2
 import numpy as np
+from scipy.optimize import least_squares
 
 from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse
@@ -23,9 +24,8 @@ UPRIGHT_SIGMA_RAD = np.radians(0.1)
 MAX_POINTS = 200  # a face's points beyond these are left out to save time; what is kept counts for all
 TINY = 1e-9  # m; of a face seen from its edge
 RIVAL_RAD = np.radians(5.0)  # poses that differ by less are one
-MAX_ROUNDS = 12
-FIRST_DAMPING = 1e-3
-CONVERGED = 1e-5  # rad and m
+STEP = 1e-6  # rad and m, of numerical derivatives
+SETTLED = 1e-7  # a relative change in cost that is not worth another step
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,59 +66,27 @@ class _MarkerData:
         )
 
 
-def _errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
-    """Errors (E,) in standard deviations, and their slopes (E, 6) by turn and shift."""
-    parts = [_corner_errors(data, pose), _depth_errors(data, pose)]
-    if data.up_camera is not None:
-        up, z_axis = data.up_camera, pose[:3, 2]
-        tilting = np.hstack([(up @ z_axis) * np.eye(3) - np.outer(z_axis, up), np.zeros((3, 3))])
-        parts.append((_cross(up, z_axis) / UPRIGHT_SIGMA_RAD, tilting / UPRIGHT_SIGMA_RAD))
-    errors, slopes = zip(*parts, strict=True)
-    return np.concatenate(errors), np.concatenate(slopes)
-
-
-def _corner_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
+def _errors(data: _MarkerData, pose: Array) -> Array:
+    """(E,) in standard deviations: of the corners first, then of the points, then of the upright axis."""
     camera = data.camera
     places = data.corners_m @ pose[:3, :3].T + pose[:3, 3]
-    x, y, z = places.T
-    focal = np.array([camera.fx_px, camera.fy_px])
-    seen = focal * places[:, :2] / z[:, None] + (camera.cx_px, camera.cy_px)
-    by_place = np.zeros((len(places), 2, 3))
-    by_place[:, 0, 0], by_place[:, 1, 1] = focal[0] / z, focal[1] / z
-    by_place[:, 0, 2], by_place[:, 1, 2] = -focal[0] * x / z**2, -focal[1] * y / z**2
-    slopes = np.concatenate([-by_place @ _cross_matrices(places), by_place], axis=2)
-    sigmas_px = data.corner_sigmas_px[:, None]
-    return ((seen - data.corners_px) / sigmas_px).ravel(), (slopes / sigmas_px[..., None]).reshape(-1, 6)
+    seen = places[:, :2] / places[:, 2:] * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
+    parts = [((seen - data.corners_px) / data.corner_sigmas_px[:, None]).ravel(), _depth_errors(data, pose)]
+    if data.up_camera is not None:
+        parts.append(np.cross(data.up_camera, pose[:3, 2]) / UPRIGHT_SIGMA_RAD)
+    return np.concatenate(parts)
 
 
-def _depth_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
+def _depth_errors(data: _MarkerData, pose: Array) -> Array:
     """The points' distances from their faces; outliers all err alike, and pull at nothing."""
     normals = data.face_normals @ pose[:3, :3].T
     on_face = data.face_points_m @ pose[:3, :3].T + pose[:3, 3]
-    points = data.points_m
-    distances = ((points - on_face) * normals).sum(axis=1)
-    z = points[:, 2]
-    sigmas = DEPTH_SIGMA_AT_1_M * z * np.abs((points * normals).sum(axis=1)) + TINY
+    distances = ((data.points_m - on_face) * normals).sum(axis=1)
+    sigmas = DEPTH_SIGMA_AT_1_M * data.points_m[:, 2] * np.abs((data.points_m * normals).sum(axis=1)) + TINY
     middle = np.sort(distances)[len(distances) // 2]  # until the range is right, all are off by as much
     inliers = np.abs(distances - middle) < OUTLIER_SIGMAS * sigmas
-    counts = np.sqrt(data.measurements)
-    errors = np.where(inliers, distances / sigmas, OUTLIER_SIGMAS) * counts
-    slopes = np.hstack([_cross(normals, points), -normals]) * (inliers * counts / sigmas)[:, None]
-    return errors, slopes
-
-
-def _cross(one: Array, other: Array) -> Array:
-    """The cross products of (..., 3) vectors; numpy's own takes ten times as long for a few."""
-    product: Array = one[..., [1, 2, 0]] * other[..., [2, 0, 1]] - one[..., [2, 0, 1]] * other[..., [1, 2, 0]]
-    return product
-
-
-def _cross_matrices(vectors: Array) -> Array:
-    """(N, 3, 3) matrices that do the cross product with (N, 3) vectors from the left."""
-    matrices = np.zeros((len(vectors), 3, 3))
-    matrices[:, [2, 0, 1], [1, 2, 0]] = vectors
-    matrices[:, [1, 2, 0], [2, 0, 1]] = -vectors
-    return matrices
+    errors: Array = np.where(inliers, distances / sigmas, OUTLIER_SIGMAS) * np.sqrt(data.measurements)
+    return errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,33 +147,33 @@ def _smallest_turn(one: Array, other: Array) -> Array:
 
 
 def _refined(data: _MarkerData, start: Array) -> MarkerFit:
-    """Levenberg-Marquardt on a small turn and shift in the camera's frame."""
-    pose, damping = start, FIRST_DAMPING
-    errors, slopes = _errors(data, pose)
-    for _ in range(MAX_ROUNDS):
-        normal = slopes.T @ slopes
-        damped = normal + damping * np.diag(np.diag(normal))
-        step: Array = np.linalg.solve(damped, -slopes.T @ errors).astype(np.float64, copy=False)
-        turn = cv2.Rodrigues(step[:3])[0]
-        moved = np.eye(4)
-        moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + step[3:]
-        new_errors, new_slopes = _errors(data, moved)
-        if not new_errors @ new_errors <= errors @ errors:  # not a number, either
-            damping *= 10
-            continue
-        pose, errors, slopes, damping = moved, new_errors, new_slopes, damping / 10
-        if np.abs(step).max() < CONVERGED:
-            break
-    corners = errors[: data.corners_px.size].reshape(-1, 2) * data.corner_sigmas_px[:, None]
-    spread = np.linalg.inv(slopes.T @ slopes)
-    of_origin = np.hstack([-_cross_matrices(pose[None, :3, 3])[0], np.eye(3)])
+    """The best pose near the start, by a turn and a shift in the camera's frame."""
+
+    def errors(step: Array) -> Array:
+        return _errors(data, _moved(start, step))
+
+    def slopes(step: Array) -> Array:
+        here = errors(step)
+        return np.stack([errors(step + shift) - here for shift in STEP * np.eye(6)], axis=1) / STEP
+
+    found = least_squares(errors, np.zeros(6), slopes, method="lm", ftol=SETTLED)
+    corners = found.fun[: data.corners_px.size].reshape(-1, 2) * data.corner_sigmas_px[:, None]
+    pose, spread = _moved(start, found.x), np.linalg.inv(found.jac.T @ found.jac)
+    x, y, z = start[:3, 3]
+    of_origin = np.hstack([[[0, z, -y], [-z, 0, x], [y, -x, 0]], np.eye(3)])  # how it moves with a step
     return MarkerFit(
         pose,
-        float(errors @ errors),
+        float(found.fun @ found.fun),
         float(np.sqrt((corners**2).sum(axis=1).mean())),
         float(np.sqrt(np.trace(of_origin @ spread @ of_origin.T))),
         float(np.sqrt(np.trace(spread[:3, :3]))),
     )
+
+
+def _moved(pose: Array, step: Array) -> Array:
+    moved, turn = np.eye(4), cv2.Rodrigues(step[:3])[0]
+    moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + step[3:]
+    return moved
 
 
 def _angle_rad(one: Array, other: Array) -> float:

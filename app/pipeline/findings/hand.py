@@ -98,19 +98,24 @@ class RecordedHand:
         kept: how closely the actions keep to it.
         starts_open: whether the fingers are open until the first act.
         acts: the switches of the gripper, without fingers that come to their place before the hand moves.
-        start_m, end_m: (3,) where it is at first and at last.
+        start: its first pose.
+        acts_at_m: (K, 3) where it may act: at the first switch of the gripper, if it switches, and at its lowest place.
+        end_m: (3,) where it is at last.
         end_speed_m_s: at the last frame; a hand that trembles at one place has none.
         nearest_m: the least distance from any object.
+        still_comes: whether it has that distance in the last frame alone: it is on its way to the object.
         may_hold: the objects so near to its first pose that it may hold them from the start.
     """
 
     kept: Kept
     starts_open: bool
     acts: tuple[Act, ...]
-    start_m: Array
+    start: EndEffectorAction
+    acts_at_m: Array
     end_m: Array
     end_speed_m_s: float
     nearest_m: float
+    still_comes: bool
     may_hold: frozenset[str]
 
     @property
@@ -126,14 +131,17 @@ class RecordedHand:
         away_m = np.linalg.norm(trajectory.positions_m[:, None] - objects_m[None], axis=2)  # (T, N)
         ends = [*(switch.frame for switch in acting[1:]), len(trajectory) - 1]
         starts_open = not acting[0].opens if acting else bool(trajectory.gripper_open[-1])
+        nearest = int(away_m.min(axis=1).argmin())  # the first frame of the least distance
         return cls(
             kept,
             starts_open,
             tuple(_act(trajectory, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
-            trajectory.positions_m[0],
+            trajectory.action_at(0),
+            trajectory.positions_m[[*(s.frame for s in acting[:1]), int(trajectory.positions_m[:, 2].argmin())]],
             trajectory.positions_m[-1],
             min(float(motion.hand_speeds_m_s[-1]), _gets_on_m_s(motion)),
             float(away_m.min()),
+            nearest == len(trajectory) - 1,
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
         )
 

@@ -26,11 +26,13 @@ from roboprompt_client.arrays import Array
 # The first words of verbs, see `app.pipeline.order.verbs`
 PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
 TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
+HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed
 PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 MOVES_M_S = 0.05
+STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
 FEWEST = 4  # recordings that tell what their ends share from chance
 SLIPS = 0.2  # share of the recordings that may be odd
@@ -51,6 +53,7 @@ ONLY_OPENS = (
     " does the recording run backwards?"
 )
 KEEPS_HOLD = "the hand closes and never opens again, though the instruction says to put something down."
+TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
 CUT_OFF = "the hand is still on its way in the last frame: record until it has done everything and rests."
 
 
@@ -101,9 +104,11 @@ def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str]
         return rules.IMPLAUSIBLE_GRIPPER, fault
     if verb in PUTTING and hand.ends_holding and not any(act.opens for act in hand.acts):
         return rules.BROKEN_OFF, KEEPS_HOLD
+    if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
+        return rules.BROKEN_OFF, TAKES_NOWHERE
     carries = hand.ends_holding and verb not in TAKING
-    moves = hand.end_speed_m_s > MOVES_M_S
-    return (rules.BROKEN_OFF, CUT_OFF) if moves and (carries or hand.nearest_m > ACTED_M) else None
+    comes = hand.nearest_m > ACTED_M or (hand.still_comes and not hand.acts)
+    return (rules.BROKEN_OFF, CUT_OFF) if hand.end_speed_m_s > MOVES_M_S and (carries or comes) else None
 
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
@@ -129,7 +134,7 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
     """Motions that end in one place and start where an object is, or end where others start: robots start in one."""
     if len(hands) < FEWEST:
         return
-    starts_m, ends_m = (np.array([getattr(hand, name) for hand in hands]) for name in ("start_m", "end_m"))
+    starts_m, ends_m = np.array([hand.start.position_m for hand in hands]), np.array([hand.end_m for hand in hands])
     number = _end_where_others_start(starts_m, ends_m)
     if number > SLIPS * len(hands):
         message = f"{number} of {len(hands)} recordings end where others start, and start elsewhere: backwards in time?"
@@ -137,7 +142,9 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
         return
     if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
         return
-    seen_m = [_seen_by_role(demonstration, hand.start_m) for demonstration, hand in zip(alike, hands, strict=True)]
+    seen_m = [
+        _seen_by_role(demonstration, hand.start.position_m) for demonstration, hand in zip(alike, hands, strict=True)
+    ]
     shared = set(seen_m[0]).intersection(*seen_m)
     if any(_spread_m(np.array([seen[key] for seen in seen_m])) < ONE_PLACE_M for key in shared):
         message = (

@@ -1,21 +1,20 @@
 """What is odd in a recording: reported when it is uploaded, so that the person can record it again at once."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import stretches
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.sources import Compared
-from app.pipeline.keyframes import Keyframe, KeyframeRule, Motion, manner_of
+from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from roboprompt_client.arrays import Array, positions_array
-from roboprompt_client.errors import InvalidInputError
 
-MIN_MOTION_M = 0.005
-MIN_MOTION_DEG = 3.0
+MOVING_M = 0.005  # between two frames
 JUMP_M = 0.05
 JUMP_M_S = 3.0  # faster than arms move their hands
 COARSE_M = 0.05  # between two frames; poses are known no closer than a half of that
@@ -23,6 +22,7 @@ SHORT_S = 0.5
 IDLE_S = 5.0
 IDLE_M_S = 0.002
 FAST_SWITCH_M_S = 0.15
+FINGERS_MOVE_M = 0.01
 
 COMMANDED = "commanded_positions"  # in `extra`: where the hand was sent, (T, 3) m, world frame
 PUSHED_M = 0.03  # an object that the hand moves so far without holding it is pushed
@@ -34,22 +34,7 @@ PUSHING_N = 8.0  # beyond what usually acts on the hand; a kilogram that is carr
 MOVING_M_S = 0.05  # at the last frame
 
 
-def check_moves(motion: Motion) -> None:
-    """Refuse a recording in which nothing happens.
-
-    Raises:
-        InvalidInputError: if the hand neither moves nor turns and the gripper stays as it is.
-    """
-    trajectory = motion.trajectory
-    away_m = float(np.linalg.norm(trajectory.positions_m - trajectory.positions_m[0], axis=1).max())
-    alike = np.clip(np.abs(trajectory.quaternions_xyzw @ trajectory.quaternions_xyzw[0]), 0, 1)
-    turned_deg = float(np.degrees(2 * np.arccos(alike)).max())
-    if away_m < MIN_MOTION_M and turned_deg < MIN_MOTION_DEG and not motion.gripper_changes:
-        message = f"moves the hand by {1000 * away_m:.1f} mm and {turned_deg:.1f} degrees in {len(motion)} frames"
-        raise InvalidInputError("trajectory", message, "a demonstration in which the robot moves: record it again")
-
-
-def recording_findings(motion: Motion, keyframes: Sequence[Keyframe], rule: KeyframeRule) -> tuple[Finding, ...]:
+def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> tuple[Finding, ...]:
     """What deserves a look, the cause first.
 
     Args:
@@ -83,7 +68,7 @@ def _steps(motion: Motion) -> Iterator[Finding]:
         )
         numbers = {"frame": frame, "jump_m": float(steps_m[frame - 1]), "num_jumps": len(jumps)}
         yield Finding("jump", "warning", message, "trajectory.end_effector_positions", numbers)
-    moving_m = steps_m[steps_m > MIN_MOTION_M]
+    moving_m = steps_m[steps_m > MOVING_M]
     if len(moving_m) and (usual_m := float(np.quantile(moving_m, 0.75))) > COARSE_M:
         rate_hz = len(steps_m) / max(float(motion.times_s[-1] - motion.times_s[0]), 1e-9)
         message = (
@@ -98,18 +83,21 @@ def _times(motion: Motion) -> Iterator[Finding]:
     if duration_s < SHORT_S:
         message = f"The recording takes {duration_s:.2f} s in {len(motion)} frames: is control_frequency_hz right?"
         yield Finding("short-recording", "info", message, "trajectory", {"duration_s": duration_s})
-    idle = [(first, end) for first, end, still in stretches(motion.hand_speeds_m_s < IDLE_M_S) if still]
-    longest_s = max((float(motion.times_s[end - 1] - motion.times_s[first]) for first, end in idle), default=0.0)
-    if longest_s > IDLE_S:
-        message = f"The hand stands still for {longest_s:.0f} s; this leaves no keyframe."
-        yield Finding("long-rest", "info", message, "trajectory", {"rest_s": longest_s})
+    idle = _longest(motion, motion.hand_speeds_m_s < IDLE_M_S)
+    if idle is not None and (rest_s := _lasts_s(motion, idle)) > IDLE_S:
+        message = f"The hand stands still for {rest_s:.0f} s; this leaves no keyframe."
+        yield Finding("long-rest", "info", message, "trajectory", {"rest_s": rest_s})
 
 
 def _gripper(motion: Motion) -> Iterator[Finding]:
     if not motion.switches:
-        state = "open" if motion.trajectory.gripper_open[0] else "closed"
+        state, widths_m = "open" if motion.trajectory.gripper_open[0] else "closed", motion.trajectory.gripper_width_m
         message = f"The gripper is {state} all the time: right for a task without a grasp."
-        yield Finding("one-gripper-state", "info", message, "trajectory.gripper_open")
+        if widths_m is not None and (travel_m := float(np.ptp(widths_m))) > FINGERS_MOVE_M:
+            message += f" But its fingers move by {100 * travel_m:.1f} cm: is the width right above which it is open?"
+            yield Finding("one-gripper-state", "warning", message, "trajectory.gripper_open", {"travel_m": travel_m})
+        else:
+            yield Finding("one-gripper-state", "info", message, "trajectory.gripper_open")
         return
     speeds_m_s = {switch.frame: float(motion.hand_speeds_m_s[switch.frame]) for switch in motion.acting_switches}
     fast = next((frame for frame, speed_m_s in speeds_m_s.items() if speed_m_s > FAST_SWITCH_M_S), None)
@@ -122,7 +110,7 @@ def _gripper(motion: Motion) -> Iterator[Finding]:
         yield Finding("gripper-switches-in-motion", "info", message, "trajectory.gripper_open", numbers)
 
 
-def _keyframes(motion: Motion, keyframes: Sequence[Keyframe], rule: KeyframeRule) -> Iterator[Finding]:
+def _keyframes(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> Iterator[Finding]:
     if rule.rule == "merged" and manner_of(motion, rule.delta_rad_s) != "rests":
         message = (
             f"The recording does not rest at its keyframes: the rule merged finds {len(keyframes)}, which may miss"
@@ -210,11 +198,12 @@ def _pressed(motion: Motion) -> Iterator[Finding]:
         yield Finding("contact", "info", message, "trajectory", {"frame": frame, "force_n": most_n})
 
 
-def _longest(motion: Motion, states: Array) -> slice | None:
+def _longest(motion: Motion, states: npt.ArrayLike) -> slice | None:
     """The longest stretch of frames of a state (T,); None if none lasts."""
+    found = [slice(first, end) for first, end, is_so in stretches(states) if is_so]
+    lasting = [frames for frames in found if _lasts_s(motion, frames) >= LASTS_S]
+    return max(lasting, key=lambda frames: _lasts_s(motion, frames), default=None)
 
-    def lasts_s(frames: slice) -> float:
-        return float(motion.times_s[frames.stop - 1] - motion.times_s[frames.start])
 
-    found = max((slice(first, end) for first, end, is_so in stretches(states) if is_so), key=lasts_s, default=None)
-    return None if found is None or lasts_s(found) < LASTS_S else found
+def _lasts_s(motion: Motion, frames: slice) -> float:
+    return float(motion.times_s[frames.stop - 1] - motion.times_s[frames.start])

@@ -46,7 +46,7 @@ def scene_findings(
     places = [scenes.places(pose.name) for pose in observed]
     if (old := _of_a_demonstration(observed, places, (*shown, *scenes.left_out))) is not None:
         return (*uncertain, old)
-    found, confused = _one_place(observed, scenes)
+    found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
         found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
     parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
@@ -54,18 +54,6 @@ def scene_findings(
     found += [] if confused else _greater(parted, found)
     found += _greater(_noise(observed, places), found)
     return (*uncertain, *found)
-
-
-def start_findings(query: Query, scenes: ShownScenes) -> tuple[Finding, ...]:
-    """Of a motion with rows relative to where the hand starts: it starts where no demonstration does."""
-    if query.start is None or len(scenes.demonstrations) < MIN_DEMONSTRATIONS or scenes.starts is None:
-        return ()
-    off = scenes.starts.off_box(query.start.position_m)
-    message = (
-        f"The end effector starts {100 * off.far_m:.0f} cm beyond the demonstrations along {off.axis}, which start"
-        f" from {off.range_text}, and rows are relative to its start. Is `end_effector` in the world frame?"
-    )
-    return rules.START_BEYOND.findings(off.doubtful_m, message, "end_effector", {"beyond_m": off.far_m})
 
 
 def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
@@ -118,9 +106,16 @@ def _of_a_demonstration(
     return None
 
 
-def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
-    """Two objects that an estimator took for one, which explains whatever else is odd about them."""
+def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
+    """Two objects that an estimator took for one, or for each other: that explains whatever else is odd about them."""
     for one, other in combinations(observed, 2):
+        off_m = _exchanged_m(one, other, scenes)
+        message = (
+            f"{one.name} and {other.name} each stand {100 * off_m:.1f} cm or more above or below where every"
+            " demonstration has them, and with their names exchanged where it does: one is taken for the other."
+        )
+        if swapped := rules.HEIGHTS_EXCHANGED.findings(off_m, message, f"objects[{one.name}]", {"off_m": off_m}):
+            return list(swapped), (one, other)
         off_m = apart_m(one, other)
         least_m = scenes.least_apart_m(one.name, other.name)
         if least_m > FIXED_M and off_m < APART_SHARE * least_m:
@@ -131,6 +126,16 @@ def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[lis
             numbers = {"apart_m": off_m, "least_m": least_m}
             return [rules.ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
     return [], ()
+
+
+def _exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
+    """How far above or below both are at least, beyond what would be left with their names exchanged."""
+    places = scenes.places(one.name), scenes.places(other.name)
+    if max(place.range_m[2] for place in places) >= FIXED_M:
+        return 0.0
+    off_m = min(place.lifted_m(pose) for place, pose in zip(places, (one, other), strict=True))
+    left_m = max(place.lifted_m(pose) for place, pose in zip(places, (other, one), strict=True))
+    return off_m if left_m < off_m / 2 else 0.0
 
 
 def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""Numbers that can only be meant in other units or conventions are refused, with the likely cause."""
+"""Recordings without motion, and numbers that can only be meant in other units, are refused with the likely cause."""
 
 from collections.abc import Iterator, Sequence
 
@@ -32,11 +32,12 @@ FEW_FRAMES = 5
 MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # so many poses, so far apart, no person waits for
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
 MIN_OPENING_M = 0.003
+MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # of a hand that does something
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
 
 
-def check_recording_units(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
-    """Refuse a recording whose numbers are not metres, radians and quaternions xyzw.
+def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
+    """Refuse a recording in which nothing happens, or whose numbers are not metres, radians and quaternions xyzw.
 
     Args:
         objects: those whose poses came with the recording.
@@ -45,6 +46,7 @@ def check_recording_units(motion: Motion, objects: Sequence[ObjectPose], cameras
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
     """
+    _check_moves(motion)
     _check_times(motion.trajectory)
     _check_positions(motion.trajectory.positions_m, objects, cameras)
     _check_tracks(motion.trajectory, objects)
@@ -84,7 +86,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, un
         under_way: whether the robot has begun to move: what it holds may be tilted.
 
     Raises:
-        InvalidInputError: as `check_recording_units`.
+        InvalidInputError: as `check_recording`.
     """
     for pose in objects:
         away_m = np.maximum(workspace.min_m - pose.position_m, pose.position_m - workspace.max_m).max()
@@ -94,6 +96,17 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, un
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame")
     if not under_way:
         _check_objects_order(objects)
+
+
+def _check_moves(motion: Motion) -> None:
+    """Refuse a recording in which the hand neither moves nor turns and the gripper stays as it is."""
+    trajectory = motion.trajectory
+    away_m = float(np.linalg.norm(trajectory.positions_m - trajectory.positions_m[0], axis=1).max())
+    alike = np.clip(np.abs(trajectory.quaternions_xyzw @ trajectory.quaternions_xyzw[0]), 0, 1)
+    turned_deg = float(np.degrees(2 * np.arccos(alike)).max())
+    if away_m < MIN_MOTION_M and turned_deg < MIN_MOTION_DEG and not motion.gripper_changes:
+        message = f"moves the hand by {1000 * away_m:.1f} mm and {turned_deg:.1f} degrees in {len(motion)} frames"
+        raise InvalidInputError("trajectory", message, "a demonstration in which the robot moves: record it again")
 
 
 def _check_times(trajectory: Trajectory) -> None:
@@ -122,10 +135,11 @@ def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras:
 
 
 def _check_tracks(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
-    if trajectory.num_objects != len(objects):
+    tracks_m = trajectory.object_positions_m
+    if tracks_m is None or tracks_m.shape[1] != len(objects):
         return
-    for pose, tracked in zip(objects, trajectory.objects_at(0, [pose.name for pose in objects]), strict=True):
-        away_m = float(np.linalg.norm(tracked.position_m - pose.position_m))
+    for pose, tracked_m in zip(objects, tracks_m[0], strict=True):
+        away_m = float(np.linalg.norm(tracked_m - pose.position_m))
         if away_m > MAX_TRACK_M:
             message = f"starts {away_m:.2f} m from objects[{pose.name}].position: another order, or another frame"
             raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")

@@ -7,6 +7,7 @@ within a tolerance of straight motion between them.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -207,12 +208,41 @@ def _unwound(vectors_rad: Array) -> Array:
     return found
 
 
+def at_tips(positions_m: Array, first: int, frames: Sequence[int], tolerance_m: float) -> list[int]:
+    """The frames, those at which the hand turns back moved to where it turns: what it went there for is there.
+
+    Args:
+        positions_m: (T, 3) of the hand.
+        first: the frame that the hand comes from.
+    """
+    moved = [first, *frames]
+    for k in range(1, len(moved) - 1):
+        before, here, after = moved[k - 1 : k + 2]
+        if (positions_m[here] - positions_m[before]) @ (positions_m[after] - positions_m[here]) >= 0:
+            continue
+        near = np.arange(before + 1, after)
+        near = near[np.linalg.norm(positions_m[near] - positions_m[here], axis=1) <= tolerance_m]
+        reach_m = sum(np.linalg.norm(positions_m[near] - positions_m[end], axis=1) for end in (before, after))
+        tip = int(near[np.argmax(reach_m)])
+        if _bend_m(positions_m, before, tip, after) <= max(tolerance_m, _bend_m(positions_m, before, here, after)):
+            moved[k] = tip
+    return moved[1:]
+
+
+def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
+    """How far the positions between are from the straight lines to and from `here`."""
+    return max(off_line_m(positions_m[before : here + 1]), off_line_m(positions_m[here : after + 1]))
+
+
 def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:
-    """Indices of poses at least `spacing` apart from the one before, the first and the last among them."""
+    """Indices of poses at least `spacing` apart from the one before, the first and the last among them.
+
+    Incomplete where they are more than `MAX_POSES`.
+    """
     poses = np.stack([positions.T, vectors.T])  # (2, 3, N): sums over three run along the last axis
     kept = [0]
     last = len(positions) - 1
-    while kept[-1] < last:
+    while kept[-1] < last and len(kept) <= MAX_POSES:
         here = poses[:, :, kept[-1], None]
         for start in range(kept[-1] + 1, last + 1, 64):
             off = poses[:, :, start : start + 64] - here

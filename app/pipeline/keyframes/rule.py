@@ -13,8 +13,7 @@ import numpy as np
 
 from app.pipeline.episode import stretches
 from app.pipeline.keyframes.motion import Motion, Phase
-from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, fewest_waypoints, off_line_m
-from roboprompt_client.arrays import Array
+from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, at_tips, fewest_waypoints
 from roboprompt_client.errors import InvalidInputError
 
 Rule = Literal["auto", "waypoints", "merged", "authors", "uniform"]
@@ -125,49 +124,34 @@ def waypoints(
     if len(motion) == 1:
         return ()
     scale = 1.0
-    while True:
-        found = [
-            keyframe
-            for phase in motion.phases
-            for keyframe in _of_phase(motion, phase, scale * tolerance_m, scale * tolerance_deg)
-        ]
-        if len(found) <= max(MAX_KEYFRAMES, len(motion.phases)):
-            return tuple(found)
+    most = max(MAX_KEYFRAMES, len(motion.phases))
+    while (chosen := _fewest_frames(motion, most, scale * tolerance_m, scale * tolerance_deg)) is None:
         scale *= WIDER
+    positions_m = motion.trajectory.positions_m
+    return tuple(
+        keyframe
+        for phase, frames in zip(motion.phases, chosen, strict=True)
+        for keyframe in at_frames(phase, at_tips(positions_m, phase.first, frames, scale * tolerance_m))
+    )
 
 
-def _of_phase(motion: Motion, phase: Phase, tolerance_m: float, tolerance_deg: float) -> list[Keyframe]:
-    path = motion.path(phase.first, phase.last, tolerance_m, tolerance_deg)
-    chosen = [int(path.frames[k]) for k in fewest_waypoints(path.deviations)]
-    return at_frames(phase, at_tips(motion.trajectory.positions_m, phase.first, chosen, tolerance_m))
+def _fewest_frames(motion: Motion, most: int, tolerance_m: float, tolerance_deg: float) -> list[list[int]] | None:
+    """The frames of each phase that keep its path; None as soon as they are known to be more than `most`."""
+    number, paths = len(motion.phases), []
+    for phase in motion.phases:
+        paths.append(motion.path(phase.first, phase.last, tolerance_m, tolerance_deg))
+        number += paths[-1].bend > 1  # it takes two at least
+        if number > most:
+            return None
+    found = []
+    for path in paths:
+        found.append([int(path.frames[k]) for k in fewest_waypoints(path.deviations)])
+        number += len(found[-1]) - (2 if path.bend > 1 else 1)
+        if number > most:
+            return None
+    return found
 
 
 def at_frames(phase: Phase, frames: Sequence[int]) -> list[Keyframe]:
     """Keyframes of a phase: the last has what the gripper does there."""
     return [Keyframe(frame, phase.ends_open if frame == phase.last else phase.gripper_open) for frame in frames]
-
-
-def at_tips(positions_m: Array, first: int, frames: Sequence[int], tolerance_m: float) -> list[int]:
-    """The frames, those at which the hand turns back moved to where it turns: what it went there for is there.
-
-    Args:
-        positions_m: (T, 3) of the hand.
-        first: the frame that the hand comes from.
-    """
-    moved = [first, *frames]
-    for k in range(1, len(moved) - 1):
-        before, here, after = moved[k - 1 : k + 2]
-        if (positions_m[here] - positions_m[before]) @ (positions_m[after] - positions_m[here]) >= 0:
-            continue
-        near = np.arange(before + 1, after)
-        near = near[np.linalg.norm(positions_m[near] - positions_m[here], axis=1) <= tolerance_m]
-        reach_m = sum(np.linalg.norm(positions_m[near] - positions_m[end], axis=1) for end in (before, after))
-        tip = int(near[np.argmax(reach_m)])
-        if _bend_m(positions_m, before, tip, after) <= max(tolerance_m, _bend_m(positions_m, before, here, after)):
-            moved[k] = tip
-    return moved[1:]
-
-
-def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
-    """How far the positions between are from the straight lines to and from `here`."""
-    return max(off_line_m(positions_m[before : here + 1]), off_line_m(positions_m[here : after + 1]))

@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
-from app.pipeline.keyframes.path import HandPath, best_waypoints
+from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
 from app.pipeline.keyframes.resting import leave_path, path_left_m
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames, at_tips, waypoints
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
 from roboprompt_client.arrays import Array
@@ -212,6 +212,9 @@ def _chosen(
     """
     found: list[Keyframe] = []
     for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
+        if number == 1:  # its end: no other pose is weighed
+            found += at_frames(phase, [phase.last])
+            continue
         costs = None
         if others is not None:
             rows, place = others

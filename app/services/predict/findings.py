@@ -19,8 +19,9 @@ from app.pipeline.findings.rules import (
     Rule,
 )
 from app.pipeline.findings.scatter import not_shown_findings
-from app.pipeline.findings.scene import scene_findings, start_findings, strangers
+from app.pipeline.findings.scene import scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
+from app.pipeline.findings.start import frame_findings, start_findings
 from app.pipeline.order.order import Order
 from app.services.predict.question import Question
 from app.store.records import PredictionStatus
@@ -37,7 +38,8 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 
 def doubts_before(question: Question) -> Iterator[Finding]:
     """What deserves a look before the LLM is asked, causes first."""
-    taught, order, seen = question.known.taught, question.grounded, question.seen
+    known, order, seen = question.known, question.grounded, question.seen
+    taught, now = known.taught, known.end_effector if known.previous is None else None
     followed = taught.followed(order)
     yield from _words(order, question.prefix.instructions)
     yield from _parts(question)
@@ -47,7 +49,8 @@ def doubts_before(question: Question) -> Iterator[Finding]:
         yield from not_shown_findings(question.prefix.support, taught.support, order)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
     if taught.follows_start(order):
-        yield from start_findings(seen, taught.scenes)
+        yield from start_findings(now, taught.scenes)
+    yield from frame_findings(now, taught.demonstrations, taught.hands)
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:

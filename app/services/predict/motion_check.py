@@ -34,7 +34,7 @@ class CurrentLimits:
         """
 
         def build() -> MotionLimits:
-            return TaskSettings.model_validate(tasks.get(connection, task).settings).limits_of_motion()
+            return TaskSettings.of(connection, task).limits_of_motion()
 
         return self._built.get_or_make(tasks.state(connection, task), build)
 

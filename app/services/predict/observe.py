@@ -10,8 +10,8 @@ from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.request import PredictRequest
+from app.services.scene_images import with_templates
 from app.services.task_settings import TaskSettings
-from app.services.templates import with_templates
 from app.store import tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError

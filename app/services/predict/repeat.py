@@ -15,7 +15,6 @@ from app.services.predict.request import PredictRequest
 from app.store import idempotency
 from app.store.errors import ConflictError
 from app.store.processes import Turn
-from app.store.records import StoredResponse
 from app.store.store import Store
 from app.store.values import JsonObject
 from app.store.visibility import present
@@ -67,15 +66,14 @@ class RepeatedPredictions:
             UnsafeReplyError: if limits that were set since forbid one of the answer's actions.
         """
 
-        def find() -> StoredResponse | None:
+        def find() -> JsonObject | None:
             with self._store.read() as connection:
                 stored = idempotency.find(connection, SCOPE, key, digest)
                 if stored is not None:
-                    self._check(connection, request, stored.response)
+                    self._check(connection, request, stored)
                 return stored
 
-        stored = await anyio.to_thread.run_sync(find)
-        return None if stored is None else stored.response
+        return await anyio.to_thread.run_sync(find)
 
     async def remember(self, key: str, digest: str, request: PredictRequest, answer: JsonObject) -> JsonObject:
         """Remember the answer; of two requests that were under way at once, both get the first one's.
@@ -88,10 +86,10 @@ class RepeatedPredictions:
         def save() -> JsonObject:
             with self._store.write() as connection:
                 stored = idempotency.find(connection, SCOPE, key, digest)
-                given = answer if stored is None else stored.response
+                given = answer if stored is None else stored
                 self._check(connection, request, given)
                 if stored is None:
-                    idempotency.save(connection, SCOPE, key, digest, StoredResponse(200, answer))
+                    idempotency.save(connection, SCOPE, key, digest, answer)
             return given
 
         return await anyio.to_thread.run_sync(save)

@@ -11,9 +11,9 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.check import check_demonstrations
 from app.pipeline.check.report import EpisodeCheck, ReplyCheck, TaskCheck, check_reply, reply_findings
+from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.pipeline.plans import Recording
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.predict.demonstrations import recordings_of
@@ -57,10 +57,10 @@ class CheckedTask:
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """A task's demonstrations, checked."""
+    """A task's demonstrations, checked; without their trajectories, of which many would be kept."""
 
     settings: TaskSettings
-    recordings: Sequence[Recording]
+    demonstrations: tuple[Demonstration, ...]
     checked: CheckedTask
 
 
@@ -121,20 +121,21 @@ class CheckTask:
         if not records:
             raise NoDemonstrationsError(task.name)
         check = check_demonstrations(recordings)
-        return _Read(settings, recordings, CheckedTask(task.name, num_episodes, check, check.findings))
+        demonstrations = tuple(recording.demonstration for recording in recordings)
+        return _Read(settings, demonstrations, CheckedTask(task.name, num_episodes, check, check.findings))
 
     async def _replies(self, task: str, model: str, read: _Read) -> tuple[ReplyCheck, ...]:
         """What the model replies for each of the first demonstrations that prompts show, shown the others."""
         shown = {episode.id: episode for plan in read.checked.check.plans if plan.shown for episode in plan.episodes}
-        asked = [recording for recording in read.recordings if recording.demonstration.id in shown]
-        ids = [recording.demonstration.id for recording in asked]
+        asked = [demonstration for demonstration in read.demonstrations if demonstration.id in shown]
+        ids = [demonstration.id for demonstration in asked]
         if len(ids) < 2:
             return ()
         replies = []
-        for recording in asked[:MAX_ASKED]:
-            others = [id_ for id_ in ids if id_ != recording.demonstration.id][: read.settings.num_demonstrations]
-            request = _request(task, model, recording, others)
-            replies.append(await self._reply(request, shown[recording.demonstration.id]))
+        for demonstration in asked[:MAX_ASKED]:
+            others = [id_ for id_ in ids if id_ != demonstration.id][: read.settings.num_demonstrations]
+            request = _request(task, model, demonstration, others)
+            replies.append(await self._reply(request, shown[demonstration.id]))
         return tuple(replies)
 
     async def _reply(self, request: PredictRequest, episode: EpisodeCheck) -> ReplyCheck:
@@ -145,9 +146,8 @@ class CheckTask:
         return check_reply(episode, [item.action for item in prediction.reply.actions])
 
 
-def _request(task: str, model: str, recording: Recording, others: Sequence[str]) -> PredictRequest:
+def _request(task: str, model: str, demonstration: Demonstration, others: Sequence[str]) -> PredictRequest:
     """What a robot would ask in the scene of a demonstration."""
-    demonstration = recording.demonstration
     objects = tuple(
         ObjectQuery(
             pose.name,
@@ -156,7 +156,8 @@ def _request(task: str, model: str, recording: Recording, others: Sequence[str])
         )
         for pose in demonstration.objects
     )
-    start = recording.motion.trajectory.action_at(0)
+    start = demonstration.start
+    assert start is not None
     end_effector = Pose(tuple(start.position_m.tolist()), tuple(start.quaternion_xyzw.tolist()))
     # an action unlike the demonstrations is measured instead of refused
     return PredictRequest(

@@ -1,7 +1,6 @@
 """Change a task's settings; where they decide what is extracted, every episode is extracted again."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 from sqlalchemy import Connection
@@ -10,15 +9,14 @@ from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_all_again
 from app.services.teach.room import FIRST, Shown, spanned, widened
-from app.store import audit, episodes, jobs, tasks
-from app.store.errors import ConflictError, NotFoundError
+from app.store import episodes, jobs, tasks
+from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 from roboprompt_client.wording import checked_name
 
 MAX_AT_ONCE = 200  # some seconds
-BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 
 
 class ConfigureTask:
@@ -50,13 +48,19 @@ class ConfigureTask:
             InvalidInputError: if a stored episode cannot be extracted with the new settings; nothing is changed.
             ConflictError: if the task changed meanwhile.
         """
-        before, old, new = self._planned(name, changes, learned, version)
+        return self._at_once(name, changes, *self._planned(name, changes, learned, version))
+
+    def _at_once(
+        self, name: str, changes: Mapping[str, Any], before: TaskRecord | None, old: TaskSettings, new: TaskSettings
+    ) -> TaskRecord:
         if before is None:
             return self._create(name, new.model_dump(mode="json"))
         with self._store.read() as connection:
             records = episodes.all_of(connection, name) if "workspace" in changes or new.reads_unlike(old) else ()
         extractions = extract_all_again(self._store, records, new) if new.reads_unlike(old) else []
         read: Sequence[Shown] = extractions or records
+        if len(read) < len(records):
+            raise ConflictError(f"an episode of task {name!r} was deleted meanwhile: read it again and repeat")
         shown = [item for item, record in zip(read, records, strict=True) if not record.left_out]
         settings = with_room(new, shown, changes).model_dump(mode="json")
         with self._store.write() as connection:
@@ -65,9 +69,7 @@ class ConfigureTask:
             if extractions:
                 require_no_job(connection, name)
                 episodes.replace_extractions(connection, name, before.version, extractions)
-            task = tasks.update_settings(connection, name, settings)
-            record_limits(connection, name, old.model_dump(mode="json"), settings)
-            return task
+            return tasks.update_settings(connection, name, settings)
 
     def at_once_or_as_job(
         self, name: str, changes: Mapping[str, Any], version: int | None = None
@@ -78,20 +80,19 @@ class ConfigureTask:
             as the call; also ConflictError: if the task has such a job already.
         """
         before, old, new = self._planned(name, changes, version=version)
-        if before is not None and new.reads_unlike(old):
-            with self._store.read() as connection:
-                number = episodes.number_of(connection, name)
-            if number > self._max_at_once:
-                with self._store.write() as connection:
-                    if version is not None:
-                        tasks.require_version(connection, name, version)
-                    wanted = new.model_dump(mode="json")
-                    # Only what was asked for: limits that are tightened before the job ends must stay.
-                    kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
-                    job = jobs.add(connection, name, kept)
-                    record_limits(connection, name, old.model_dump(mode="json"), wanted, action="limits.requested")
-                    return job
-        return self(name, changes, version=version)
+        with self._store.read() as connection:
+            number = episodes.number_of(connection, name) if new.reads_unlike(old) else 0
+        if before is None or number <= self._max_at_once:
+            return self._at_once(name, changes, before, old, new)
+        wanted = new.model_dump(mode="json")
+        # Only what was asked for: limits that are tightened before the job ends must stay.
+        kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
+        with self._store.write() as connection:
+            if version is not None:
+                tasks.require_version(connection, name, version)
+            job = jobs.add(connection, name, kept)
+            tasks.record_limits(connection, name, before.settings, wanted, action="limits.requested")
+        return job
 
     def _planned(
         self,
@@ -103,9 +104,7 @@ class ConfigureTask:
         """The task as it is, and its settings as they are and as they will be."""
         checked_name("task", name)
         with self._store.read() as connection:
-            before = None
-            with suppress(NotFoundError):
-                before = tasks.get(connection, name)
+            before = tasks.find(connection, name)
         if version is not None and (before is None or before.version != version):
             now = "is gone" if before is None else f"is at version {before.version}"
             raise ConflictError(f"task {name!r} {now}, no longer at {version}: read it again and repeat")
@@ -122,7 +121,7 @@ class ConfigureTask:
             task = tasks.get_or_create(connection, name, settings)
             if task.settings != settings:
                 raise ConflictError(f"task {name!r} was created meanwhile: read it again and repeat")
-            record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
+            tasks.record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
         return task
 
 
@@ -131,11 +130,12 @@ def with_room(settings: TaskSettings, episodes: Sequence[Shown], changes: Mappin
 
     Only who names the workspace accepts episodes that reach far beyond the others.
     """
+    box = settings.workspace
     if "workspace" in changes:
-        return spanned(settings, episodes)
+        return settings.within(spanned(box, episodes))
     for episode in episodes:
-        settings = widened(settings, episode, episodes[:FIRST])
-    return settings
+        box = widened(box, episode, episodes[:FIRST])
+    return settings.within(box)
 
 
 def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
@@ -151,26 +151,3 @@ def require_no_job(connection: Connection, name: str) -> None:
     """
     if jobs.has_open(connection, name):
         raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")
-
-
-def record_limits(
-    connection: Connection,
-    task: str,
-    before: Mapping[str, Any],
-    after: Mapping[str, Any],
-    *,
-    action: str = "limits.changed",
-    actor: str | None = None,
-) -> None:
-    """Add an entry to the audit log if the settings' bounds of motion differ.
-
-    Args:
-        before, after: settings, as JSON.
-    """
-    changed = [name for name in BOUNDS if before.get(name) != after.get(name)]
-    if changed:
-        details = {
-            when: {name: values.get(name) for name in changed}
-            for when, values in (("before", before), ("after", after))
-        }
-        audit.record(connection, action, task, details, actor)

@@ -1,22 +1,24 @@
-"""Correct an episode: its instruction, whether prompts show it, and what people note about it."""
+"""Correct or delete an episode. A workspace `auto` follows from those that are left."""
 
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from sqlalchemy import Connection
 
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.services.predict.instruction import is_english
+from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import record_limits, require_no_job
+from app.services.teach.configure import require_no_job
 from app.services.teach.extract import extract_again
 from app.services.teach.room import FIRST, remaining, uploaded
 from app.store import episodes, tasks
-from app.store.records import EpisodeRecord
+from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
 from roboprompt_client.wording import checked_instruction
 
@@ -50,13 +52,37 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
             require_no_job(connection, task.name)
             episodes.replace_extractions(connection, task.name, task.version, again)
             first = episodes.demonstrations(connection, task.name, FIRST)
-        edited = episodes.edit(connection, record, changes)
-        if settings.workspace.preset == "auto":
-            shown = episodes.demonstrations(connection, task.name)
-            after = uploaded(settings, again[0], first) if again else remaining(settings, shown)
-            tasks.update_settings(connection, task.name, after.model_dump(mode="json"))
-            record_limits(connection, task.name, task.settings, after.model_dump(mode="json"))
-        return episodes.get(connection, edited.id)
+        episodes.edit(connection, record, changes)
+        if again:
+            _set_workspace(connection, task, uploaded(settings.workspace, again[0], first))
+        else:
+            _take_room_back(connection, task)
+        return episodes.get(connection, record.id)
+
+
+def remove_episode(store: Store, episode_id: str) -> str:
+    """Delete the episode; its images go with the next sweep.
+
+    Returns:
+        The task.
+
+    Raises:
+        NotFoundError: if there is none of that id.
+    """
+    with store.write() as connection:
+        name = episodes.remove(connection, episode_id)
+        _take_room_back(connection, tasks.get(connection, name))
+    return name
+
+
+def _take_room_back(connection: Connection, task: TaskRecord) -> None:
+    box = TaskSettings.model_validate(task.settings).workspace
+    if box.preset == "auto":
+        _set_workspace(connection, task, remaining(box, episodes.demonstrations(connection, task.name)))
+
+
+def _set_workspace(connection: Connection, task: TaskRecord, box: WorkspaceSettings) -> None:
+    tasks.update_settings(connection, task.name, {**task.settings, "workspace": box.model_dump(mode="json")})
 
 
 def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettings, taught: tuple[str, ...]) -> None:

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
-from app.pipeline.findings import Finding
-from app.pipeline.findings.recording import compared_findings, recording_findings
-from app.pipeline.findings.units import unit_findings
+from app.pipeline.findings.sources import GIVEN
 from app.pipeline.keyframes import Motion, find_keyframes
-from app.services.scene_images import read_frame
+from app.services.scene_images import read_frame, with_templates
 from app.services.task_settings import TaskSettings
-from app.services.templates import with_templates
 from app.store.blobs import BlobStore
+from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
@@ -22,17 +20,21 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Extracted:
     """What a prompt will say of an episode.
 
     Attributes:
-        findings: what in the recording deserves a look.
+        poses: of the objects at the first frame, in the task's order.
     """
 
     keyframes: tuple[KeyframeRecord, ...]
-    objects: tuple[ObjectRecord, ...]
-    findings: tuple[Finding, ...] = ()
+    poses: tuple[ObjectPose, ...]
+
+    @property
+    def objects(self) -> tuple[ObjectRecord, ...]:
+        """The poses as they are stored."""
+        return tuple(map(ObjectRecord.of, self.poses))
 
 
 def extract(
@@ -47,34 +49,29 @@ def extract(
 
     Args:
         motion: as the settings read it.
-        objects: as sent, which is also the order of the objects that the trajectory tracks.
+        objects: with what the task knows of them, in the order of the objects that the trajectory tracks.
         names: of the objects, in the task's order.
         blobs: where templates of the objects are.
 
     Raises:
-        InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
+        InvalidInputError: if there is no keyframe, or an object cannot be found.
     """
-    rule, trajectory = settings.keyframes.keyframe_rule(), motion.trajectory
-    found = find_keyframes(motion, rule)
-    if not found:
-        message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
-        raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    settings.check_models(names)
-    queries = with_templates(settings.with_models(objects), blobs)
-    has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
-    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
-    sent = [query.name for query in objects]
+    rule, trajectory, sent = settings.keyframes.keyframe_rule(), motion.trajectory, [query.name for query in objects]
     keyframes = tuple(
         KeyframeRecord.of(
             frame,
             trajectory.action_at(frame, gripper_open=gripper_open),
             _ordered(trajectory.objects_at(frame, sent), names),
         )
-        for frame, gripper_open in found
+        for frame, gripper_open in find_keyframes(motion, rule)
     )
-    compared = compared_findings(settings.compared(objects, poses))
-    findings = (*unit_findings(trajectory, poses), *compared, *recording_findings(motion, found, rule))
-    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
+    if not keyframes:
+        message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
+        raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
+    queries = with_templates(objects, blobs)
+    has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
+    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
+    return Extracted(keyframes, _ordered(poses, names))
 
 
 def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
@@ -87,13 +84,16 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
     Raises:
         InvalidInputError: naming the episode and why it cannot be extracted so.
         CorruptDataError: if what is stored of it is damaged.
+        NotFoundError: if it was deleted since.
     """
     with store.read() as connection:
         motion = settings.motion_of(get_trajectory(connection, record.id), record.control_frequency_hz)
     try:
         names = [item.name for item in record.objects]
-        queries = tuple(map(ObjectQuery.from_json, record.given_objects))
-        frames = [read_frame(store.blobs, item) for item in record.cameras]
+        settings.check_models(names)
+        queries = settings.with_models(map(ObjectQuery.from_json, record.given_objects))
+        looks = settings.pose_estimator != GIVEN or any(query.model is not None for query in queries)
+        frames = [read_frame(store.blobs, item) for item in record.cameras] if looks else []
         extracted = extract(motion, queries, frames, settings, names, store.blobs)
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
@@ -101,14 +101,18 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
 
 
 def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:
-    """Several stored episodes, each as by `extract_again`; one that is left out stays as it is if that fails."""
-    return [_again_or_as_it_is(store, record, settings) for record in records]
+    """Several stored episodes, each as by `extract_again`.
 
-
-def _again_or_as_it_is(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
-    try:
-        return extract_again(store, record, settings)
-    except InvalidInputError:
-        if not record.left_out:
-            raise
-        return Extraction(record.id, record.keyframes, record.objects)
+    One that is left out of prompts stays as it is if that fails; one that was deleted since is missing.
+    """
+    extractions = []
+    for record in records:
+        try:
+            extractions.append(extract_again(store, record, settings))
+        except InvalidInputError:
+            if not record.left_out:
+                raise
+            extractions.append(Extraction(record.id, record.keyframes, record.objects))
+        except NotFoundError:
+            continue
+    return extractions

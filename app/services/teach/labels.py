@@ -1,26 +1,67 @@
-"""Labelled views of objects: previewed, taken in, and learned from."""
+"""Labels: what a person says of where an object is -> masks in the cameras' images, previewed or stored."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from app.perception.object_model import ObjectModelError
-from app.perception.registered.learn import LabelledView, Learned, learn
-from app.perception.registered.marks import Mask
-from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
-from app.services.scene_images import read_frame
-from app.services.teach.configure import ConfigureTask
-from app.services.teach.label_masks import LabelDraft, LabelViews, yaw_deg
-from app.store import labels, tasks
+from app.perception.images import ImageBytes
+from app.perception.registered.marks import Marks, Mask, Pixel, masks_from_marks, yaw_of_arrow_deg
+from app.perception.registered.scene import Scene
+from app.services.cache import Cache
+from app.services.scene_images import put_images, read_frame
+from app.store import episodes, labels, tasks
 from app.store.labels import LabelRecord
 from app.store.store import Store
+from app.store.values import CameraRecord
+from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 
 MAX_LABELS = 100  # of a task
-MAX_VIEWS = 10  # that an object is learned from
+MAX_VIEWS_KEPT = 2  # decoded, for the next click on the same pictures
+
+
+@dataclass(frozen=True, eq=False)
+class LabelDraft:
+    """Where an object is in images.
+
+    Attributes:
+        episode_id: whose images they are; None for those of `frames`.
+        frames: images of their own; with `masks` of an episode only the masks count.
+        images: of `frames` as they came, by camera.
+        masks: decoded mask images, by camera.
+        mask_ids: the ids of the object in mask images; without any, all that is not 0 in `masks`.
+        polygons: corners (x, y) by camera.
+        arrows: pixels (tail, head) by camera of an arrow along the object's x axis.
+    """
+
+    task: str
+    object: str
+    episode_id: str | None
+    frames: tuple[RgbdFrame, ...]
+    images: Mapping[str, ImageBytes]
+    masks: Mapping[str, npt.NDArray[np.int32]]
+    mask_ids: tuple[int, ...]
+    polygons: Mapping[str, Sequence[Pixel]]
+    marks: Marks
+    arrows: Mapping[str, tuple[Pixel, Pixel]]
+    yaw_deg: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The images of a label.
+
+    Attributes:
+        given_ids: by object the ids that its pixels have in the episode's mask images.
+    """
+
+    cameras: tuple[CameraRecord, ...]
+    frames: tuple[RgbdFrame, ...]
+    given_ids: Mapping[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +74,77 @@ class LabelPreview:
 
     masks: Mapping[str, Mask]
     yaw_deg: float | None
+
+
+class LabelViews:
+    """Reads and decodes the images that labels are of. Synchronous: call it in a thread."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._frames: Cache[str, tuple[RgbdFrame, ...]] = Cache(MAX_VIEWS_KEPT)
+        self._scenes: Cache[str, Scene] = Cache(MAX_VIEWS_KEPT)
+
+    def view(self, draft: LabelDraft, *, store_images: bool) -> View:
+        """The images of a draft.
+
+        Args:
+            store_images: those of its own; an episode's are stored already.
+
+        Raises:
+            NotFoundError: if there is no such task or episode.
+            InvalidInputError: if the object is none of the task's, or no camera has color and depth.
+        """
+        with self._store.read() as connection:
+            task = tasks.get(connection, draft.task)
+            record = None if draft.episode_id is None else episodes.get(connection, draft.episode_id)
+        if task.object_names is not None and draft.object not in task.object_names:
+            raise InvalidInputError(
+                "object", f"{draft.object!r} is no object of the task", ", ".join(task.object_names)
+            )
+        if record is None:
+            calibrated = [frame.camera for frame in draft.frames]
+            images = draft.images if store_images else dict.fromkeys(draft.images, ImageBytes())
+            return View(put_images(self._store.blobs, calibrated, images), draft.frames, {})
+        if record.task != draft.task:
+            raise InvalidInputError("episode_id", f"is of the task {record.task!r}", f"an episode of {draft.task!r}")
+        cameras = tuple(item for item in record.cameras if item.has_rgbd)
+        if not cameras:
+            raise InvalidInputError("episode_id", "has no camera with color and depth", "an episode with RGB-D images")
+        blobs = self._store.blobs
+        frames = self._frames.get_or_make(_key(cameras), lambda: tuple(read_frame(blobs, item) for item in cameras))
+        ids = {item["name"]: tuple(item["mask_ids"]) for item in record.given_objects}
+        return View(cameras, frames, ids)
+
+    def masks(self, draft: LabelDraft, view: View) -> dict[str, Mask]:
+        """By camera where the object is: of marks in all cameras, else as each camera says.
+
+        Raises:
+            InvalidInputError: if no mask follows from the draft.
+        """
+        names = [frame.camera.name for frame in view.frames]
+        marks = draft.marks
+        said = {"clicks": marks.clicks, "clicks_off": marks.clicks_off, "boxes": marks.boxes, "arrows": draft.arrows}
+        for field, item in {**said, "polygons": draft.polygons, "mask": draft.masks}.items():
+            for name in item:
+                if name not in names:
+                    raise InvalidInputError(
+                        f"{field}[{name}]", "is of no camera with color and depth", ", ".join(names)
+                    )
+        masks: dict[str, Mask] = {}
+        if marks:
+            masks = masks_from_marks(self._scene(draft, view), view.frames, marks)
+        for frame in view.frames:
+            if (mask := _said_of(draft, view, frame)) is not None:
+                masks[frame.camera.name] = mask
+        if not any(mask.any() for mask in masks.values()):
+            message = f"{draft.object!r} is in no mask of {', '.join(masks) or 'any camera'}"
+            raise InvalidInputError("object", message, "clicks, boxes, polygons, mask_ids or mask_NAME")
+        return masks
+
+    def _scene(self, draft: LabelDraft, view: View) -> Scene:
+        if draft.episode_id is None:
+            return Scene.of(view.frames)
+        return self._scenes.get_or_make(_key(view.cameras), lambda: Scene.of(view.frames))
 
 
 class LabelObjects:
@@ -73,58 +185,45 @@ def _png(mask: Mask) -> bytes:
     return cv2.imencode(".png", mask.astype(np.uint8))[1].tobytes()
 
 
-@dataclass(frozen=True, eq=False)
-class LearnFromLabels:
-    """Learns models for the estimator `registered`. Synchronous: call it in a thread."""
+def yaw_deg(draft: LabelDraft, view: View) -> float | None:
+    """Of the object's x axis about the vertical, as said or drawn.
 
-    store: Store
-    configure_task: ConfigureTask
+    Raises:
+        InvalidInputError: if there are several, or the arrow says none.
+    """
+    if len(draft.arrows) + (draft.yaw_deg is not None) > 1:
+        raise InvalidInputError("arrows", "say the yaw more than once", "yaw_deg, or one arrow in one camera")
+    for frame in view.frames:
+        if (arrow := draft.arrows.get(frame.camera.name)) is not None:
+            return round(yaw_of_arrow_deg(frame, *arrow), 1)
+    return draft.yaw_deg
 
-    def __call__(
-        self, task: str, name: str, symmetric: str | float, *, yaw_may_be_unknown: bool = False, dry_run: bool = False
-    ) -> Mapping[str, Any]:
-        """Learn the object from its last labels, and find it by what was learned from now on; returns its model.
 
-        Every episode is extracted again.
+def _key(cameras: Sequence[CameraRecord]) -> str:
+    return json.dumps([camera.to_json() for camera in cameras])
 
-        Args:
-            dry_run: leave the task as it is.
 
-        Raises:
-            NotFoundError: if there is no such task.
-            InvalidInputError: if the object has no labels, no template can be learned from them, or an episode cannot
-                be extracted with it; nothing is changed.
-            ConflictError: if the task changed meanwhile.
-        """
-        symmetry_deg = yaw_symmetry_deg(symmetric)
-        with self.store.read() as connection:
-            tasks.get(connection, task)
-            records = labels.all_of(connection, task, name)[-MAX_VIEWS:]
-        if not records:
-            raise ObjectModelError(
-                name, "has no labels", f"POST /tasks/{task}/labels with its mask in 1 to {MAX_VIEWS} views"
-            )
-        views = [self._view(record) for record in records]
-        learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
-        model = self._model(records, learned, symmetric, yaw_may_be_unknown=yaw_may_be_unknown).as_json()
-        if not dry_run:
-            self.configure_task(task, {}, learned={name: model})
-        return model
+def _said_of(draft: LabelDraft, view: View, frame: RgbdFrame) -> Mask | None:
+    """The mask that a polygon or mask image of the camera gives."""
+    name = frame.camera.name
+    assert frame.depth_m is not None
+    if name in draft.polygons:
+        return _filled(name, draft.polygons[name], frame.depth_m.shape)
+    if name in draft.masks:
+        mask = draft.masks[name]
+        if mask.shape != frame.depth_m.shape:
+            size = f"{frame.depth_m.shape[1]}x{frame.depth_m.shape[0]}"
+            raise InvalidInputError(f"mask_{name}", f"is {mask.shape[1]}x{mask.shape[0]}", f"{size}, as the image")
+        return np.isin(mask, draft.mask_ids) if draft.mask_ids else mask != 0
+    ids = draft.mask_ids or view.given_ids.get(draft.object, ())
+    if draft.marks or draft.episode_id is None or frame.mask is None or not ids:
+        return None
+    return np.isin(frame.mask, ids)
 
-    def _view(self, record: LabelRecord) -> LabelledView:
-        frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
-        return LabelledView(frames, record.yaw_deg)
 
-    def _model(
-        self, records: Sequence[LabelRecord], learned: Learned, symmetric: str | float, *, yaw_may_be_unknown: bool
-    ) -> RegisteredModel:
-        template = learned.template
-        return RegisteredModel(
-            self.store.blobs.put(template.to_bytes()),
-            "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
-            yaw_may_be_unknown,
-            views=tuple(records[number].id for number in learned.merged),
-            scores=tuple(round(score, 3) for score in template.scores),
-            left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
-            num_points=len(template),
-        )
+def _filled(name: str, corners: Sequence[Pixel], shape: tuple[int, ...]) -> Mask:
+    if len(corners) < 3:
+        raise InvalidInputError(f"polygons[{name}]", f"has {len(corners)} corners", "three or more (x, y)")
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, [np.rint(np.clip(corners, -10_000, 10_000)).astype(np.int32)], 1)
+    return mask > 0

@@ -1,4 +1,4 @@
-"""Object models from what is stored of a task, instead of colors and sizes that somebody types in."""
+"""Object models: learned from a task's episodes or labels, and tried out before the task is given them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,14 +6,24 @@ from typing import Any
 
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
+from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
+from app.perception.registered.learn import LabelledView, Learned, learn
+from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
+from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
-from app.services.scene_images import read_frame
+from app.services.pose_servers import PoseServers
+from app.services.scene_images import read_frame, with_templates
 from app.services.teach.configure import ConfigureTask
-from app.store import episodes, tasks
+from app.store import episodes, labels, tasks
+from app.store.errors import NotFoundError
+from app.store.labels import LabelRecord
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
+
+MAX_VIEWS = 10  # labelled, that an object is learned from
 
 
 @dataclass(frozen=True)
@@ -31,15 +41,15 @@ class LearnedModels:
     episode_ids: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
 class LearnObjectModels:
     """Learns models for the estimator `cuboid` from labelled episodes: masks, poses or both beside RGB-D images.
 
     Synchronous: call it in a thread.
     """
 
-    def __init__(self, store: Store, configure_task: ConfigureTask) -> None:
-        self._store = store
-        self._configure_task = configure_task
+    store: Store
+    configure_task: ConfigureTask
 
     def __call__(self, name: str, objects: Sequence[str] | None, max_episodes: int) -> LearnedModels:
         """Learn, and set the task's `object_models`; those of other objects stay. Every episode is extracted again.
@@ -54,7 +64,7 @@ class LearnObjectModels:
                 nothing is changed.
             ConflictError: if the task changed meanwhile.
         """
-        with self._store.read() as connection:
+        with self.store.read() as connection:
             task = tasks.get(connection, name)
             wanted = _wanted(task, objects)
             records = [record for record in episodes.all_of(connection, name) if _labelled(record, wanted)]
@@ -65,11 +75,11 @@ class LearnObjectModels:
         symmetries = task.settings.get("yaw_symmetry_deg", {})
         learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted, symmetries)
         if learned:
-            self._configure_task(name, {}, learned)
+            self.configure_task(name, {}, learned)
         return LearnedModels(learned, refused, tuple(record.id for record in chosen))
 
     def _scene(self, record: EpisodeRecord, wanted: Sequence[str]) -> LabelledScene:
-        frames = tuple(read_frame(self._store.blobs, camera) for camera in record.cameras)
+        frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
         queries = {query.name: query for query in map(ObjectQuery.from_json, record.given_objects)}
         return LabelledScene(frames, tuple(queries[name] for name in wanted))
 
@@ -109,3 +119,108 @@ def _learned(
 
 def _only(scene: LabelledScene, names: Sequence[str]) -> LabelledScene:
     return replace(scene, objects=tuple(query for query in scene.objects if query.name in names))
+
+
+@dataclass(frozen=True, eq=False)
+class LearnFromLabels:
+    """Learns models for the estimator `registered`. Synchronous: call it in a thread."""
+
+    store: Store
+    configure_task: ConfigureTask
+
+    def __call__(
+        self, task: str, name: str, symmetric: str | float, *, yaw_may_be_unknown: bool = False, dry_run: bool = False
+    ) -> Mapping[str, Any]:
+        """Learn the object from its last labels, and find it by what was learned from now on; returns its model.
+
+        Every episode is extracted again.
+
+        Args:
+            dry_run: leave the task as it is.
+
+        Raises:
+            NotFoundError: if there is no such task.
+            InvalidInputError: if the object has no labels, no template can be learned from them, or an episode cannot
+                be extracted with it; nothing is changed.
+            ConflictError: if the task changed meanwhile.
+        """
+        symmetry_deg = yaw_symmetry_deg(symmetric)
+        with self.store.read() as connection:
+            tasks.get(connection, task)
+            records = labels.all_of(connection, task, name)[-MAX_VIEWS:]
+        if not records:
+            raise ObjectModelError(
+                name, "has no labels", f"POST /tasks/{task}/labels with its mask in 1 to {MAX_VIEWS} views"
+            )
+        views = [self._view(record) for record in records]
+        learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
+        model = self._model(records, learned, symmetric, yaw_may_be_unknown=yaw_may_be_unknown).as_json()
+        if not dry_run:
+            self.configure_task(task, {}, learned={name: model})
+        return model
+
+    def _view(self, record: LabelRecord) -> LabelledView:
+        frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
+        return LabelledView(frames, record.yaw_deg)
+
+    def _model(
+        self, records: Sequence[LabelRecord], learned: Learned, symmetric: str | float, *, yaw_may_be_unknown: bool
+    ) -> RegisteredModel:
+        template = learned.template
+        return RegisteredModel(
+            self.store.blobs.put(template.to_bytes()),
+            "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
+            yaw_may_be_unknown,
+            views=tuple(records[number].id for number in learned.merged),
+            scores=tuple(round(score, 3) for score in template.scores),
+            left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
+            num_points=len(template),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """What a model makes of an episode; all None where it has no images.
+
+    Attributes:
+        refusal: why the object is not found.
+    """
+
+    episode_id: str
+    pose: ObjectPose | None = None
+    refusal: InvalidInputError | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TryModel:
+    """Tries object models out; nothing is stored. Synchronous: call it in a thread."""
+
+    store: Store
+    pose_servers: PoseServers
+
+    def __call__(self, task: str, name: str, model: Mapping[str, Any], ids: Sequence[str]) -> tuple[Tried, ...]:
+        """What the model makes of each episode, in their order.
+
+        Raises:
+            NotFoundError: if there is no such task, or it has no such episode.
+            InvalidInputError: if the model is not valid, or its template is not stored.
+        """
+        with self.store.read() as connection:
+            tasks.get(connection, task)
+            records = episodes.by_ids(connection, task, ids)
+        if missing := [id_ for id_ in ids if id_ not in records]:
+            raise NotFoundError(f"episode of task {task!r}", missing[0])
+        query = ObjectQuery(name, model=model_from_json(name, model, "model"))
+        self.pose_servers.check({name: model})
+        (query,) = with_templates([query], self.store.blobs)
+        return tuple(self._tried(record, query) for record in records.values())
+
+    def _tried(self, record: EpisodeRecord, query: ObjectQuery) -> Tried:
+        if not any(camera.has_rgbd for camera in record.cameras):
+            return Tried(record.id)
+        frames = [read_frame(self.store.blobs, camera) for camera in record.cameras]
+        try:
+            (pose,) = estimate_poses("", [query], frames)
+        except InvalidInputError as refusal:
+            return Tried(record.id, refusal=refusal)
+        return Tried(record.id, pose)

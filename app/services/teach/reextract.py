@@ -8,8 +8,10 @@ from collections.abc import Callable, Sequence
 from datetime import timedelta
 from functools import partial
 
+from pydantic import ValidationError
+
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import record_limits, with_room
+from app.services.teach.configure import with_room
 from app.services.teach.extract import extract_all_again
 from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
@@ -95,9 +97,16 @@ class RunJobs:
             jobs.release(connection, job)
 
     def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
-        """As they will be: what else has been set meanwhile stays."""
-        old = TaskSettings.model_validate(current)
-        return old.changed(job.changes)
+        """As they will be: what else has been set meanwhile stays.
+
+        Raises:
+            InvalidInputError: if that and the job's changes do not go together.
+        """
+        try:
+            return TaskSettings.model_validate(current).changed(job.changes)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise InvalidInputError(".".join(map(str, first["loc"])), f"contradicts the job: {first['msg']}") from error
 
     def _extract_batch(self, job: JobRecord) -> bool:
         """Whether there was anything left to extract."""
@@ -118,13 +127,12 @@ class RunJobs:
             if jobs.pending(connection, job, 1):
                 return False
             settings = self._settings(job, task.settings)
-            jobs.finish(connection, job, settings.model_dump(mode="json"))
-            records = episodes.all_of(connection, job.task) if settings.workspace.preset == "auto" else ()
-            shown = [record for record in records if not record.left_out]
+            jobs.finish(connection, job)
+            shown = episodes.demonstrations(connection, job.task) if settings.workspace.preset == "auto" else ()
             after = with_room(settings, shown, job.changes).model_dump(mode="json")
-            tasks.update_settings(connection, job.task, after)
-            before = TaskSettings.model_validate(task.settings).model_dump(mode="json")
-            record_limits(connection, job.task, before, after, actor=f"job {job.id}")
+            changed = tasks.update_settings(connection, job.task, after, actor=f"job {job.id}")
+            if changed.version == task.version:  # keyframes may differ all the same, and prompts are kept by version
+                tasks.change(connection, job.task, {})
         logger.info("job %s is done", job.id)
         self._on_done(job.task)
         return True

@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from app.pipeline.findings import Finding
+from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from app.services.setting_parts import WorkspaceSettings
-from app.services.task_settings import TaskSettings
 from app.store.records import DemonstrationRecord
 from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.arrays import Array
@@ -32,54 +32,71 @@ class Shown(Protocol):
     def objects(self) -> Sequence[ObjectRecord]: ...
 
 
-def spanned(settings: TaskSettings, episodes: Iterable[Shown]) -> TaskSettings:
-    """The settings with the workspace that these episodes span, one after the other, where it follows from them."""
-    if settings.workspace.preset != "auto":
-        return settings
-    return _within(settings, _box(episodes))
+def spanned(box: WorkspaceSettings, episodes: Iterable[Shown]) -> WorkspaceSettings:
+    """The workspace that these episodes span, one after the other; one that does not follow from them stays."""
+    if box.preset != "auto":
+        return box
+    box = WorkspaceSettings(preset="auto")
+    for episode in episodes:
+        box = grown(box, _places_m(episode))
+    return box
 
 
-def remaining(settings: TaskSettings, episodes: Iterable[Shown]) -> TaskSettings:
-    """The settings after a deletion; episodes that did not move the workspace still do not."""
-    return spanned(settings, [episode for episode in episodes if _holds(settings.workspace, episode)])
+def remaining(box: WorkspaceSettings, episodes: Iterable[Shown]) -> WorkspaceSettings:
+    """The workspace after a deletion; episodes that did not move it still do not."""
+    return spanned(box, [episode for episode in episodes if _holds(box, episode)])
 
 
-def widened(settings: TaskSettings, episode: Shown, first: Sequence[Shown]) -> TaskSettings:
-    """The settings with room for one more episode; unchanged where it reaches too far beyond the others.
+def widened(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> WorkspaceSettings:
+    """The workspace with room for one more episode; unchanged where it reaches too far beyond the others.
 
     Args:
         first: the task's first `FIRST` demonstrations; fewer say little about how far is too far.
     """
-    box = settings.workspace.grown(_places_m(episode))
-    return settings if _jumps(settings, box, first) else _within(settings, box)
+    wider = grown(box, _places_m(episode))
+    if not first or wider == box:
+        return wider
+    most_m = np.maximum(MAX_GROWTH * _edges_m(remaining(box, first)), _edges_m(box))
+    return box if (_edges_m(wider) > most_m + 1e-9).any() else wider
 
 
-def uploaded(settings: TaskSettings, episode: Shown, first: Sequence[Shown]) -> TaskSettings:
-    """The settings after an upload.
+def uploaded(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> WorkspaceSettings:
+    """The workspace after an upload.
 
     Args:
         first: at most `FIRST` demonstrations that came before it.
     """
-    if len(first) == FIRST - 1 and not all(_holds(settings.workspace, shown) for shown in first):
-        return spanned(settings, _without_odd_one((*first, episode)))
-    return widened(settings, episode, first)
+    if len(first) == FIRST - 1 and not all(_holds(box, shown) for shown in first):
+        return spanned(box, _without_odd_one((*first, episode)))
+    return widened(box, episode, first)
 
 
-def room_findings(settings: TaskSettings, episode: Shown, first: Sequence[DemonstrationRecord]) -> Iterator[Finding]:
+def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
+    """With `auto` the box that holds these demonstrated positions (N, 3) as well; otherwise as it is.
+
+    A box that still is RLBench's comes from no demonstration: it is not kept.
+    """
+    if box.preset != "auto" or not len(positions_m):
+        return box
+    untaught = (box.min, box.max) == (RLBENCH_MIN_M, RLBENCH_MAX_M)
+    held = Workspace.around(positions_m, None if untaught else Workspace(np.array(box.min), np.array(box.max)))
+    return WorkspaceSettings(preset="auto", min=tuple(held.min_m.tolist()), max=tuple(held.max_m.tolist()))
+
+
+def room_findings(box: WorkspaceSettings, episode: Shown, first: Sequence[DemonstrationRecord]) -> Iterator[Finding]:
     """Says which episodes lie outside of the workspace of their task, and were not allowed to widen it.
 
     Args:
-        settings: after the upload of `episode`.
+        box: after the upload of `episode`.
         first: as in `uploaded`.
     """
-    box = settings.workspace
     if box.preset != "auto":
         return
     earlier = first if len(first) == FIRST - 1 else ()
     for name, shown in [("The recording", episode), *((f"Episode {item.id}", item) for item in earlier)]:
         if _holds(box, shown):
             continue
-        wanted = box.grown(_places_m(shown))
+        wanted = grown(box, _places_m(shown))
         message = (
             f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {FIRST}"
             f" demonstrations span: the workspace does not follow it. If it is right, somebody who may configure the"
@@ -91,28 +108,11 @@ def room_findings(settings: TaskSettings, episode: Shown, first: Sequence[Demons
 
 def _without_odd_one(shown: Sequence[Shown]) -> Sequence[Shown]:
     """Without the one that alone makes an edge more than `MAX_GROWTH` times as long; all, unless there is just one."""
-    all_m = _edges_m(_box(shown))
+    any_box = WorkspaceSettings(preset="auto")
+    all_m = _edges_m(spanned(any_box, shown))
     rests = [[other for other in shown if other is not one] for one in shown]
-    near = [rest for rest in rests if (all_m > MAX_GROWTH * _edges_m(_box(rest))).any()]
+    near = [rest for rest in rests if (all_m > MAX_GROWTH * _edges_m(spanned(any_box, rest))).any()]
     return near[0] if len(near) == 1 else shown
-
-
-def _box(episodes: Iterable[Shown]) -> WorkspaceSettings:
-    box = WorkspaceSettings(preset="auto")
-    for episode in episodes:
-        box = box.grown(_places_m(episode))
-    return box
-
-
-def _jumps(settings: TaskSettings, box: WorkspaceSettings, first: Sequence[Shown]) -> bool:
-    if not first or box == settings.workspace:
-        return False
-    usual_m = _edges_m(remaining(settings, first).workspace)
-    return bool((_edges_m(box) > np.maximum(MAX_GROWTH * usual_m, _edges_m(settings.workspace)) + 1e-9).any())
-
-
-def _within(settings: TaskSettings, box: WorkspaceSettings) -> TaskSettings:
-    return settings.model_copy(update={"workspace": box})
 
 
 def _places_m(episode: Shown) -> Array:

@@ -1,35 +1,31 @@
-"""Take an episode in: extract, store images, then commit one row."""
+"""Take an episode in: recognize, extract, hold it against its task, then commit one row."""
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from sqlalchemy import Connection
 
-from app.perception.base import ObjectQuery, numbered_queries
+from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.elsewhere import unlike_findings
-from app.pipeline.findings.recording import check_moves, contact_findings
-from app.pipeline.findings.units import check_recording_units
-from app.pipeline.keyframes import Motion
+from app.pipeline.findings.recording import compared_findings, contact_findings, recording_findings
+from app.pipeline.findings.units import check_recording, unit_findings
 from app.pipeline.prompt import check_object_names
-from app.services.measures import note
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import record_limits
 from app.services.teach.extract import Extracted, extract
-from app.services.teach.objects import check_objects, saying_which
-from app.services.teach.room import FIRST, room_findings, uploaded
+from app.services.teach.known import KnownTask, check_objects, saying_which
+from app.services.teach.room import room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 from roboprompt_client.arrays import settle
@@ -38,7 +34,6 @@ from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.wording import checked_name
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
-MAX_COMPARED = 30  # demonstrations that an upload is held against
 SCOPE = idempotency.UPLOAD
 
 
@@ -73,45 +68,49 @@ class Upload:
             settle(self, objects=objects, alike=alike)
         if not self.objects:
             raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
-        names = [query.name for query in self.objects]
-        check_object_names(names, list(dict.fromkeys(names)))
+        check_object_names(self.object_names, list(dict.fromkeys(self.object_names)))
         tracked = self.episode.trajectory.num_objects
-        if tracked not in (0, len(names)):
-            message = f"has {tracked} objects, but objects has {len(names)}"
+        if tracked not in (0, len(self.objects)):
+            message = f"has {tracked} objects, but objects has {len(self.objects)}"
             raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
+
+    @property
+    def object_names(self) -> list[str]:
+        """In the order of the trajectory's tracks."""
+        return [query.name for query in self.objects]
+
+    @property
+    def given(self) -> tuple[ObjectPose, ...]:
+        """The poses that came with the recording."""
+        return GivenPoses().estimate([query for query in self.objects if query.position_m is not None], ())
 
 
 Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
 
 @dataclass(frozen=True, eq=False)
-class _Attempt:
-    """An upload, extracted for a task as it was read.
+class _Ready:
+    """An episode, extracted for its task as it was read.
 
     Attributes:
-        seen: the task; None if there was none.
-        first: its first `FIRST` demonstrations.
-        settings: of the task, or those that it is made with.
+        settings: of the task, with the arm's number of joints.
+        findings: apart from those on the workspace.
     """
 
-    upload: Upload
-    seen: TaskRecord | None
-    first: tuple[DemonstrationRecord, ...]
-    settings: JsonObject
-    extracted: Extracted
+    task: KnownTask
+    settings: TaskSettings
     draft: EpisodeDraft
-    respond: Respond
+    findings: tuple[Finding, ...]
 
-    def outcome(
-        self, settings_before: JsonObject, first: Sequence[DemonstrationRecord]
-    ) -> tuple[JsonObject, JsonObject]:
-        """What becomes of a task with these settings and first demonstrations: its settings, and the answer."""
-        settings = TaskSettings.model_validate(settings_before).with_joints_of(self.upload.episode.trajectory)
-        if not self.upload.left_out:
-            settings = uploaded(settings, self.extracted, first)
-        found = (*room_findings(settings, self.extracted, first), *self.extracted.findings)
-        findings = [item.to_json() for item in found]
-        return settings.model_dump(mode="json"), {**self.respond(self.draft, settings), "findings": findings}
+    def outcome(self, task: KnownTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
+        """What becomes of the task with the workspace and first demonstrations of now: its settings, and the answer."""
+        box = task.settings.workspace
+        if not self.draft.left_out:
+            box = uploaded(box, self.draft, task.first)
+        settings = self.settings.within(box)
+        findings = (*room_findings(box, self.draft, task.first), *self.findings)
+        answer = {**respond(self.draft, settings), "findings": [finding.to_json() for finding in findings]}
+        return settings.model_dump(mode="json"), answer
 
 
 class UploadEpisode:
@@ -131,103 +130,94 @@ class UploadEpisode:
             InvalidInputError, ObjectSetError: if the episode does not fit.
             ConflictError: if the idempotency key came with other content.
         """
-        note(task=upload.task)
         for _ in range(MAX_ATTEMPTS):
             with self._store.read() as connection:
                 if (answer := _answer_before(connection, upload)) is not None:
                     return answer
-                seen = None
-                with suppress(NotFoundError):
-                    seen = tasks.get(connection, upload.task)
-                first = () if seen is None else episodes.demonstrations(connection, upload.task, FIRST)
-            settings = _settings_of(seen, upload.objects)
-            motion = settings.motion_of(upload.episode.trajectory, upload.episode.control_frequency_hz)
-            upload = _saying_which(upload, motion, settings)
-            extracted = self._extract(upload, motion, seen, settings)
-            calibrated = [frame.camera for frame in upload.episode.frames]
-            cameras = put_images(self._store.blobs, calibrated, upload.images)
-            read = settings.model_dump(mode="json") if seen is None else seen.settings
-            draft = _draft(upload, extracted, cameras)
-            if (answer := self._commit(_Attempt(upload, seen, first, read, extracted, draft, respond))) is not None:
+                _check_link(connection, upload)
+                task = KnownTask.read(connection, upload.task, upload.objects)
+            ready = self._ready(upload, task)
+            if (answer := self._commit(upload, ready, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
-    def _extract(self, upload: Upload, motion: Motion, task: TaskRecord | None, settings: TaskSettings) -> Extracted:
-        settings.with_joints_of(motion.trajectory)
+    def _ready(self, upload: Upload, task: KnownTask) -> _Ready:
+        """The steps of the method: what was recorded, is it of this task, keyframes and poses, what deserves a look."""
+        episode, given, sent = upload.episode, upload.given, upload.object_names
+        names = list(dict.fromkeys((*(task.object_names or ()), *sent)))
+        settings = task.settings.with_joints_of(episode.trajectory)
+        queries = settings.with_models(upload.objects)
+        motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
         self._pose_servers.check(settings.object_models)
-        names, others, episode = [query.name for query in upload.objects], tuple[Finding, ...](), upload.episode
-        if task is not None and task.object_names is not None:
-            others = check_objects(self._store, task, settings, episode.instruction, upload.objects, motion)
-            names = list(dict.fromkeys((*task.object_names, *names)))
-        check_moves(motion)
-        check_recording_units(motion, _given(upload.objects), [frame.camera for frame in episode.frames])
-        extracted = extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
-        unlike = () if task is None else self._unlike(task.name, episode.instruction, extracted)
-        alike = alike_findings(upload.alike, episode.instruction)
-        contact = contact_findings(motion, [query.name for query in upload.objects], episode.extra)
-        return replace(extracted, findings=(*others, *alike, *extracted.findings, *contact, *unlike))
-
-    def _unlike(self, task: str, instruction: str, extracted: Extracted) -> tuple[Finding, ...]:
-        with self._store.read() as connection:
-            others = episodes.demonstrations(connection, task, MAX_COMPARED)
+        check_recording(motion, given, [frame.camera for frame in episode.frames])
+        instruction = saying_which(episode.instruction, motion, given, upload.alike, np.array(settings.robot_base))
+        others = check_objects(task, instruction, sent, given, motion)
+        settings.check_models(names)
+        extracted = extract(motion, queries, episode.frames, settings, names, self._store.blobs)
+        compared = settings.compared(upload.objects, extracted.poses)
         new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes)
-        return tuple(unlike_findings(new.demonstration(), [record.demonstration() for record in others]))
+        shown = [record.demonstration() for record in task.demonstrations]
+        findings = (
+            *others,
+            *alike_findings(upload.alike, instruction),
+            *unit_findings(episode.trajectory, extracted.poses),
+            *compared_findings(compared),
+            *recording_findings(motion, extracted.keyframes, settings.keyframes.keyframe_rule()),
+            *contact_findings(motion, sent, episode.extra),
+            *unlike_findings(new.demonstration(), shown),
+        )
+        cameras = put_images(self._store.blobs, [frame.camera for frame in episode.frames], upload.images)
+        trajectory = trajectories.pack(episode.trajectory)
+        return _Ready(task, settings, _draft(upload, instruction, extracted, cameras, trajectory), findings)
 
-    def _commit(self, attempt: _Attempt) -> JsonObject | None:
+    def _commit(self, upload: Upload, ready: _Ready, respond: Respond) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""
-        upload, seen = attempt.upload, attempt.seen
-        # before the transaction: on SQLite others wait for it
-        settings, answer = attempt.outcome(attempt.settings, attempt.first)
+        task, key = ready.task, upload.idempotency_key
+        settings, answer = ready.outcome(task, respond)  # before the transaction: on SQLite others wait for it
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
-            if seen is not None and not tasks.exists(connection, upload.task):
+            if (now := task.locked(connection)) is None:
                 return None
-            task = tasks.get_or_create(connection, upload.task, attempt.settings)
-            expected = _what_is_extracted(attempt.settings, None if seen is None else seen.object_names)
-            if _what_is_extracted(task.settings, task.object_names) != expected:
-                return None
-            _check_link(connection, upload)
-            first = episodes.demonstrations(connection, upload.task, FIRST)
-            if (task.settings, first) != (attempt.settings, attempt.first):  # another upload has come in
-                settings, answer = attempt.outcome(task.settings, first)
-            episodes.add(connection, attempt.draft)
-            tasks.update_settings(connection, upload.task, settings)
-            if (key := upload.idempotency_key) is not None:
-                idempotency.forget(connection, SCOPE, key)
-                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
-            record_limits(connection, upload.task, task.settings, settings)
+            if (now.stored, now.first) != (task.stored, task.first):  # another upload has come in
+                settings, answer = ready.outcome(now, respond)
+            episodes.add(connection, ready.draft)
+            if key is not None:
+                idempotency.save(connection, SCOPE, key, upload.digest, answer)
+            tasks.update_settings(connection, task.name, settings)
         return answer
 
 
-def _saying_which(upload: Upload, motion: Motion, settings: TaskSettings) -> Upload:
-    """The upload with an instruction that says by its number which of several objects of one name is meant."""
-    if not upload.alike:
-        return upload
-    said = upload.episode.instruction
-    text = saying_which(said, motion, _given(upload.objects), upload.alike, np.array(settings.robot_base))
-    first = upload.uploaded_instruction or (None if text == said else said)
-    return replace(upload, episode=replace(upload.episode, instruction=text), uploaded_instruction=first)
-
-
-def _given(objects: Sequence[ObjectQuery]) -> tuple[ObjectPose, ...]:
-    """Those whose poses came with the recording."""
-    return tuple(
-        ObjectPose(
-            query.name,
-            np.array(query.position_m),
-            None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw),
-        )
-        for query in objects
-        if query.position_m is not None
+def _draft(
+    upload: Upload, instruction: str, extracted: Extracted, cameras: tuple[CameraRecord, ...], trajectory: bytes
+) -> EpisodeDraft:
+    """The episode's row, under an instruction that may have been given numbers."""
+    episode = upload.episode
+    sent = None if instruction == episode.instruction else episode.instruction
+    return EpisodeDraft(
+        task=upload.task,
+        instruction=instruction,
+        control_frequency_hz=episode.control_frequency_hz,
+        keyframes=extracted.keyframes,
+        objects=extracted.objects,
+        given_objects=tuple(asdict(query) for query in upload.objects),
+        cameras=cameras,
+        extra=dict(episode.extra),
+        prediction_id=upload.prediction_id,
+        left_out=upload.left_out,
+        note=upload.note,
+        uploaded_instruction=upload.uploaded_instruction or sent,
+        num_frames=len(episode.trajectory),
+        trajectory=trajectory,
     )
 
 
-def _what_is_extracted(
-    settings: JsonObject, object_names: tuple[str, ...] | None
-) -> tuple[JsonObject, tuple[str, ...] | None]:
-    """What an extraction depends on: not the workspace, which grows with every episode that needs it."""
-    return {name: value for name, value in settings.items() if name != "workspace"}, object_names
+def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
+    """What the same request was answered with, while its episode is there: after a deletion it may be sent again."""
+    if upload.idempotency_key is None:
+        return None
+    stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
+    return stored if stored is not None and episodes.exist(connection, stored["id"]) else None
 
 
 def _check_link(connection: Connection, upload: Upload) -> None:
@@ -248,41 +238,6 @@ def _check_link(connection: Connection, upload: Upload) -> None:
     if not prediction.actions or prediction.outcome_success is False:
         fault = "whose outcome was a failure" if prediction.actions else "without actions"
         raise InvalidInputError("prediction_id", f"is a prediction {fault}", valid)
-
-
-def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
-    """What the same request was answered with, while its episode is there: after a deletion it may be sent again."""
-    if upload.idempotency_key is None:
-        return None
-    stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
-    return stored.response if stored is not None and episodes.exist(connection, stored.response["id"]) else None
-
-
-def _settings_of(task: TaskRecord | None, objects: Sequence[ObjectQuery]) -> TaskSettings:
-    """The task's settings; for a new task the defaults, with the estimator that its first objects call for."""
-    if task is not None:
-        return TaskSettings.model_validate(task.settings)
-    by_masks = all(query.position_m is None and query.mask_ids for query in objects)
-    return TaskSettings(pose_estimator="masks" if by_masks else "given")
-
-
-def _draft(upload: Upload, extracted: Extracted, cameras: tuple[CameraRecord, ...]) -> EpisodeDraft:
-    return EpisodeDraft(
-        task=upload.task,
-        instruction=upload.episode.instruction,
-        control_frequency_hz=upload.episode.control_frequency_hz,
-        keyframes=extracted.keyframes,
-        objects=extracted.objects,
-        given_objects=tuple(asdict(query) for query in upload.objects),
-        cameras=cameras,
-        extra=dict(upload.episode.extra),
-        prediction_id=upload.prediction_id,
-        left_out=upload.left_out,
-        note=upload.note,
-        uploaded_instruction=upload.uploaded_instruction,
-        num_frames=len(upload.episode.trajectory),
-        trajectory=trajectories.pack(upload.episode.trajectory),
-    )
 
 
 def content_digest(metadata: JsonObject, parts: Mapping[str, bytes]) -> str:

@@ -140,7 +140,7 @@ async def episode_points(request: Request, services: Wired, episode_id: str) -> 
 def _points(services: Services, episode_id: str) -> bytes:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-        settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+        settings = TaskSettings.of(connection, record.task)
     camera = next((item for item in record.cameras if item.has_rgbd), None)
     if camera is None:
         raise NotFoundError("picture with color and depth of episode", episode_id)

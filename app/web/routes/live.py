@@ -13,7 +13,7 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
-from app.store import jobs, prediction_lists, runs, tasks
+from app.store import jobs, prediction_lists, runs
 from app.store.processes import UnderWay
 from app.store.records import JobRecord
 from app.store.runs import RunRecord
@@ -86,7 +86,7 @@ def live_runs(services: Wired) -> Response:
 
 
 def _run(connection: Connection, record: RunRecord) -> JsonObject:
-    settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+    settings = TaskSettings.of(connection, record.task)
     state, joints = record.state, record.state.get("joint_positions", ())
     arm = None
     if settings.arm is not None and len(joints) == JOINTS:

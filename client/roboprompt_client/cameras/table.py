@@ -77,9 +77,9 @@ def _near_most(points_m: Array, tolerance_m: Array) -> np.ndarray[tuple[int, ...
     corners = points_m[triples]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    offsets_m = np.abs(points_m @ normals.T - (corners[:, 0] * normals).sum(axis=1))
-    near: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = offsets_m < tolerance_m[:, None]
-    return near[:, int(near.sum(axis=0).argmax())]
+    offsets_m = np.abs(normals @ points_m.T - (corners[:, 0] * normals).sum(axis=1, keepdims=True))
+    near: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = offsets_m < tolerance_m
+    return near[int(near.sum(axis=1).argmax()), :]
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,6 +107,7 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(None, None, -1)), PUT, 2, "implausible-gripper"),
         (frames(slice(0, 170)), PUT, 10, "broken-off"),
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
+        (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
         (w_first, PUT, 10, "w-first"),
     ],
 )
@@ -133,6 +134,16 @@ def test_a_fault_of_half_of_the_recordings_is_told_by_the_others(fault, code):
         return replace(item, demonstration=replace(item.demonstration, objects=objects))
 
     assert code in dangers([wrong(item) if k % 2 else item for k, item in enumerate(map(put, range(10)))])
+
+
+def test_a_hand_that_only_grasps_is_right_where_words_ask_for_no_more():
+    assert dangers([frames(slice(0, 88))(put(seed, "grasp the red cube")) for seed in range(4)]) == set()
+
+
+def test_a_hand_that_is_cut_off_while_it_comes_near():
+    assert "broken-off" in dangers(
+        [always(True)(frames(slice(0, 75))(put(seed, "touch the cube"))) for seed in range(4)]
+    )
 
 
 def test_words_that_take_another_object_than_the_hand():

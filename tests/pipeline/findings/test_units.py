@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.units import check_recording_units, unit_findings
+from app.pipeline.findings.units import check_recording, unit_findings
 from app.pipeline.keyframes import Motion
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
@@ -42,7 +42,7 @@ def cube(x_m=0.5):
 
 
 def checked(trajectory, cameras=(), rate_hz=RATE_HZ):
-    check_recording_units(Motion.of(trajectory, rate_hz), [cube()], cameras)
+    check_recording(Motion.of(trajectory, rate_hz), [cube()], cameras)
 
 
 def camera(away_m):
@@ -89,7 +89,7 @@ def doubts(arrays, objects=None, cameras=()):
     """The codes of what is found."""
     objects = [cube()] if objects is None else objects
     trajectory = trajectory_from_arrays(arrays)
-    check_recording_units(Motion.of(trajectory, RATE_HZ), objects, cameras)
+    check_recording(Motion.of(trajectory, RATE_HZ), objects, cameras)
     return [finding.code for finding in unit_findings(trajectory, objects)]
 
 

@@ -1,5 +1,7 @@
 """What recordings that went wrong leave: never an exception, and no keyframe that was not recorded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -106,3 +108,13 @@ def test_few_frames_for_so_fast_a_motion_are_reported(rate_hz, coarse):
     motion, rule = Motion.of(recorded, rate_hz), KeyframeRule("auto")
     found = recording_findings(motion, find_keyframes(motion, rule), rule)
     assert ("coarse-recording" in [finding.code for finding in found]) is coarse
+
+
+@pytest.mark.parametrize(("closes_to_m", "severity"), [(0.02, "warning"), (0.079, "info")])
+def test_fingers_that_move_while_the_gripper_has_one_state_are_reported(closes_to_m, severity):
+    """A threshold that no width crosses loses every grasp."""
+    way = WAY.at(20)
+    widths_m = np.linspace(0.08, closes_to_m, len(way))
+    motion, rule = Motion.of(replace(way, gripper_open=np.ones(len(way)), gripper_width_m=widths_m)), KeyframeRule()
+    found = {finding.code: finding for finding in recording_findings(motion, find_keyframes(motion, rule), rule)}
+    assert found["one-gripper-state"].severity == severity

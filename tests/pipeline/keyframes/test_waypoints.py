@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import Motion, waypoints
-from app.pipeline.keyframes.path import TOLERANCE_M
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, HandPath, fewest_waypoints
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, WIDER, at_frames, at_tips
+from roboprompt_client.trajectory import Trajectory
 
 from ..recordings import DOWN, ScriptedMotion, arrival_s, flowing, pick_and_place, resting
 
@@ -181,6 +182,53 @@ def test_a_recording_of_too_many_corners_is_followed_less_closely():
     many_m = places_m(zigzag(40).at(30))
     assert 1 <= len(many_m) <= MAX_KEYFRAMES
     np.testing.assert_allclose(many_m[-1], zigzag(40).knots[-1][1], atol=1e-6)
+
+
+def random_walk(seed, frames, step_m, switches_hz, hz=20):
+    random = np.random.default_rng(seed)
+    quaternions = np.cumsum(random.normal(0, 0.05, (frames, 4)), axis=0) + np.array([1.0, 0.0, 0.0, 0.0])
+    return Trajectory(
+        joint_velocities_rad_s=np.full((frames, 7), 0.3),
+        positions_m=np.clip(np.cumsum(random.normal(0, step_m, (frames, 3)), axis=0), -0.4, 0.4),
+        quaternions_xyzw=quaternions / np.linalg.norm(quaternions, axis=1)[:, None],
+        gripper_open=np.cumsum(random.random(frames) < switches_hz / hz) % 2 == 0,
+        timestamps_s=np.arange(frames) / hz,
+    )
+
+
+def waypoints_of_all_phases(motion):
+    """The definition: every phase is followed at every tolerance, until there are few enough."""
+    scale = 1.0
+    while True:
+        found = []
+        for phase in motion.phases:
+            path = motion.path(phase.first, phase.last, scale * TOLERANCE_M, scale * TOLERANCE_DEG)
+            chosen = [int(path.frames[k]) for k in fewest_waypoints(path.deviations)]
+            tips = at_tips(motion.trajectory.positions_m, phase.first, chosen, scale * TOLERANCE_M)
+            found += at_frames(phase, tips)
+        if len(found) <= max(MAX_KEYFRAMES, len(motion.phases)):
+            return tuple(found)
+        scale *= WIDER
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    frames=st.integers(2, 100),
+    step_m=st.sampled_from([0.001, 0.01, 0.1]),
+    switches_hz=st.sampled_from([0.0, 0.2, 2.0]),
+)
+def test_tolerances_that_need_too_many_are_given_up_early_without_another_result(seed, frames, step_m, switches_hz):
+    recorded = random_walk(seed, frames, step_m, switches_hz)
+    assert waypoints(Motion.of(recorded)) == waypoints_of_all_phases(Motion.of(recorded))
+
+
+def test_the_work_on_a_minute_of_trembling_is_bounded(monkeypatch):
+    """Counted in searches from one pose: 52,190 where every phase was followed at every tolerance, half a minute."""
+    compared, of_path = [], HandPath._deviations_from
+    monkeypatch.setattr(HandPath, "_deviations_from", lambda *given: compared.append(1) or of_path(*given))
+    assert len(waypoints(Motion.of(random_walk(1, 6000, 0.01, switches_hz=1.0, hz=100)))) >= 25
+    assert len(compared) < 5_000
 
 
 def test_grasps_and_releases_are_never_left_out_for_being_many():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.evaluation.films import DONE, LAST_MS, SCENE_PX, TEXT_WIDTH_PX, Asked, draw_frame, make_moving_picture
+from benchmarks.films import DONE, LAST_MS, SCENE_PX, TEXT_WIDTH_PX, Asked, draw_frame, make_moving_picture
 
 ASKED = Asked(
     ("A cube 1 2 3; lift it > 1 A w: +0 +0 +0 0 36 36 0",), "A cube 4 5 6; lift it >", ("1 A w: +0 +0 +0",), ()

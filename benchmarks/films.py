@@ -1,9 +1,11 @@
 """Pictures for people: a film strip of each simulated task's expert on one page, and the whole method as a GIF.
 
-The GIF shows what the LLM reads, what it replies, and the arm that carries it out.
+The GIF shows what the LLM reads, what it replies, and the arm that carries it out. Run: ``python -m benchmarks.films``
+writes docs/tasks and docs/images/film.gif.
 """
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,14 +28,16 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
+DOCS = Path("docs")
 JPEG_QUALITY = 80
 MAX_TILES = 8
 INTRODUCTION = """# The simulated tasks
 
 MuJoCo counterparts of the paper's 16 RLBench tasks and 6 real-robot tasks, not RLBench itself. Objects are held by
-friction alone. Each strip shows the expert on the scene of seed {seed}; `roboprompt films` makes this page.
+friction alone. Each strip shows the expert on the scene of seed {seed}; `python -m benchmarks.films` makes this page.
 """
 
+FILMED, UNSEEN_SEED, NUM_DEMONSTRATIONS = "stack_cube", 700_000, 5  # of the GIF
 SHOT_S = 0.3  # of simulated time, between two pictures
 FRAME_MS, ROW_MS, LAST_MS = 90, 300, 4000
 SCENE_PX, TEXT_WIDTH_PX, MARGIN_PX = (480, 360), 500, 14
@@ -178,3 +182,17 @@ def draw_frame(image: RgbImage, asked: Asked, num_rows: int, num_done: int) -> I
 
 def _wrapped(text: str, color: str) -> list[tuple[str, str]]:
     return [(line, color) for line in wrap(text, LINE_CHARS)]
+
+
+def main() -> None:
+    """Write them."""
+    filmed = {task: film_task(task, 0, DOCS / "tasks") for task in TASKS}
+    write_page(filmed, 0, DOCS / "tasks")
+    not_solved = {task: recorded.failure for task, recorded in filmed.items() if recorded.failure}
+    failure = make_moving_picture(FILMED, UNSEEN_SEED, NUM_DEMONSTRATIONS, DOCS / "images/film.gif")
+    if not_solved or failure:
+        sys.exit(f"not solved: {not_solved or ''} {failure}")
+
+
+if __name__ == "__main__":
+    main()

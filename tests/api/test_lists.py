@@ -1,0 +1,53 @@
+"""What lists read of the database: no more with every prediction and task that there is."""
+
+from contextlib import contextmanager
+
+import pytest
+from sqlalchemy import event
+
+from app.api.routes.episodes import list_episodes
+from app.api.routes.tasks import list_tasks
+from app.services.task_settings import TaskSettings
+from app.store.store import Store
+from tests.services.conftest import scripted  # noqa: F401  # a fixture
+from tests.services.test_upload_episode import respond, upload
+
+
+@pytest.fixture
+def store(tmp_path):
+    store = Store.open(tmp_path)
+    yield store
+    store.close()
+
+
+@contextmanager
+def statements(store):
+    """The texts of the statements that are executed within."""
+    texts, engine = [], store._database.engine
+
+    def noted(_connection, _cursor, statement, *_):
+        texts.append(statement)
+
+    event.listen(engine, "before_cursor_execute", noted)
+    yield texts
+    event.remove(engine, "before_cursor_execute", noted)
+
+
+def test_a_list_of_tasks_reads_no_prediction(scripted):  # noqa: F811
+    services = scripted("[]")
+    services.upload_episode(upload("cube"), respond)
+    with statements(services.store) as texts:
+        response = list_tasks(services)
+    assert b'"num_episodes":1' in response.body
+    assert not [text for text in texts if "predictions" in text]
+
+
+def test_a_page_of_episodes_reads_the_settings_of_its_tasks_alone(scripted, monkeypatch):  # noqa: F811
+    services = scripted("[]")
+    for name in ("other", "another"):
+        services.configure_task(name, {})
+    services.upload_episode(upload("cube"), respond)
+    validated, validate = [], TaskSettings.model_validate
+    monkeypatch.setattr(TaskSettings, "model_validate", lambda value: validated.append(value) or validate(value))
+    assert b'"task":"pick"' in list_episodes(services).body
+    assert len(validated) == 1
