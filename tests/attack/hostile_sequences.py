@@ -1,12 +1,13 @@
 """Short sequences of valid requests after which a robot might move as no demonstration supports.
 
-Each is a function of `Attack` that returns the last answer and where the hand should go down, None where no motion is
-supported. What it tries is its docstring.
+Each is a function of `Attack` that returns the last answer and where the hand should go down, or whether its actions
+are right; None where no motion is supported. What it tries is its docstring. Skills with tools are in `hostile_skills`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 from uuid import uuid4
 
 import httpx
@@ -146,12 +147,14 @@ def objects(places, yaws=None):
 
 
 def moves_wrongly(answer, goal):
-    """Whether actions come without a danger, and the hand goes down elsewhere than it should."""
+    """Whether actions come without a danger, and the hand goes down elsewhere, or does otherwise, than it should."""
     if answer.status_code != 200:
         return False
     document = answer.json()
     if any(finding["severity"] == "danger" for finding in document["findings"]):
         return False
+    if callable(goal):
+        return not goal(document["actions"])
     lowest = min((action["position"] for action in document["actions"]), key=lambda place: place[2])
     return goal is None or float(np.linalg.norm(np.subtract(lowest, goal))) > NEAR_M
 
@@ -161,7 +164,8 @@ def shift(place, *by_m):
     return tuple(float(a + b) for a, b in zip(place, by_m, strict=True))
 
 
-SEQUENCES: list[Callable[[Attack], tuple[httpx.Response, tuple[float, ...] | None]]] = []
+Goal = tuple[float, ...] | Callable[[list[dict[str, Any]]], bool] | None
+SEQUENCES: list[Callable[[Attack], tuple[httpx.Response, Goal]]] = []
 
 
 def sequence(function, name=None, what=None):

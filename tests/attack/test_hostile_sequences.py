@@ -2,6 +2,7 @@
 
 import pytest
 
+import tests.attack.hostile_skills  # noqa: F401  # its sequences are listed when it is imported
 from tests.attack.hostile_sequences import ARM, BLUE, PICK_RED, RED, SEQUENCES, Attack, moves_wrongly, pick
 
 # What still moves a robot wrongly with status 200 and no danger, with the reason; a sequence that no longer does leaves

@@ -22,6 +22,7 @@ from roboprompt_client.trajectory import EndEffectorAction, Trajectory
 NEVER_M = 1.0  # from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
+END_S = 0.2  # within which a hand that is on its way gets on
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -103,7 +104,7 @@ class RecordedHand:
         start: its first pose.
         acts_at_m: (K, 3) where it may act: at the first switch of the gripper, if it switches, and at its lowest place.
         end_m: (3,) where it is at last.
-        end_speed_m_s: at the last frame.
+        end_speed_m_s: at the last frame; a hand that trembles at one place has none.
         nearest_m: the least distance from any object.
         still_comes: whether it has that distance in the last frame alone: it is on its way to the object.
         may_hold: the objects so near to its first pose that it may hold them from the start.
@@ -141,7 +142,7 @@ class RecordedHand:
             trajectory.action_at(0),
             trajectory.positions_m[[*(s.frame for s in acting[:1]), int(trajectory.positions_m[:, 2].argmin())]],
             trajectory.positions_m[-1],
-            float(motion.hand_speeds_m_s[-1]),
+            min(float(motion.hand_speeds_m_s[-1]), _gets_on_m_s(motion)),
             float(away_m.min()),
             nearest == len(trajectory) - 1,
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
@@ -157,6 +158,14 @@ def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration,
     return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)
 
 
+def _gets_on_m_s(motion: Motion) -> float:
+    """How fast the hand leaves, in the last moment of a recording, where it was when that began."""
+    positions_m, times_s = motion.trajectory.positions_m, motion.times_s
+    first = min(int(np.searchsorted(times_s, times_s[-1] - END_S)), max(len(times_s) - 2, 0))
+    way_m = float(np.linalg.norm(positions_m[-1] - positions_m[first]))
+    return way_m / max(float(times_s[-1] - times_s[first]), 1e-9)
+
+
 def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
     """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
 
@@ -166,7 +175,10 @@ def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
         return
     rare = int(WAY_SHARE * len(paths))
     missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
-    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
+    remedy = (
+        "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01; if they are so, the motion has"
+        " more corners than a reply has actions: teach its parts as tasks of their own."
+    )
     if PATH_NOT_KEPT.severity(missed_m) is not None:
         number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
         message = (

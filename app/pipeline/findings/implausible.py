@@ -17,7 +17,7 @@ from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, acting_rows
+from app.pipeline.plans.rows import PlanRow, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client import quaternions
@@ -233,7 +233,7 @@ def turning_findings(support: Support, asked: Order) -> Iterator[Finding]:
 
 def _turning(support: Support, asked: Order) -> Iterator[Turning]:
     for group, rows in support.alike(asked):
-        for k in acting_rows(rows) if len(group) >= MIN_TURNED else ():
+        for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
             names = [anchor.object_name for anchor in rows[k].anchors]
             if not all(names):
                 continue

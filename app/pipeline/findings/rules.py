@@ -139,6 +139,9 @@ NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the pr
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
 )
+TURNED_OTHERWISE = Rule(
+    "scattered-demonstrations", "that more than a third turn what they hold more or less", "degrees", danger=45.0
+)
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
 EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
 ELSEWHERE = Rule(

@@ -16,10 +16,11 @@ from app.pipeline.findings.rules import (
     NOT_SHOWN_APART,
     ON_A_CIRCLE,
     SCATTERED,
+    TURNED_OTHERWISE,
     Rule,
 )
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, acting_rows
+from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import (
     M_PER_RAD,
@@ -45,7 +46,9 @@ class _Acting:
         seen_from: what the row is relative to, as it is called in the scene that is asked about.
         apart_m, hand_apart_deg: see `_apart`.
         on_a_circle_m: see `_on_a_circle_m`.
-        releases: whether the hand lets something go: that may have no one place, as in a bin.
+        loosely: whether the hand lets something go, or does something with what it holds: that may have no one place,
+            as in a bin.
+        turn_off_deg: see there; of what is held.
     """
 
     index: int
@@ -54,7 +57,8 @@ class _Acting:
     apart_m: float
     hand_apart_deg: float
     on_a_circle_m: float
-    releases: bool
+    loosely: bool
+    turn_off_deg: float
 
     def finding(self, rule: Rule, message: str, value: float) -> Finding:
         row = self.row
@@ -77,11 +81,13 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             k,
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
-            *_apart(shown, rows[k], k, support.tilted, round_objects),
+            *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
             _on_a_circle_m(rows[k], round_objects),
-            releases=k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open,
+            loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
+            turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
         )
         for shown, rows in support.alike(asked)
+        for touching in [touching_rows(rows)]
         for k in acting_rows(rows)
     ]
     for rule, value, message in DOUBTS:
@@ -132,7 +138,7 @@ def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
     return frozenset(
         asked_anchor(rows[k].anchors[0], group[0].order, asked)
         for group, rows in support.alike(asked)
-        for k in acting_rows(rows)
+        for k in touching_rows(rows)
         if rows[k].anchors[0].frame in MIXED_FRAMES
     )
 
@@ -145,6 +151,14 @@ def _contradicting_message(item: _Acting) -> str:
     )
 
 
+def _turned_message(item: _Acting) -> str:
+    return (
+        f"What is held is turned by {item.turn_off_deg:.0f} degrees more, or less, in more than a third of"
+        f" {len(item.row.off_m)} demonstrations (action {item.index + 1}): as poured from it in some of them only."
+        " Delete those that leave it out."
+    )
+
+
 def _circle_message(item: _Acting) -> str:
     return (
         f"{len(item.row.off_m)} demonstrations act at one distance from {item.seen_from}, on several sides of it"
@@ -154,7 +168,7 @@ def _circle_message(item: _Acting) -> str:
 
 
 def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
-    missed = [item for item in scattered if not item.releases and MISSED.severity(item.row.center_off_m) is not None]
+    missed = [item for item in scattered if not item.loosely and MISSED.severity(item.row.center_off_m) is not None]
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
     message = (
         f"{len(item.row.off_m)} demonstrations scatter by {100 * item.row.scatter_m:.1f} cm where the hand acts (action"
@@ -202,5 +216,6 @@ DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]],
     (APART, lambda item: item.apart_m, _apart_message),
     (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),
     (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
+    (TURNED_OTHERWISE, lambda item: item.turn_off_deg, _turned_message),
     (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),
 )

@@ -131,7 +131,9 @@ class Motion:
         """The hand's way from frame `first` to frame `last`, in tolerances."""
         key = (first, last, tolerance_m, tolerance_deg)
         if key not in self._paths:
-            self._paths[key] = HandPath.between(self.trajectory, *key)
+            within = (phase for phase in self.phases[1:] if phase.first <= first and last <= phase.last)
+            held = any(not phase.gripper_open for phase in within)
+            self._paths[key] = HandPath.between(self.trajectory, *key, held=held)
         return self._paths[key]
 
     def _changes_without_blips(self) -> list[int]:

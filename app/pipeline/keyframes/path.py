@@ -1,10 +1,12 @@
-"""The way of the hand as a few poses in space, and how far it bends away from straight motion.
+"""The way of the hand as a few poses in space, and how far it bends away from straight motion, or goes back on it.
 
 Distances are counted in tolerances: 1 is the tolerance in metres or the one in degrees, whichever is used up first.
+A stroke to and fro stays on one line, and is yet no single motion: straight motion gets on all the time.
 After Automatic Waypoint Extraction (Shi et al. 2023, arXiv 2307.14326): as few waypoints as keep the recorded path
 within a tolerance of straight motion between them.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +25,8 @@ MAX_POSES = 160  # that stand for a path; a longer one has wider spacing
 MAX_DEVIATION = 6.0  # deviations beyond count alike
 LOOK_AHEAD = 32
 NO_TURN = 0.05  # in tolerances
+TURNS = 10  # of the hand, in either sense
+MOST_TURN_DEG = 150.0  # an arm turns by the shorter way, which noise decides near half a turn
 MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment a place on it says little about progress
 
 Frames = npt.NDArray[np.int_]
@@ -35,30 +39,37 @@ class HandPath:
     Attributes:
         frames: (N,) ascending.
         positions: (N, 3) in tolerances.
-        rotation_vectors: (N, 3) from the first pose, in tolerances.
+        rotation_vectors: (N, 3) from the first pose, in tolerances; they go on beyond half a turn.
+        most_turn: of one motion, in tolerances, where its sense matters; else infinite.
     """
 
     frames: Frames
     positions: Array
     rotation_vectors: Array
+    most_turn: float
 
     @classmethod
     def between(
-        cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float
+        cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float, *, held: bool
     ) -> "HandPath":
-        """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all."""
+        """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all.
+
+        Args:
+            held: whether something is in the hand: it matters in which sense that is turned.
+        """
         part = slice(first, last + 1)
         positions: Array = trajectory.positions_m[part] / tolerance_m
         rotations = Rotation.from_quat(trajectory.quaternions_xyzw[part])
-        vectors: Array = (rotations[0].inv() * rotations).as_rotvec(degrees=True) / tolerance_deg
+        vectors = _unwound((rotations[0].inv() * rotations).as_rotvec()) * math.degrees(1 / tolerance_deg)
         spacing = SPACING
         while len(kept := _apart(positions, vectors, spacing)) > MAX_POSES:
             spacing *= 1.5
-        return cls(kept + first, positions[kept], vectors[kept])
+        most_turn = MOST_TURN_DEG / tolerance_deg if held else math.inf
+        return cls(kept + first, positions[kept], vectors[kept], most_turn)
 
     @cached_property
     def deviations(self) -> Array:
-        """(N, N): how far the poses between i and j are from straight motion from i to j; 0 for j <= i + 1."""
+        """(N, N): how far the way from pose i to j is from straight motion between them; 0 for j <= i + 1."""
         number = len(self.frames)
         found = np.full((number, number), MAX_DEVIATION)
         np.fill_diagonal(found, 0.0)
@@ -79,6 +90,11 @@ class HandPath:
         return float(self._deviations_from(0, np.array([last]), self._travelled)[0]) if last > 1 else 0.0
 
     @property
+    def turns_round(self) -> bool:
+        """Whether the hand turns by more than one motion can."""
+        return float(np.linalg.norm(self.rotation_vectors - self.rotation_vectors[0], axis=1).max()) > self.most_turn
+
+    @property
     def _travelled(self) -> Array:
         """(N,) the length of way to each pose."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
@@ -95,11 +111,12 @@ class HandPath:
         along = (gone @ way.T).T / np.maximum(length, 1e-12)  # (E, B)
         by_travel = (travelled[between] - travelled[i]) / np.maximum(travelled[ends] - travelled[i], 1e-12)[:, None]
         progress = np.clip(np.where(length < MIN_SEGMENT**2, by_travel, along), 0, 1)
-        squared = _squared_distances(gone, progress, way)
+        squared = np.maximum(_squared_distances(gone, progress, way), length * _gone_back(progress) ** 2)
         if np.abs(self.rotation_vectors).max() > NO_TURN:
             turn = self.rotation_vectors[ends] - self.rotation_vectors[i]
             turned = self.rotation_vectors[between] - self.rotation_vectors[i]
             squared = np.maximum(squared, _squared_distances(turned, progress, turn))
+            squared[np.linalg.norm(turn, axis=1) > self.most_turn, 0] = MAX_DEVIATION**2
         squared[between[None] >= ends[:, None]] = 0.0
         farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), MAX_DEVIATION)
         return farthest
@@ -116,6 +133,12 @@ def _squared_distances(gone: Array, progress: Array, way: Array) -> Array:
         off *= off
         total += off
     return total
+
+
+def _gone_back(progress: Array) -> Array:
+    """(..., B) how far shares of a way are from the nearest that never go back: half of the way back."""
+    back: Array = (np.maximum.accumulate(progress, axis=-1) - progress) / 2
+    return back
 
 
 def fewest_waypoints(deviations: Array) -> list[int]:
@@ -161,11 +184,28 @@ def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -
 
 
 def off_line_m(positions_m: Array) -> float:
-    """How far positions (N, 3) are at most from the line between the first and the last."""
+    """How far positions (N, 3) are at most from straight motion from the first to the last."""
     way_m = positions_m[-1] - positions_m[0]
     gone_m = positions_m - positions_m[0]
-    progress = np.clip(gone_m @ way_m / max(float(way_m @ way_m), 1e-12), 0, 1)
-    return float(np.linalg.norm(gone_m - progress[:, None] * way_m, axis=1).max())
+    length_m2 = float(way_m @ way_m)
+    progress = np.clip(gone_m @ way_m / max(length_m2, 1e-12), 0, 1)
+    beside_m = np.linalg.norm(gone_m - progress[:, None] * way_m, axis=1)
+    return float(np.maximum(beside_m, length_m2**0.5 * _gone_back(progress)).max())
+
+
+def _unwound(vectors_rad: Array) -> Array:
+    """Rotation vectors (N, 3), each nearest to the one before of those that mean the same rotation."""
+    if len(vectors_rad) < 2 or np.linalg.norm(np.diff(vectors_rad, axis=0), axis=1).max() < math.pi:
+        return vectors_rad
+    found = vectors_rad.copy()
+    for k in range(1, len(found)):
+        before, here = found[k - 1], vectors_rad[k]
+        turned_rad = np.linalg.norm(here)
+        axis = before if turned_rad < 1 else here * np.sign(here @ before)  # a small turn has no clear axis
+        whole_rad = 2 * math.pi * axis / max(float(np.linalg.norm(axis)), 1e-12)
+        alike = here + np.arange(-TURNS, TURNS + 1)[:, None] * whole_rad
+        found[k] = alike[int(np.linalg.norm(alike - before, axis=1).argmin())]
+    return found
 
 
 def at_tips(positions_m: Array, first: int, frames: Sequence[int], tolerance_m: float) -> list[int]:

@@ -91,8 +91,12 @@ def _grasped(motion: Motion, frame: int) -> bool:
 
 
 def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> bool:
-    """Whether a way is several motions: bent in space and in the joints, which leave moving in proportion."""
-    return _bend(motion, way.first, way.last) > most and _bend_in_joints(motion, way) > most_in_joints
+    """Whether a way is several motions: bent in space and in the joints, which leave moving in proportion.
+
+    So is one that turns what is held by half a turn or more.
+    """
+    path = motion.path(way.first, way.last, TOLERANCE_M, TOLERANCE_DEG)
+    return path.turns_round or (path.bend > most and _bend_in_joints(motion, way) > most_in_joints)
 
 
 def _bend(motion: Motion, first: int, last: int) -> float:

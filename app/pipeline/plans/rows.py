@@ -27,6 +27,8 @@ LOW_M = 0.03  # a way that is as level has no lowest place
 LOWEST_M = 0.01  # above the lowest place a hand is there
 TURNS_BACK = -0.5  # cosine of the angle between coming and going
 LEG_M = 0.02  # shorter ways have no direction
+TILTED_DEG = 30.0  # a hand that turns by more than this and turns back pours
+ASIDE_M = 0.06  # from where something was grasped: nearer it is only lifted
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,7 @@ class PlanRow:
         gripper_open: what the gripper does there in most.
         grippers: everything that it does there.
         positions_m: (N, 3) of the hand in the world frame.
+        hands: N, its rotations there.
     """
 
     anchors: Anchors
@@ -52,6 +55,7 @@ class PlanRow:
     gripper_open: bool
     grippers: frozenset[bool]
     positions_m: Array
+    hands: Rotation
 
     @cached_property
     def mean_xyzw(self) -> Array:
@@ -73,7 +77,7 @@ class PlanRow:
     @cached_property
     def way_off_m(self) -> float:
         """How far from the centre more than a third of the demonstrations are at least: they do it another way."""
-        return float(np.sort(self.off_m)[-1 - int(WAY_SHARE * len(self.off_m))])
+        return _of_a_way(self.off_m)
 
     @property
     def unturned(self) -> "PlanRow":
@@ -103,6 +107,11 @@ class PlanRow:
         return off
 
 
+def _of_a_way(off: Array) -> float:
+    """What more than a third of some distances are at least."""
+    return float(np.sort(off)[-1 - int(WAY_SHARE * len(off))])
+
+
 def plan_rows(
     group: Sequence[Demonstration], written: Sequence[Demonstration] = (), *, beyond_objects: bool = True
 ) -> tuple[PlanRow, ...]:
@@ -124,7 +133,8 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: froze
     states = [demonstration.actions[k].gripper_open for demonstration in group]
     is_open = 2 * sum(states) >= len(states)
     positions_m = np.array([demonstration.actions[k].position_m for demonstration in group])
-    return PlanRow(anchors, offsets_m, rotations, centre_m, mean, is_open, frozenset(states), positions_m)
+    hands = Rotation.from_quat([demonstration.actions[k].quaternion_xyzw for demonstration in group])
+    return PlanRow(anchors, offsets_m, rotations, centre_m, mean, is_open, frozenset(states), positions_m, hands)
 
 
 def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
@@ -148,12 +158,74 @@ def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
 
 
 def acting_rows(plan: Sequence[PlanRow]) -> list[int]:
-    """The rows in which the hand acts on something.
+    """The rows in which the hand acts on something, itself or with what it holds."""
+    return sorted({*touching_rows(plan), *_carried_rows(plan)})
+
+
+def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
+    """The rows in which the hand itself acts on something.
 
     Where the gripper switches; where none does, as when a button is pressed, where the hand is lowest or turns back;
     every row of a way that has nothing of the kind.
     """
     return _switches(plan) or _tips(plan) or list(range(len(plan)))
+
+
+def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
+    """The rows in which the hand does something with what it holds, as with a cup, a hammer or a sponge.
+
+    Where it goes back where it came from, though not down again, or turns and turns back; of what it never lets go also
+    where that is lowest.
+    """
+    switches = _switches(plan)
+    found: set[int] = set()
+    for grasp in (k for k in switches if not plan[k].gripper_open):
+        release = next((k for k in switches if k > grasp), None)
+        held = [k for k in range(grasp + 1, release or len(plan)) if _aside_m(plan[k], plan[grasp]) > ASIDE_M]
+        found.update(k for k in held if k + 1 < len(plan) and (_strikes(plan, k) or _tilts(plan, k)))
+        if release is None and held:
+            lowest_m = min(_height_m(plan[k]) for k in held)
+            found.update(k for k in held if _height_m(plan[k]) <= min(lowest_m + LOWEST_M, _height_m(plan[-1]) - LOW_M))
+    return sorted(found)
+
+
+def turn_off_deg(plan: Sequence[PlanRow], k: int) -> float:
+    """How much more or less than in the median demonstration the hand turns to row `k` in more than a third of them."""
+    turned_deg = _turned_deg(plan[k - 1], plan[k])
+    return _of_a_way(np.abs(turned_deg - np.median(turned_deg)))
+
+
+def _turned_deg(one: PlanRow, other: PlanRow) -> Array:
+    turned: Array = np.degrees((one.hands.inv() * other.hands).magnitude())
+    return turned
+
+
+def _aside_m(one: PlanRow, other: PlanRow) -> float:
+    return float(np.median(np.linalg.norm((one.positions_m - other.positions_m)[:, :2], axis=1)))
+
+
+def _height_m(row: PlanRow) -> float:
+    return float(np.median(row.positions_m[:, 2]))
+
+
+def _strikes(plan: Sequence[PlanRow], k: int) -> bool:
+    """Whether the hand comes from where it goes next, and is not merely lifted here."""
+    return _goes_back(plan, k) and _height_m(plan[k]) < max(_height_m(plan[j]) for j in (k - 1, k + 1)) + LOW_M
+
+
+def _tilts(plan: Sequence[PlanRow], k: int) -> bool:
+    """Whether the hand is turned here otherwise than before, and turns back afterwards."""
+    before, here, after = plan[k - 1 : k + 2]
+    least_deg = float(np.median([_turned_deg(before, here), _turned_deg(here, after)], axis=1).min())
+    return least_deg > TILTED_DEG and float(np.median(_turned_deg(before, after))) < least_deg
+
+
+def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
+    """Whether the hand comes from where it goes next."""
+    coming_m, going_m = (plan[j + 1].positions_m - plan[j].positions_m for j in (k - 1, k))
+    lengths_m = np.linalg.norm(coming_m, axis=1) * np.linalg.norm(going_m, axis=1)
+    cosines = np.einsum("nx,nx->n", coming_m, going_m) / np.maximum(lengths_m, LEG_M**2)
+    return float(np.median(cosines)) < TURNS_BACK
 
 
 def _switches(plan: Sequence[PlanRow]) -> list[int]:
@@ -174,14 +246,9 @@ def _tips(plan: Sequence[PlanRow]) -> list[int]:
     """
     if not plan:
         return []
-    positions_m = np.stack([row.positions_m for row in plan])  # (K, N, 3)
-    heights_m = np.median(positions_m[:, :, 2], axis=1)
+    heights_m = np.array([_height_m(row) for row in plan])
     level = np.ptp(heights_m) < LOW_M
     lowest = [] if level else np.flatnonzero(heights_m <= heights_m.min() + LOWEST_M).tolist()
-    legs_m = np.diff(positions_m, axis=0)
-    lengths_m = np.linalg.norm(legs_m, axis=2)
-    going_on = np.einsum("knx,knx->kn", legs_m[:-1], legs_m[1:])
-    cosines = going_on / np.maximum(lengths_m[:-1] * lengths_m[1:], LEG_M**2)
-    turns = (1 + np.flatnonzero(np.median(cosines, axis=1) < TURNS_BACK)).tolist()
+    turns = [k for k in range(1, len(plan) - 1) if _goes_back(plan, k)]
     kept_m = {k: min((plan[j].scatter_m for j in lowest if j > k), default=np.inf) for k in turns}
     return sorted({*lowest, *(k for k in turns if kept_m[k] >= CLOSER * plan[k].scatter_m)})

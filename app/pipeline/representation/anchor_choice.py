@@ -100,11 +100,13 @@ def _without_bystanders(
 ) -> list[Anchors]:
     """The same anchors, rows in which something is held on this, on where it comes to, or on no object.
 
-    Another object is near by chance, unless several demonstrations keep clearly closer to it: they go around it.
+    Another object is near by chance, unless several demonstrations keep clearly closer to it: they go around it. To
+    one that the words of a single demonstration name something is done meanwhile: it is poured into, or stirred.
     """
     found = list(chosen)
+    named = {(name,) for name in group[0].order.objects} if len(group) == 1 else set()
     for grasp, release in _held(group[0]):
-        ends = {_names(found[k]) for k in (grasp, release)}
+        ends = {_names(found[k]) for k in (grasp, release)} | named
         usable = [anchors for anchors in spreads_m if not any(_names(anchors)) or _names(anchors) in ends]
         for k in range(grasp + 1, release):
             if _names(found[k]) in ends or not any(_names(found[k])) or not usable:

@@ -91,6 +91,17 @@ def test_right_recordings_have_no_danger(words, number):
     assert dangers([put(seed, words) for seed in range(number)]) == set()
 
 
+def trembling(item, by_m=0.001):
+    positions_m = item.motion.trajectory.positions_m
+    noise_m = np.random.default_rng(round(1e6 * positions_m.sum())).normal(0.0, by_m, positions_m.shape)
+    return changed(item, positions_m=positions_m + noise_m)
+
+
+def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
+    """It ends lifted, at rest, with the cube."""
+    assert dangers([trembling(frames(slice(0, 130))(put(seed, "do it"))) for seed in range(10)]) == set()
+
+
 @pytest.mark.parametrize(
     ("fault", "words", "number", "code"),
     [

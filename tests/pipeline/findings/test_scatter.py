@@ -134,3 +134,40 @@ def test_of_such_frames_a_prompt_must_show_enough_demonstrations(turns):
     assert (few.code, few.severity) == ("scattered-demonstrations", "danger")
     assert list(not_shown_findings(None, taught, asked)) == [few]
     assert list(not_shown_findings(Support.of([beside(0.03, 4, **turns)]), taught, asked)) == []
+
+
+def poured(beside_m=0.0, every=2, without_turn=False, returned=True):
+    """From a cup into a bowl, every so-manieth time beside it or without turning the cup; it is put back or kept."""
+    group = []
+    for k in range(10):
+        odd, cup_m, bowl_m = k % every == 0, np.array([0.03 * k, 0.0, 0.8]), np.array([0.2, 0.02 * k, 0.8])
+        at_m = bowl_m + np.array([0.0, beside_m if odd else 0.0, 0.15])
+        turned_deg = (180, 0, 0) if odd and without_turn else (80, 0, 0)
+        over_m = cup_m + np.array([0.0, 0.0, 0.2])
+        rows = [action(cup_m), action(cup_m, gripper_open=False), action(over_m, gripper_open=False)]
+        rows += [action(at_m, turn, gripper_open=False) for turn in ((180, 0, 0), turned_deg, (180, 0, 0))]
+        rows += [action(cup_m, gripper_open=True)] if returned else []
+        objects = pose("cup", tuple(cup_m), 0), pose("bowl", tuple(bowl_m), 0)
+        group.append(demonstration("pour the cup into the bowl", objects, rows))
+    return group
+
+
+@pytest.mark.parametrize("returned", [False, True])
+def test_what_is_done_with_what_is_held_counts(returned):
+    assert found(poured(returned=returned)) == []
+    assert [finding.severity for finding in found(poured(beside_m=0.03, returned=returned))] == ["info"]
+    for wrong in ({"beside_m": 0.2}, {"without_turn": True}):
+        (finding,) = found(poured(**wrong, returned=returned))
+        assert (finding.severity, finding.where) == ("danger", "actions[4]")
+
+
+def test_where_something_is_only_carried_does_not_count():
+    group = []
+    for k in range(10):
+        cube_m, way_m = np.array([0.03 * k, 0.0, 0.8]), 0.15 * np.array([np.cos(2.4 * k), np.sin(2.4 * k), 1.0])
+        over_m = way_m + np.array([0.2, 0.2, 1.0])
+        rows = [action(cube_m), action(cube_m, gripper_open=False), action(over_m, gripper_open=False)]
+        rows += [action((0.3, 0.3, 0.8), gripper_open=True)]
+        objects = pose("cube", tuple(cube_m), 0), pose("bin", (0.3, 0.3, 0.8), 0)
+        group.append(demonstration("put the cube in the bin", objects, rows))
+    assert found(group) == []

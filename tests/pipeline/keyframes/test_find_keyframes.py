@@ -59,6 +59,18 @@ def test_a_recording_that_rests_at_its_corners_gives_what_merged_finds(seed, hz)
     assert len(found) == 6
 
 
+@pytest.mark.parametrize("turn_deg", [-120, 360])
+def test_a_rest_after_a_whole_turn_is_not_enough(turn_deg):
+    """Its two ends are one rotation, so that only keyframes between tell that the hand turns."""
+    turned = ScriptedMotion(
+        ((0, (0.1, 0.0, 1.0)), (1, PICK_M), (1.4, PICK_M), (6, PICK_M), (7, (0.1, 0.0, 1.0)), (7.4, (0.1, 0.0, 1.0))),
+        turns=((1.4, 0.0), (5.6, turn_deg)),
+        switches=(1.2,),
+        rest_s=0.4,
+    )
+    assert manner_of(Motion.of(turned.at(20))) == ("flows" if abs(turn_deg) > 150 else "rests")
+
+
 def by_waypoints(recorded, wavering=1.0):
     return waypoints(Motion.of(recorded), wavering * TOLERANCE_M, wavering * TOLERANCE_DEG)
 

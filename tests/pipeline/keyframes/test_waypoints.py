@@ -136,6 +136,43 @@ def test_turning_in_place_is_kept():
     assert np.linalg.norm(recorded.positions_m[keyframes[int(np.argmax(turns_deg))].frame] - PICK_M) < 0.005
 
 
+@pytest.mark.parametrize("hz", [10, 20, 60])
+@pytest.mark.parametrize("tremor_m", [0.0, 0.001])
+@pytest.mark.parametrize("end_m", [(0.3, 0.2, 0.8), (0.3, 0.3, 0.8)])
+def test_each_stroke_to_and_fro_on_one_line_is_kept(end_m, tremor_m, hz):
+    """The last one may go on beyond."""
+    one_m, other_m = (0.3, 0.0, 0.8), (0.3, 0.2, 0.8)
+    wiping = flowing([HOME_M, one_m, other_m, one_m, other_m, one_m, end_m], blend_s=1e-6, tremor_m=tremor_m)
+    kept_m = places_m(wiping.at(hz))
+    np.testing.assert_allclose(kept_m[:, 1], [0.0, 0.2, 0.0, 0.2, 0.0, end_m[1]], atol=0.02)
+
+
+def test_a_hand_that_wavers_on_a_straight_way_leaves_no_keyframe():
+    back_m = 0.8 * np.array(PICK_M) + 0.2 * np.array(HOME_M)
+    on_m = back_m + 0.015 * (np.array(PICK_M) - HOME_M) / np.linalg.norm(np.subtract(PICK_M, HOME_M))
+    wavering = flowing([HOME_M, tuple(on_m), tuple(back_m), PICK_M], blend_s=1e-6)
+    np.testing.assert_allclose(places_m(wavering.at(20)), [PICK_M], atol=1e-6)
+
+
+@pytest.mark.parametrize("hz", [10, 60])
+@pytest.mark.parametrize("turn_deg", [190, -270, 360, 540])
+def test_what_is_held_keeps_the_sense_of_turns_beyond_half_a_turn(turn_deg, hz):
+    """An arm turns by the shorter way from each keyframe to the next."""
+    knots = ((0, HOME_M), (1, PICK_M), (8, PICK_M), (9, HOME_M))
+    turned = ScriptedMotion(knots, turns=((2.0, 0.0), (7.0, turn_deg)), switches=(1.5, 7.5))
+    recorded = turned.at(hz)
+    hands = Rotation.from_quat(recorded.quaternions_xyzw)
+    frames = [0, *(frame for frame, _ in waypoints(Motion.of(recorded)))]
+    steps_deg = (hands[frames[1:]] * hands[frames[:-1]].inv()).as_rotvec(degrees=True)
+    assert np.abs(steps_deg).max() <= 152
+    assert steps_deg[:, 2].sum() == pytest.approx(turn_deg, abs=1)
+
+
+def test_an_empty_hand_may_turn_either_way():
+    turned = ScriptedMotion(((0, HOME_M), (3, PICK_M)), turns=((0.0, 0.0), (3.0, 270.0)))
+    np.testing.assert_allclose(places_m(turned.at(20)), [PICK_M], atol=1e-6)
+
+
 def zigzag(corners):
     return flowing([(0.05 * k, 0.06 * (-1) ** k, 1.0) for k in range(corners + 2)], blend_s=1e-6)
 
