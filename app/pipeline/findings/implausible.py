@@ -37,6 +37,7 @@ ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
 FEWEST = 4  # recordings that tell what their ends share from chance
 SLIPS = 0.2  # share of the recordings that may be odd
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one, of starts that are several
+ARRIVES_M = 0.035  # spread of ends of hands that still move, seen from what they carry something to
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
@@ -66,6 +67,8 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     if not hands:
         return
     found = [_fault(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)]
+    if _carry_to_one_place([pair for pair in zip(alike, hands, strict=True) if pair[1].ends_holding]):
+        found = [(rules.ARRIVES, CUT_OFF) if item == (rules.BROKEN_OFF, CUT_OFF) else item for item in found]
     for rule, fault in dict.fromkeys(item for item in found if item is not None):
         number = sum(item is not None and item[1] == fault for item in found)
         message, share = f"In {number} of {len(alike)} recordings {fault}", number / len(alike)
@@ -128,6 +131,25 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
+
+
+def _carry_to_one_place(carrying: Sequence[tuple[Demonstration, RecordedHand]]) -> bool:
+    """Whether hands that end with something in them end in one place, seen from an object, and took it elsewhere.
+
+    What is broken off ends on the way from one to the other, and seen from neither in one place.
+    """
+    if len(carrying) < FEWEST:
+        return False
+    held_m, others_m = [], []
+    for demonstration, hand in carrying:
+        away_m = hand.acts[-1].away_m
+        role = role_of(demonstration, min(away_m, key=away_m.__getitem__))
+        seen_m = _seen_by_role(demonstration, hand.end_m)
+        held_m.append(seen_m[role, "w"])
+        others_m.append({key: place_m for key, place_m in seen_m.items() if key[0] != role})
+    shared = set(others_m[0]).intersection(*others_m)
+    arrives = any(_spread_m(np.array([seen[key] for seen in others_m])) < ARRIVES_M for key in shared)
+    return arrives and _spread_m(np.array(held_m)) > PLACES_M
 
 
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:

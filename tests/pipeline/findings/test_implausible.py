@@ -147,6 +147,13 @@ def test_a_hand_that_only_grasps_is_right_where_words_ask_for_no_more():
     assert dangers([frames(slice(0, 88))(put(seed, "grasp the red cube")) for seed in range(4)]) == set()
 
 
+@pytest.mark.parametrize(("last", "severity"), [(145, "danger"), (155, "warning")])
+def test_a_hand_that_still_moves_where_it_carries_something_to_has_arrived(last, severity):
+    known = taught([frames(slice(0, last))(put(seed, "do it")) for seed in range(10)])
+    found = known.findings(known.demonstrations[0].order)
+    assert [item.severity for item in found if item.code == "broken-off"] == [severity]
+
+
 def test_a_hand_that_is_cut_off_while_it_comes_near():
     assert "broken-off" in dangers(
         [always(True)(frames(slice(0, 75))(put(seed, "touch the cube"))) for seed in range(4)]
