@@ -233,3 +233,8 @@ def test_decisions_have_at_most_five_lines():
         lines = decision.strip().splitlines()
         assert len(lines) <= 5, decision
         assert all(len(line) <= 120 for line in lines), decision
+
+
+def test_what_the_makefile_tests_is_there():
+    named = re.findall(r"\b(?:client/)?tests/[\w/.]+", (ROOT / "Makefile").read_text())
+    assert [path for path in named if not (ROOT / path).exists() and "__pycache__" not in path] == []
