@@ -17,7 +17,7 @@ Color = tuple[int, int, int]
 Box = tuple[int, int, int, int]  # x, y, width, height in pixels
 
 MASK_SHARE = 0.35
-NEAR_M = 0.02  # what is nearer to the camera's centre, or behind it, is not drawn
+NEAR_M = 0.02  # what is nearer to the camera's center, or behind it, is not drawn
 FAR_PX = 100_000.0  # keeps lines to points far outside within OpenCV's integers
 REFERENCE_HEIGHT_PX = 480  # lines and letters grow with taller images
 AXIS_COLORS: tuple[Color, ...] = ((230, 30, 30), (30, 180, 30), (40, 80, 255))  # x, y, z

@@ -18,7 +18,7 @@ from benchmarks.processes import ROUNDS, Cost
 
 REPORT = Path(__file__).parents[1] / "docs" / "results" / "bench.md"
 COMMAND = "make bench"
-_SENDING = f"""{transport.WIDTH}x{transport.HEIGHT} RGB (uint8) and depth (float32 metres). The peers return a constant
+_SENDING = f"""{transport.WIDTH}x{transport.HEIGHT} RGB (uint8) and depth (float32 meters). The peers return a constant
 and neither check nor keep anything; ours decodes and checks the images, reads the demonstrations and writes the
 prompt, and in the second case stores everything."""
 

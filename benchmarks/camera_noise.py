@@ -8,7 +8,7 @@ import numpy as np
 from roboprompt_client.camera import RgbdFrame
 
 DEPTH_SIGMA_PER_M = 0.002  # a stereo depth camera's error grows with the square of the distance
-CORRELATION_PX = 1.5  # of neighbouring pixels' errors: stereo matching compares windows
+CORRELATION_PX = 1.5  # of neighboring pixels' errors: stereo matching compares windows
 FLYING_STEP_M = 0.01  # beside a step in depth, pixels float between the two sides
 QUANTUM_M = 0.001
 RGB_SIGMA = 3.0

@@ -1,6 +1,6 @@
 """How well the estimator `registered` finds objects in simulated scenes with a depth camera's noise.
 
-Templates are taught from three labelled views each; other scenes are the test. Run:
+Templates are taught from three labeled views each; other scenes are the test. Run:
 ``python -m benchmarks.objects [--scenes 40] [--conditions clean,clutter] [--cameras 3] [--objects mug,jar] [--json]``.
 """
 
@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
 from app.perception.registered.geometry import angle_deg
-from app.perception.registered.learn import LabelledView, learn
+from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
@@ -83,13 +83,13 @@ class Tally:
 def taught(room: Room, name: str, rng: np.random.Generator, num_cameras: int = 3) -> Taught:
     """The object from three views among others."""
     layouts = [sample(rng, [(name, 0), *_others(rng, [name], 2)]) for _ in range(NUM_VIEWS)]
-    views = [LabelledView(room.frames(layout, rng, of=(name, 0), num=num_cameras)) for layout in layouts]
+    views = [LabeledView(room.frames(layout, rng, of=(name, 0), num=num_cameras)) for layout in layouts]
     learned = learn(name, views, THINGS[name].symmetry_deg, needs_yaw=False)
     true = layouts[learned.merged[0]].poses[name, 0]
     return Taught(learned.template, np.linalg.inv(_root_pose(learned.template, views[learned.merged[0]])) @ true)
 
 
-def _root_pose(template: Template, view: LabelledView) -> Array:
+def _root_pose(template: Template, view: LabeledView) -> Array:
     """(4, 4) template -> world in the view that it began with."""
     frame = next(frame for frame in view.frames if frame.camera.name == template.free_views[0].camera.name)
     return frame.camera.camera_to_world @ np.linalg.inv(template.free_views[0].camera.camera_to_world)

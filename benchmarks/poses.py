@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.model import CuboidModel
@@ -82,10 +82,10 @@ def noisy_scenes(task: str, seeds: Sequence[int]) -> Iterator[Noisy]:
 
 def learned(task: str, count: int) -> dict[str, CuboidModel]:
     """The task's object models, from scenes 0..count - 1."""
-    return learn_models([LabelledScene(frames, _labelled(scene)) for scene, frames in noisy_scenes(task, range(count))])
+    return learn_models([LabeledScene(frames, _labeled(scene)) for scene, frames in noisy_scenes(task, range(count))])
 
 
-def _labelled(scene: SceneView) -> tuple[ObjectQuery, ...]:
+def _labeled(scene: SceneView) -> tuple[ObjectQuery, ...]:
     return tuple(
         ObjectQuery(
             pose.name,

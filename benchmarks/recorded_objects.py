@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
-from app.perception.registered.learn import LabelledView, labelled_points, learn
+from app.perception.registered.learn import LabeledView, labeled_points, learn
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
@@ -53,7 +53,7 @@ class Recorded:
             poses = {name: rigid(pose[:3], pose[3:]) for name, pose in known if np.isfinite(pose).all()}
         return cls(path.stem, frames, ids, poses)
 
-    def labelled(self, name: str) -> tuple[RgbdFrame, ...]:
+    def labeled(self, name: str) -> tuple[RgbdFrame, ...]:
         """The frames with 1 where the object is."""
         own = [self.mask_ids[part] for part in name.split("+")]
         return tuple(replace(frame, mask=np.isin(frame.mask, own).astype(np.int32)) for frame in self.frames)
@@ -68,8 +68,8 @@ def _frame(data: Mapping[str, Any], name: str) -> RgbdFrame:
 
 def _cover(template: Template, pose: Array, seen: Recorded, name: str) -> float:
     """The share of the masked points above the table that lie on the found object."""
-    scene = Scene.of(seen.labelled(name))
-    points_m = scene.points_m[labelled_points(scene)]
+    scene = Scene.of(seen.labeled(name))
+    points_m = scene.points_m[labeled_points(scene)]
     off_m = template.distance_m((points_m - pose[:3, 3]) @ pose[:3, :3])
     return float((off_m < NEAR_M).mean()) if len(off_m) else 0.0
 
@@ -80,7 +80,7 @@ def measure(episodes: Sequence[Recorded], name: str) -> tuple[dict[str, Any], Co
     reasons = Counter[str]()
     for root in episodes:
         try:
-            template = learn(name, [LabelledView(root.labelled(name))], None, needs_yaw=False).template
+            template = learn(name, [LabeledView(root.labeled(name))], None, needs_yaw=False).template
             (at_root,) = _found(name, template, root)
         except (ObjectModelError, NoPoseError) as error:
             untaught += 1

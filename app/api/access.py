@@ -196,7 +196,7 @@ async def _caller(scope: Scope, credential: Credential) -> Caller | None:
         return None
     services: Services = scope["app"].state.services
     known = services.sessions if credential.by_cookie else services.keys
-    return await known.recognise(credential.token)
+    return await known.recognize(credential.token)
 
 
 def _host_of(authority: str) -> str | None:

@@ -95,7 +95,7 @@ def look_at_service(data: Path | None) -> Iterator[Row]:
         for wrong in error.errors():
             variable = ENV_PREFIX + "_".join(map(str, wrong["loc"][:1])).upper()
             yield Row(variable, "wrong", f"{wrong['input']!r}: {wrong['msg']}", "see docs/settings.md")
-    yield from misspelt(os.environ)
+    yield from misspelled(os.environ)
     if settings.default_model.startswith("embedded/"):
         yield library([sys.executable, "-P", "-c", LIBRARY])
     yield model(settings)
@@ -106,7 +106,7 @@ def look_at_service(data: Path | None) -> Iterator[Row]:
     yield from extras(settings)
 
 
-def misspelt(environment: Mapping[str, str]) -> Iterator[Row]:
+def misspelled(environment: Mapping[str, str]) -> Iterator[Row]:
     """Variables that look like settings and are none; the service passes over them."""
     known = [name.upper() for name in {*Settings.model_fields, *CLIENTS_OWN}]
     for variable in environment:

@@ -25,7 +25,7 @@ from app.evaluation.methods import Method
 from app.evaluation.plan import Plan, check_default_model, evaluation_of
 from app.evaluation.results import Crash, Evaluation
 from app.evaluation.server import service
-from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
+from app.evaluation.teach import FIRST_LABELED_SEED, LABELED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import PlannedTrial, TrialRunner
 from app.evaluation.voxposer.ask import Models
 from app.evaluation.world import World
@@ -129,13 +129,13 @@ class Run:
         recording = partial(record, self.executor, plan.world, task, unseen=plan.seeds)
         try:
             recorded = recording(plan.recorded, images=plan.images or looks, on_done=on_done)
-            labelled = recording(LABELLED_SCENES, images=True, first_seed=FIRST_LABELLED_SEED) if looks else ()
+            labeled = recording(LABELED_SCENES, images=True, first_seed=FIRST_LABELED_SEED) if looks else ()
         except Exception as error:
             return dict.fromkeys(suffixes, error)
-        return {suffix: self._upload(task, suffix, ways[suffix], recorded, labelled) for suffix in suffixes}
+        return {suffix: self._upload(task, suffix, ways[suffix], recorded, labeled) for suffix in suffixes}
 
     def _upload(
-        self, task: str, suffix: str, method: Method, recorded: _Recorded, labelled: _Recorded
+        self, task: str, suffix: str, method: Method, recorded: _Recorded, labeled: _Recorded
     ) -> Lesson | Exception:
         name = f"{task}{suffix}" + (f".eval-{self._session}" if self.shared else "")
         settings = {
@@ -145,7 +145,7 @@ class Run:
             **method.settings,
         }
         try:
-            return upload(self.client, name, recorded, method, settings, labelled)
+            return upload(self.client, name, recorded, method, settings, labeled)
         except (ServiceProblemError, ServiceUnreachableError, NotLearnedError) as error:
             return error
 

@@ -172,7 +172,7 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("no noise"), *(Method(f"noise x {scale:g}", noise=scale) for scale in NOISE)),
     ),
     "poses": Sweep(
-        "poses given against poses found in images, by models learned from six labelled scenes",
+        "poses given against poses found in images, by models learned from six labeled scenes",
         (Method("given poses"), Method("poses from images", poses="vision"), REPLAY),
     ),
     "experts": Sweep(

@@ -27,8 +27,8 @@ from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import ObjectPose
 
-FIRST_LABELLED_SEED = 50_000  # neither demonstrations nor tests are drawn from these
-LABELLED_SCENES = 6
+FIRST_LABELED_SEED = 50_000  # neither demonstrations nor tests are drawn from these
+LABELED_SCENES = 6
 # The problems that say of an observation, not of the service, that it cannot be read.
 UNSEEN = frozenset({"/problems/object-not-visible", "/problems/uncertain-pose"})
 MAX_FAILED_SHARE = 0.5
@@ -43,7 +43,7 @@ def images_only(frames: Sequence[RgbdFrame], objects: Sequence[ObjectPose]) -> O
 def learned_models(
     client: RoboPromptClient,
     name: str,
-    labelled: Sequence[RecordedDemonstration],
+    labeled: Sequence[RecordedDemonstration],
     yaw_symmetry_deg: Mapping[str, float],
 ) -> dict[str, Any]:
     """Models of every object: a box or cylinder where the service learns one, else what it looked like in the scenes.
@@ -59,11 +59,11 @@ def learned_models(
     school = f"{name}.labels"
     client.configure_task(school, yaw_symmetry_deg=dict(yaw_symmetry_deg))
     episodes = []
-    for item in labelled:
+    for item in labeled:
         seen = Observation(item.scene.objects, item.scene.frames)
         document = _upload(client, school, item, seen, mask_ids=item.scene.mask_ids)
         episodes.append((str(document["id"]), item.scene))
-    learned = client.learn_object_models(school, episodes=len(labelled))
+    learned = client.learn_object_models(school, episodes=len(labeled))
     models = dict(learned["object_models"])
     for missing in learned["refused"]:
         models[missing] = _model_from_labels(client, school, missing, episodes, yaw_symmetry_deg.get(missing))
@@ -191,20 +191,20 @@ def upload(
     recorded: Sequence[RecordedDemonstration],
     method: Method,
     settings: Mapping[str, Any],
-    labelled: Sequence[RecordedDemonstration] = (),
+    labeled: Sequence[RecordedDemonstration] = (),
 ) -> Lesson:
     """Set the task `name` up as `method` wants it, and upload the demonstrations in their order.
 
     Args:
         settings: of the task.
-        labelled: from which object models are learned if `method` finds poses in images.
+        labeled: from which object models are learned if `method` finds poses in images.
 
     Raises:
         NotLearnedError: if that cannot be.
         ServiceProblemError, ServiceUnreachableError.
     """
     if method.poses == "vision":
-        settings = with_models(settings, learned_models(client, name, labelled, settings["yaw_symmetry_deg"]))
+        settings = with_models(settings, learned_models(client, name, labeled, settings["yaw_symmetry_deg"]))
     client.configure_task(name, **settings)
     taught = tuple(_taught(client, name, recorded, method))
     return Lesson(name, settings["num_demonstrations"], taught)

@@ -1,6 +1,6 @@
 """The interface of pose estimators, g(V, M_j) of the paper (section III-C).
 
-The simplest is `GivenPoses`: poses that the request itself carries. A labelled scene is a first frame with what is
+The simplest is `GivenPoses`: poses that the request itself carries. A labeled scene is a first frame with what is
 known of its objects; from such scenes models are learned.
 """
 
@@ -93,7 +93,7 @@ class GivenPoses:
         poses = []
         for query in objects:
             if query.position_m is None:
-                remedy = "a position [x, y, z] in metres, or images and the task's object_models to find it in them"
+                remedy = "a position [x, y, z] in meters, or images and the task's object_models to find it in them"
                 raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
             rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
             poses.append(ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given"))
@@ -109,7 +109,7 @@ def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery,
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledScene:
+class LabeledScene:
     """A first frame with what is known of its objects.
 
     Attributes:

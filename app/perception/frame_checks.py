@@ -13,7 +13,7 @@ from roboprompt_client.errors import InvalidInputError
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
 MAX_BELOW_M = 4.0  # of a table or floor below its camera; depths in tenths of their unit put it ten times as deep
-DEPTH_UNITS = "metres in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimetres"
+DEPTH_UNITS = "meters in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimeters"
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
 
 

@@ -28,7 +28,7 @@ _NPY = b"\x93NUMPY"
 _COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _VALID = {
     "rgb": "a PNG or JPEG of 8 bits a channel, or a .npy array (H, W, 3) uint8",
-    "depth": "a 16-bit PNG in units of the camera's depth_scale, or a .npy array (H, W) of metres",
+    "depth": "a 16-bit PNG in units of the camera's depth_scale, or a .npy array (H, W) of meters",
     "mask": "an 8- or 16-bit PNG of object ids, or a .npy array (H, W) of integers",
 }
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -64,10 +64,10 @@ def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDA
 
 
 def decode_depth(field: str, data: bytes, depth_scale: float, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.float32]:
-    """An (H, W) float32 image of metres; 0 where the depth is unknown.
+    """An (H, W) float32 image of meters; 0 where the depth is unknown.
 
     Args:
-        depth_scale: metres per unit of a 16-bit image.
+        depth_scale: meters per unit of a 16-bit image.
     """
     if data.startswith(_NPY):
         array = _load_npy(field, data, "depth", max_pixels)

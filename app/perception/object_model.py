@@ -13,7 +13,7 @@ from roboprompt_client.errors import InvalidInputError
 MIN_CONFIDENCE = 0.5  # below this a pose is refused, unless the model says otherwise
 
 
-Length = Annotated[Number, Field(ge=1e-4, le=100, description="metres")]
+Length = Annotated[Number, Field(ge=1e-4, le=100, description="meters")]
 Confidence = Annotated[
     Number, Field(ge=0, le=1, description="a number in 0..1; a pose that is less certain is refused")
 ]

@@ -36,7 +36,7 @@ _SQUARE = np.array([[-0.5, 0.5, 0], [0.5, 0.5, 0], [0.5, -0.5, 0], [-0.5, -0.5, 
 
 
 def outlines(model: ObjectModel | None) -> list[Array]:
-    """Polylines, each (N, 3) in metres; none for a model that knows no shape."""
+    """Polylines, each (N, 3) in meters; none for a model that knows no shape."""
     if isinstance(model, CuboidModel):
         rims = outline_points_m(model.shape, np.array([0.0, 0, 0, 0, *model.size_m])) - model.origin_m
         low, high = np.split(rims, 2)

@@ -16,7 +16,7 @@ def _no_text(value: object) -> object:
 
 Number = Annotated[float, Strict()]
 # Positions and lengths in the world frame: what is farther is no robot's, and its square would have no number.
-Metres = Annotated[Number, Field(ge=-MAX_M, le=MAX_M)]
+Meters = Annotated[Number, Field(ge=-MAX_M, le=MAX_M)]
 Truth = Annotated[bool, Strict()]
 # For whole numbers; 10.0 is the same number in JSON, and some languages write every number so.
 WHOLE = BeforeValidator(_no_text)

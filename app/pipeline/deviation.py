@@ -76,11 +76,11 @@ def _deviation(
 ) -> ActionDeviation:
     own = _own_anchor(predicted, shown, row.anchors[0])
     offset_m, rotation = relative_action(predicted, k, own, tilted)
-    centre_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
+    center_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
         own.object_name,
-        float(np.linalg.norm(offset_m - centre_m)),
-        float(np.linalg.norm(row.offsets_m - centre_m, axis=1).max()),
+        float(np.linalg.norm(offset_m - center_m)),
+        float(np.linalg.norm(row.offsets_m - center_m, axis=1).max()),
         float(np.degrees((mean.inv() * rotation).magnitude())),
         float(np.degrees((mean.inv() * row.rotations).magnitude().max())),
         predicted.actions[k].gripper_open in row.grippers,

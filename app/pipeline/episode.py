@@ -1,6 +1,6 @@
 """What a robot records and what the method makes of it (paper, section III-A).
 
-Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
+Every value is checked when it is constructed. Positions are in meters in the world frame; quaternions are xyzw.
 """
 
 from collections.abc import Collection, Mapping, Sequence

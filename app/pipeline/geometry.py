@@ -14,7 +14,7 @@ from roboprompt_client.trajectory import ObjectPose
 
 
 def backproject(frame: RgbdFrame, pixels: np.ndarray) -> Array:
-    """The world points (N, 3) in metres of those `pixels` (H, W) bool whose depth is known.
+    """The world points (N, 3) in meters of those `pixels` (H, W) bool whose depth is known.
 
     Raises:
         InvalidInputError: if the frame has no depth image.

@@ -130,8 +130,8 @@ def system_prompt_text(choice: str) -> str:
 def check_object_names(given: Sequence[str], names: Sequence[str], needed: Collection[str] | None = None) -> None:
     """Refuse object names that are not those of the task.
 
-    A name must be spelt as the task spells it, and no two may differ in case, width or separators only: an instruction
-    could not tell them apart.
+    A name must be spelled as the task spells it, and no two may differ in case, width or separators only: an
+    instruction could not tell them apart.
 
     Args:
         needed: of the names those that must be given; others may be missing, and new ones be there. None: all, and no
@@ -140,12 +140,12 @@ def check_object_names(given: Sequence[str], names: Sequence[str], needed: Colle
     Raises:
         ObjectSetError: names what is missing, unknown, given twice or too much alike.
     """
-    spelt = {folded(name): name for name in names}
+    spelled = {folded(name): name for name in names}
     missing = [name for name in names if name not in given and (needed is None or name in needed)]
     unknown = [
-        f"{name} (here: {spelt[folded(name)]})" if folded(name) in spelt else name
+        f"{name} (here: {spelled[folded(name)]})" if folded(name) in spelled else name
         for name in dict.fromkeys(given)
-        if name not in names and (needed is None or folded(name) in spelt)
+        if name not in names and (needed is None or folded(name) in spelled)
     ]
     twice = sorted({name for name in given if list(given).count(name) > 1})
     same = [f"{one} and {other}" for one, other in alike(given)]

@@ -133,7 +133,7 @@ def consensus(samples: Sequence[Sequence[EndEffectorAction] | None]) -> Consensu
 
 
 def _apart_m(replies: Sequence[Sequence[EndEffectorAction]]) -> Array:
-    """(N, N) how far replies with equally many actions differ where they differ most; rotations weigh in as metres.
+    """(N, N) how far replies with equally many actions differ where they differ most; rotations weigh in as meters.
 
     Replies that do otherwise with the gripper are infinitely far from each other.
     """

@@ -24,7 +24,7 @@ EDGE_TO_LOWER_BIN = 1e-12  # added to the bin size, as in PerAct: an exact edge 
 RLBENCH_MIN_M = (-0.3, -0.5, 0.6)
 RLBENCH_MAX_M = (0.7, 0.5, 1.6)
 # A workspace that follows from demonstrations: unseen scenes reach somewhat beyond them, and one demonstration says
-# little about how far; a metre is what RLBench's box measures, so that bins are as fine.
+# little about how far; a meter is what RLBench's box measures, so that bins are as fine.
 AUTO_MARGIN_M, AUTO_MARGIN_BELOW_M = 0.10, 0.05
 AUTO_LEAST_M = 1.0
 AUTO_GRID_M = 0.05
@@ -32,7 +32,7 @@ AUTO_GRID_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """The axis-aligned box, in metres in the world frame, that the position bins divide.
+    """The axis-aligned box, in meters in the world frame, that the position bins divide.
 
     Attributes:
         min_m, max_m: (3,) opposite corners.
@@ -60,7 +60,7 @@ class Workspace:
 
     @classmethod
     def around(cls, positions_m: Array, grown_from: "Workspace | None" = None) -> "Workspace":
-        """The box for demonstrated positions (N, 3): with a margin, rounded outwards, at least a metre wide.
+        """The box for demonstrated positions (N, 3): with a margin, rounded outwards, at least a meter wide.
 
         Args:
             grown_from: a box that it contains as well.
@@ -111,10 +111,10 @@ def _position_bins(positions_m: Array, workspace: Workspace) -> npt.NDArray[np.i
     return np.clip(raw, 0, POSITION_BINS - 1).astype(int)
 
 
-def bin_centre(bins: npt.ArrayLike, workspace: Workspace) -> Array:
-    """The positions (..., 3) in metres at the centres of position bins (..., 3)."""
-    centre: Array = workspace.min_m + (np.asarray(bins) + 0.5) * workspace.bin_size_m
-    return centre
+def bin_center(bins: npt.ArrayLike, workspace: Workspace) -> Array:
+    """The positions (..., 3) in meters at the centers of position bins (..., 3)."""
+    center: Array = workspace.min_m + (np.asarray(bins) + 0.5) * workspace.bin_size_m
+    return center
 
 
 def rotation_bins(rotation: Rotation) -> tuple[int, int, int]:
@@ -155,11 +155,11 @@ def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspac
 
 
 def undiscretize_actions(bins: Sequence[Sequence[int]], workspace: Workspace) -> list[EndEffectorAction]:
-    """The actions at the centres of seven bins each."""
+    """The actions at the centers of seven bins each."""
     if not bins:
         return []
     numbers = np.array(bins)
-    positions_m = bin_centre(numbers[:, :3], workspace)
+    positions_m = bin_center(numbers[:, :3], workspace)
     quaternions_xyzw = rotation_from_bins(numbers[:, 3:6]).as_quat(canonical=True)
     return EndEffectorAction.many(positions_m, quaternions_xyzw, numbers[:, 6].astype(bool).tolist())
 

@@ -1,4 +1,4 @@
-"""Who may do what: keys are made, recognised and taken back, and browsers log in with them.
+"""Who may do what: keys are made, recognized and taken back, and browsers log in with them.
 
 A key is 256 random bits, which cannot be guessed, and SHA-256 of it is as good as any slow hash: those are for
 passwords, which people choose. A browser that has logged in has a token of its own, which ends on the server when it
@@ -62,7 +62,7 @@ def audit_name(caller: Caller | None) -> str:
 
 
 class KeyRing:
-    """Recognises keys without a database read per request, and notes when they are used. For one event loop.
+    """Recognizes keys without a database read per request, and notes when they are used. For one event loop.
 
     Args:
         known_for_s: how long what was read of the keys holds.
@@ -78,7 +78,7 @@ class KeyRing:
         self._noted_at_s: dict[str, float] = {}
         self._noting: set[asyncio.Task[None]] = set()
 
-    async def recognise(self, token: str) -> Caller | None:
+    async def recognize(self, token: str) -> Caller | None:
         """Whose key it is, or None if there is no such key, or it was revoked.
 
         Raises:
@@ -101,7 +101,7 @@ class KeyRing:
         """Whose key has this id, for those who have proved otherwise that they have it.
 
         Raises:
-            as `recognise`.
+            as `recognize`.
         """
         record = (await self._current()).get(key_id)
         return None if record is None else self._admitted(record)
@@ -207,7 +207,7 @@ def digest_of(token: str) -> str:
 
 
 class Sessions:
-    """Begins, recognises and ends sessions. Every worker reads the same database: what has ended has ended for all."""
+    """Begins, recognizes and ends sessions. Every worker reads the same database: what has ended has ended for all."""
 
     def __init__(self, store: Store, keys: KeyRing) -> None:
         self._store = store
@@ -226,7 +226,7 @@ class Sessions:
         )
         return token
 
-    async def recognise(self, token: str) -> Caller | None:
+    async def recognize(self, token: str) -> Caller | None:
         """Whose session it is, or None if there is no such session, it has ended, or its key was revoked.
 
         The database is asked only about tokens that name a valid key, so that junk costs nothing.

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from app.perception.strict import Metres, Number
+from app.perception.strict import Meters, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
@@ -22,7 +22,7 @@ def _no_truth_value(value: object) -> object:
 
 # For numbers that the address of a page may carry as text.
 NOT_A_TRUTH_VALUE = BeforeValidator(_no_truth_value)
-Point = tuple[Metres, Metres, Metres]
+Point = tuple[Meters, Meters, Meters]
 Preset = Literal["auto", "rlbench"]
 
 
@@ -31,9 +31,9 @@ class _Settings(BaseModel):
 
 
 class WorkspaceSettings(_Settings):
-    """The box that the position bins divide and that actions keep to, in metres in the world frame.
+    """The box that the position bins divide and that actions keep to, in meters in the world frame.
 
-    `auto`: what the present demonstrations span with a margin, at least a metre wide. An upload that would more than
+    `auto`: what the present demonstrations span with a margin, at least a meter wide. An upload that would more than
     double it is stored with the finding `beyond-workspace` and moves no bound until `workspace` is set, e.g. to `auto`
     again. `rlbench`: RLBench's. A box of one's own has no preset.
     """
@@ -96,7 +96,7 @@ class KeyframeSettings(_Settings):
 
 
 class KeepOutBox(_Settings):
-    """A box that the hand keeps out of, in metres in the world frame."""
+    """A box that the hand keeps out of, in meters in the world frame."""
 
     min: Point
     max: Point

@@ -119,7 +119,7 @@ class TaskSettings(BaseModel):
         ),
     ] = "one"
     robot_base: Annotated[
-        Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
+        Point, Field(description="where the robot's base stands, meters, world frame; it looks along +x, left is +y")
     ] = (0.0, 0.0, 0.0)
     arm: Annotated[
         ArmModel | None,

@@ -18,7 +18,7 @@ from roboprompt_client.errors import MotionError
 
 LINE_STEP_M, LINE_STEP_RAD = 0.02, 0.08
 LINE_ITERATIONS = 25
-# Neighbouring points of a line whose joints differ by more lie on different branches: the arm would swing between them.
+# Neighboring points of a line whose joints differ by more lie on different branches: the arm would swing between them.
 MAX_LINE_STEP_RAD = 0.6
 # Postures tried for one free move; later ones are far from the arm's own and rarely help.
 MAX_POSTURES = 16

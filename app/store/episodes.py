@@ -103,7 +103,7 @@ def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
     return {row.task: record_of(row) for row in connection.execute(query)}
 
 
-def neighbours(connection: Connection, record: EpisodeRecord) -> tuple[str | None, str | None]:
+def neighbors(connection: Connection, record: EpisodeRecord) -> tuple[str | None, str | None]:
     """The ids of the next older and the next newer episode of the same task."""
     ids = select(_EPISODES.c.id).where(_EPISODES.c.task == record.task).limit(1)
     number = _EPISODES.c.sequence

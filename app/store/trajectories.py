@@ -1,7 +1,7 @@
 """A Trajectory <-> one compressed blob, written and read with its episode; every float64 comes back bit for bit.
 
 Layout: `_MAGIC`, then zlib of `_HEADER` and a (channels, T) float64 matrix whose bytes are regrouped by significance:
-all first bytes, all second bytes, and so on. Neighbouring frames share their high bytes.
+all first bytes, all second bytes, and so on. Neighboring frames share their high bytes.
 
 Measured on 16 recorded simulated episodes, 35.4 kB raw per 200 frames: 28.1 kB in 0.4 ms; .npz (deflate) 33.8 kB in
 1.6 ms; lzma 27.3 kB in 6.4 ms; zlib level 9 1 % smaller, twice the time. Values that were float32 once: 13.8 kB.

@@ -149,7 +149,7 @@ def by_origin(names: Iterable[str]) -> tuple[list[str], list[str]]:
 FILTERS: dict[str, Callable[..., Any]] = {
     "date": lambda moment: f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC",
     "number": "{:,}".format,
-    "metres": lambda position_m: ", ".join(f"{value:z.3f}" for value in position_m),
+    "meters": lambda position_m: ", ".join(f"{value:z.3f}" for value in position_m),
     # a quaternion for a field: to a hundredth of a degree
     "rotation": lambda quaternion_xyzw: " ".join(f"{round(value, 5) + 0.0:g}" for value in quaternion_xyzw),
     # a name of several parts that a narrow column may break between them, and nowhere else; escaped

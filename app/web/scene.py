@@ -1,4 +1,4 @@
-"""A scene as pages show it; world frame, metres.
+"""A scene as pages show it; world frame, meters.
 
 For `static/scene3d.js` a document of workspace, path, end-effector frames and objects; where no camera's picture was
 sent, a small drawing of the poses, of which the template makes SVG. Objects have the color that their names say.
@@ -136,7 +136,7 @@ def scene_picture(
     """The drawing of `objects` and of the way of the end effector; None where there is no object.
 
     Args:
-        keyframes: position (3) in metres and whether the gripper is open; world frame, in their order.
+        keyframes: position (3) in meters and whether the gripper is open; world frame, in their order.
     """
     if not objects:
         return None
@@ -155,18 +155,18 @@ def scene_picture(
 
 
 class _Fit:
-    """World -> page, so that all the points of (N, 3) in metres are seen."""
+    """World -> page, so that all the points of (N, 3) in meters are seen."""
 
     def __init__(self, points_m: Array) -> None:
         flat = _flat(points_m)
         low, high = flat.min(axis=0), flat.max(axis=0)
         room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
-        self._centre = (low + high) / 2
+        self._center = (low + high) / 2
         self._scale = float((room / np.maximum(high - low, MIN_M * np.array([1.0, HEIGHT / WIDTH]))).min())
 
     def __call__(self, points_m: Array) -> Array:
         """(N, 2), x to the right and y down."""
-        page: Array = np.array([WIDTH, HEIGHT]) / 2 + (_flat(points_m) - self._centre) * self._scale
+        page: Array = np.array([WIDTH, HEIGHT]) / 2 + (_flat(points_m) - self._center) * self._scale
         return page.round(1)
 
     def text(self, points_m: Array) -> str:

@@ -58,7 +58,7 @@ WRONG: Mapping[str, Kind] = {
     "mirrored in half": Kind(in_half(recordings.mirrored)),
     "hand mirrored in half": Kind(in_half(recordings.hand_mirrored)),
     "hand mirrored in all": Kind(in_all(recordings.hand_mirrored)),
-    "hand in millimetres in half": Kind(in_half(recordings.hand_in_millimetres)),
+    "hand in millimeters in half": Kind(in_half(recordings.hand_in_millimeters)),
     "gripper inverted in half": Kind(in_half(recordings.gripper_inverted)),
     "gripper inverted in one": Kind(in_one(recordings.gripper_inverted)),
     "gripper inverted in all": _plausible(in_all(recordings.gripper_inverted)),

@@ -95,7 +95,7 @@ def hand_mirrored(case: Case, random: np.random.Generator) -> Change:
     return _hand_mirrored
 
 
-def hand_in_millimetres(case: Case, random: np.random.Generator) -> Change:
+def hand_in_millimeters(case: Case, random: np.random.Generator) -> Change:
     """The hand's positions are a thousand times what they should be."""
     return lambda recording: _with_hand(recording, 1000 * recording.trajectory.positions_m)
 

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Command = NDArray[np.floating[Any]]
 """(4) where the hand shall go, each axis in -1..1 of a step's length, and the gripper's command."""
 
-# Of Meta-World's observation (39): where the hand, two objects and the goal are, in metres of its world frame.
+# Of Meta-World's observation (39): where the hand, two objects and the goal are, in meters of its world frame.
 HAND, OBJECT_1, OBJECT_2, GOAL = slice(0, 3), slice(4, 7), slice(11, 14), slice(36, 39)
 FINGERS = 3  # how far the fingers are apart: 1 open, 0 closed
 SAME_PLACE_M = 1e-3

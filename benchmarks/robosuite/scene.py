@@ -1,6 +1,6 @@
 """robosuite's simulated Panda in the scene of a seed: where its hand and objects are, and how the hand is moved.
 
-Positions are in metres in robosuite's world frame; quaternions are xyzw. The hand's frame is robosuite's grip site: z
+Positions are in meters in robosuite's world frame; quaternions are xyzw. The hand's frame is robosuite's grip site: z
 points out of the fingers, which close along x.
 """
 
@@ -160,5 +160,5 @@ class Scene:
         self._after += self.done
 
     def off(self, target_m: Floats, target: Rotation) -> tuple[float, float]:
-        """How far the hand is from a pose, in metres and radians."""
+        """How far the hand is from a pose, in meters and radians."""
         return float(np.linalg.norm(target_m - self.hand_m)), float((target * self.hand.inv()).magnitude())

@@ -70,7 +70,7 @@ def assert_stopped(arm, gripper_m=None):
         assert arm.state().gripper_width_m == pytest.approx(gripper_m, abs=0.002)
 
 
-def test_it_arrives_within_a_millimetre(arm):
+def test_it_arrives_within_a_millimeter(arm):
     for k, offset_m in enumerate([(0.05, 0.03, -0.08), (-0.08, -0.1, 0.05), (0.03, 0.07, 0.03)]):
         action = to(arm, offset_m, gripper_open=k % 2 == 0, turn_rad=0.2 * (-1) ** k)
         arm.execute(action)

@@ -52,7 +52,7 @@ def bounded_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]
 
 
 def positions_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    """As `bounded_array`, of positions in metres."""
+    """As `bounded_array`, of positions in meters."""
     return bounded_array(name, value, shape, MAX_M, "m")
 
 

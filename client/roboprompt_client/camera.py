@@ -15,7 +15,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 ROTATION_MATRIX_TOLERANCE = 1e-3
-MAX_PX = 1e6  # of a focal length or an optical centre
+MAX_PX = 1e6  # of a focal length or an optical center
 MIN_FOCAL_PX = 0.1
 MIN_DEPTH_SCALE_M, MAX_DEPTH_SCALE_M = 1e-7, 1.0  # per unit of a 16-bit image
 MAX_AWAY_M = 50.0  # of a camera from the world's origin; in millimeters even a camera on a tripod is farther
@@ -50,7 +50,7 @@ class Camera:
             remedy = "positive focal lengths: OpenCV axes, x right, y down, z forward (RLBench's are negative)"
             raise InvalidInputError(f"{where}.intrinsics", f"fx = {fx:g}, fy = {fy:g}", remedy)
         if not MIN_DEPTH_SCALE_M <= self.depth_scale <= MAX_DEPTH_SCALE_M:
-            remedy = f"metres per unit of a depth image, {MIN_DEPTH_SCALE_M:g} to {MAX_DEPTH_SCALE_M:g}"
+            remedy = f"meters per unit of a depth image, {MIN_DEPTH_SCALE_M:g} to {MAX_DEPTH_SCALE_M:g}"
             raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", remedy)
         settle(self, camera_to_world=checked_camera_pose(f"{where}.camera_to_world", self.camera_to_world))
 
@@ -89,7 +89,7 @@ def checked_camera_pose(field: str, value: npt.ArrayLike) -> Array:
     """
     transform = positions_array(field, value, (4, 4))
     if not _is_rigid(transform):
-        remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
+        remedy = "a rigid transform: rotation matrix, translation in meters, last row 0 0 0 1"
         raise InvalidInputError(field, "is not a rigid transform", remedy)
     if (away_m := float(np.linalg.norm(transform[:3, 3]))) > MAX_AWAY_M:
         message = f"puts the camera {away_m:.0f} m away: probably millimeters"
@@ -168,6 +168,6 @@ def _check_image_size(camera: Camera, part: str, width: int, height: int) -> Non
         return
     off = max(abs(camera.cx_px / width - 0.5), abs(camera.cy_px / height - 0.5))
     if off > OPTICAL_CENTRE_TOLERANCE:
-        centre = f"({camera.cx_px:g}, {camera.cy_px:g})"
-        message = f"is {width}x{height}, but the intrinsics put the optical centre at {centre}"
+        center = f"({camera.cx_px:g}, {camera.cy_px:g})"
+        message = f"is {width}x{height}, but the intrinsics put the optical center at {center}"
         raise InvalidInputError(part, message, f"{remedy}; for a cropped image give the camera's width and height")

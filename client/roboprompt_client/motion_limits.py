@@ -154,7 +154,7 @@ def _point(field: str, value: object) -> tuple[float, ...]:
     items = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
     numbers = [number for item in items if (number := _number(item)) is not None]
     if len(numbers) != 3 or len(items) != 3:
-        raise InvalidInputError(field, f"is {value!r:.80}", "3 finite numbers, in metres")
+        raise InvalidInputError(field, f"is {value!r:.80}", "3 finite numbers, in meters")
     return tuple(numbers)
 
 

@@ -158,7 +158,7 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
         index = int(np.flatnonzero(bad)[0])
         remedy = "0 (closed) or 1 (open), what the fingers have done"
         if numbers.min() >= 0 and numbers.max() <= MAX_GRIPPER_WIDTH_M:
-            remedy += "; widths in metres are gripper_width"
+            remedy += "; widths in meters are gripper_width"
         raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
     booleans = numbers.astype(np.bool_)
     booleans.flags.writeable = False
@@ -169,7 +169,7 @@ def _widths(name: str, value: npt.ArrayLike, length: int) -> Array:
     widths_m = finite_array(name, value, (length,))
     if widths_m.min() < -WIDTH_ROUNDING_M or widths_m.max() > MAX_GRIPPER_WIDTH_M:
         message = f"is {widths_m.min():.4g} to {widths_m.max():.4g}"
-        raise InvalidInputError(name, message, f"metres between the fingers, 0 to {MAX_GRIPPER_WIDTH_M}")
+        raise InvalidInputError(name, message, f"meters between the fingers, 0 to {MAX_GRIPPER_WIDTH_M}")
     return widths_m
 
 

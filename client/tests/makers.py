@@ -1,7 +1,7 @@
 """The makers' interfaces as they document them, over a point that moves in straight lines.
 
-Units and return values are theirs: franky metres and x y z w, UR metres and rotation vectors, xArm millimetres and
-codes, LeRobot metres, rotation vectors and per cent.
+Units and return values are theirs: franky meters and x y z w, UR meters and rotation vectors, xArm millimeters and
+codes, LeRobot meters, rotation vectors and per cent.
 """
 
 from types import SimpleNamespace as Named

@@ -47,7 +47,7 @@ def test_it_arrives_and_sets_the_gripper(arm, body):
     assert (arm.state().gripper_width_m or 0.08) >= 0.08
 
 
-def test_its_state_is_in_metres_and_radians(arm):
+def test_its_state_is_in_meters_and_radians(arm):
     state = arm.state()
     np.testing.assert_allclose(state.position_m, FIRST_M, atol=1e-9)
     assert np.abs(state.joint_positions_rad).max() < 4

@@ -84,8 +84,8 @@ def test_every_camera_is_found_by_one_fit(carried):
     true = {"wrist": IN_THE_HAND} if carried else FIXED
     found = fit_cameras(list(sightings(carried)), dict.fromkeys(true, K), carried=carried)
     for name, mount in true.items():
-        metres, degrees = off(found[name].mount, mount)
-        assert metres < 0.001, (name, metres)
+        meters, degrees = off(found[name].mount, mount)
+        assert meters < 0.001, (name, meters)
         assert degrees < 0.1, (name, degrees)
         assert found[name].rms_px == pytest.approx(0.15 * np.sqrt(2), rel=0.2)
         assert found[name].advice == ""
@@ -166,8 +166,8 @@ def test_the_command_moves_the_hand_and_writes_the_cell_s_file(cell, monkeypatch
     written = {camera["name"]: camera for camera in json.loads(cell.read_text())["cameras"]}
     field = "camera_to_hand" if carried else "camera_to_world"
     for name, true in ({"wrist": IN_THE_HAND} if carried else FIXED).items():
-        metres, degrees = off(np.array(written[name][field]), true)
-        assert metres < 0.003, (name, metres)
+        meters, degrees = off(np.array(written[name][field]), true)
+        assert meters < 0.003, (name, meters)
         assert degrees < 0.3, (name, degrees)
     assert written["front" if carried else "wrist"]["camera_to_world" if carried else "camera_to_hand"] is None
     assert "nothing: good" in said

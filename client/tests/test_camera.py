@@ -96,13 +96,13 @@ def test_images_of_another_size_than_the_intrinsics_are_refused(seen_by, size):
     assert f"{size[0]}x{size[1]}" in caught.value.message
 
 
-def test_a_known_size_allows_an_optical_centre_far_off():
+def test_a_known_size_allows_an_optical_center_far_off():
     cropped = camera(cx_px=-10, image_size_px=(WIDTH, HEIGHT))
     assert RgbdFrame(cropped, **images()).camera is cropped
 
 
 def looking_down():
-    """One metre above the world's origin, its optical axis along -z of the world, its x axis along x."""
+    """One meter above the world's origin, its optical axis along -z of the world, its x axis along x."""
     transform = np.diag([1.0, -1.0, -1.0, 1.0])
     transform[2, 3] = 1.0
     return camera(fx_px=60, fy_px=40, camera_to_world=transform)

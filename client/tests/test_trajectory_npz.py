@@ -190,7 +190,7 @@ def test_fingers_that_do_not_move_do_not_say_whether_they_are_open():
 @pytest.mark.parametrize(
     "widths", [np.full(FRAMES, 80.0), np.full(FRAMES - 1, 0.04), np.full((FRAMES, 2), 0.04), ["wide"] * FRAMES]
 )
-def test_widths_are_metres(widths):
+def test_widths_are_meters(widths):
     with pytest.raises(InvalidInputError) as caught:
         trajectory_from_arrays(arrays(gripper_width=widths))
     assert caught.value.field == "trajectory.gripper_width"

@@ -251,7 +251,7 @@ for _words, _right in (
     (f"pick up the {RED} tomorrow", None),
     (f"pick up the non-{RED}", BLUE),
     (f"PICK UP THE {RED.upper()}", RED),
-    (f"pick up the {RED}'s neighbour", BLUE),
+    (f"pick up the {RED}'s neighbor", BLUE),
 ):
     _asked_otherwise(_words, _right)
 
@@ -713,7 +713,7 @@ def a_side_decides_and_the_base_was_turned_round(a):
 
 
 @sequence
-def a_misspelt_name(a):
+def a_misspelled_name(a):
     """`rde cube` beside a blue one."""
     a.teach_picks()
     places = a.places(RED, BLUE)

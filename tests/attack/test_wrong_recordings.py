@@ -19,7 +19,7 @@ SHORT = (
     *[*RIGHT][:3],
     "hand shifted in half",
     "gripper inverted in one",
-    "hand in millimetres in half",
+    "hand in millimeters in half",
     "w first in half",
     "name in capitals in question",
     "name twice, one underscored",

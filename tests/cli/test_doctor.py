@@ -59,7 +59,7 @@ def test_status_is_1_where_something_needed_fails(look, variable, value, said):
     assert "missing or wrong" in run.output
 
 
-def test_a_misspelt_setting_is_named_with_the_right_one(look):
+def test_a_misspelled_setting_is_named_with_the_right_one(look):
     run = look(ROBOPROMPT_DEFAULT_MODLE="x")
     assert run.exit_code == 0
     assert "did you mean ROBOPROMPT_DEFAULT_MODEL?" in run.output

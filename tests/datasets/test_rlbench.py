@@ -76,7 +76,7 @@ def test_every_camera_puts_the_object_where_it_is(folder, tmp_path):
         assert set(np.unique(frame.mask)) == {peract.DRAWER_ID, peract.TABLE_ID}
 
 
-def test_depth_keeps_a_tenth_of_a_millimetre(folder, tmp_path):
+def test_depth_keeps_a_tenth_of_a_millimeter(folder, tmp_path):
     (parcel,) = read(tmp_path)
     for frame in frames(parcel):
         depth_m, _, _ = peract.view(peract.default_matrices()[frame.camera.name])

@@ -1,4 +1,4 @@
-"""Object models learned from labelled episodes, over HTTP and from the command line."""
+"""Object models learned from labeled episodes, over HTTP and from the command line."""
 
 import pytest
 
@@ -12,7 +12,7 @@ LIGHT_GREY = cube("grey", 0.10, 0.12)
 
 
 def label(http, task, objects=MASKED, places=PLACES):
-    """Upload labelled episodes."""
+    """Upload labeled episodes."""
     for solids in places:
         answer = http.post("/episodes", files=episode(task, frames(solids, masks=True), objects=objects))
         assert answer.status_code == 201, answer.text
@@ -24,8 +24,8 @@ def learn(http, task, **fields):
 
 @pytest.fixture(scope="module")
 def learned(http):
-    label(http, "labelled")
-    response = learn(http, "labelled")
+    label(http, "labeled")
+    response = learn(http, "labeled")
     assert response.status_code == 200, response.text
     LearnedOut.model_validate_json(response.content)
     return response.json()
@@ -36,7 +36,7 @@ def test_sizes_and_colors_are_learned_from_masks(http, learned):
     assert len(learned["episode_ids"]) == len(PLACES)
     for model in learned["object_models"].values():
         assert model["size_m"] == pytest.approx([0.05] * 3, abs=0.002)
-    assert http.get("/tasks/labelled").json()["object_models"] == learned["object_models"]
+    assert http.get("/tasks/labeled").json()["object_models"] == learned["object_models"]
 
 
 def test_stored_episodes_are_found_again_by_what_was_learned(http, learned):
@@ -48,10 +48,10 @@ def test_stored_episodes_are_found_again_by_what_was_learned(http, learned):
 
 def test_from_then_on_names_are_enough(http, learned):
     solids = (cube("red", 0.0, 0.0, 0.4), cube("blue", 0.1, -0.08))
-    answer = http.post("/predict", files=seen("labelled", frames(solids), NAMES, dry_run=True))
+    answer = http.post("/predict", files=seen("labeled", frames(solids), NAMES, dry_run=True))
     assert_found(answer.json()["objects"], solids)
-    assert http.post("/episodes", files=episode("labelled", frames(solids))).status_code == 201
-    assert len(learn(http, "labelled").json()["episode_ids"]) == len(PLACES)  # the new one has no labels
+    assert http.post("/episodes", files=episode("labeled", frames(solids))).status_code == 201
+    assert len(learn(http, "labeled").json()["episode_ids"]) == len(PLACES)  # the new one has no labels
 
 
 def test_what_cannot_be_learned_is_told_and_the_rest_is_learned(http):

@@ -61,7 +61,7 @@ CASES = {
     "object name breaks the prompt": (objects({"name": "}>[[", "position": [0, 0, 1]}), "objects.name"),
     "instruction of two lines": ({"document": {"instruction": "go\nhome"}}, "instruction"),
     "extra with NaN": ({"document": {"extra": {"score": float("nan")}}}, "extra"),
-    "misspelt field": ({"document": {"instructions": "go"}}, "instructions"),
+    "misspelled field": ({"document": {"instructions": "go"}}, "instructions"),
     "no instruction": ({"document": {"instruction": None}}, "instruction"),
 }
 

@@ -126,8 +126,8 @@ FRONT_AS_LEFT = replace(FRONT, name="left")
 BAD = {
     "no depth": (without_depth, "invalid-input", "depth_front", "is missing"),
     "all-zero depth": (without_known_depth, "invalid-input", "depth_left", "0 (unknown) everywhere"),
-    "millimetres as metres": (lambda: scaled(1000), "invalid-input", "depth_front", "the scale is wrong"),
-    "metres as kilometres": (lambda: scaled(0.001), "invalid-input", "depth_front", "the scale is wrong"),
+    "millimeters as meters": (lambda: scaled(1000), "invalid-input", "depth_front", "the scale is wrong"),
+    "meters as kilometres": (lambda: scaled(0.001), "invalid-input", "depth_front", "the scale is wrong"),
     "no camera": (list, "invalid-input", "cameras", "there is none"),
     "swapped cameras": (swapped, None, None, "camera"),
     "outside the view": (

@@ -124,10 +124,10 @@ class Lab:
 
     def camera(self, name, along_x_m=0.0):
         """Its true calibration, or that of one which is so far beside it."""
-        centre_px = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
+        center_px = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
         pose = camera_to_world(PLACES[name]) if name in PLACES else self.hand() @ WRIST
         pose[:3, 3] += along_x_m * pose[:3, 0]
-        return Camera(name, FOCAL_PX, FOCAL_PX, *centre_px, pose)
+        return Camera(name, FOCAL_PX, FOCAL_PX, *center_px, pose)
 
     def hand(self):
         """(4, 4) where it is."""

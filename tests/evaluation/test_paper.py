@@ -32,7 +32,7 @@ POSE = ObjectPose("cube", [0.2, -0.1, 0.8], Rotation.from_euler("xyz", [0.2, -0.
 
 
 def errors(scale, seed):
-    """Shift (3,) in metres and turn in radians."""
+    """Shift (3,) in meters and turn in radians."""
     (noisy,) = disturbed([POSE], scale, seed)
     turn = Rotation.from_quat(noisy.quaternion_xyzw) * Rotation.from_quat(POSE.quaternion_xyzw).inv()
     return noisy.position_m - POSE.position_m, turn.as_rotvec()

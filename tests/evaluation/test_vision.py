@@ -15,7 +15,7 @@ from app.evaluation.methods import with_poses
 from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.sweeps import REGRESSION
-from app.evaluation.teach import FIRST_LABELLED_SEED, Lesson, images_only, with_models
+from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_models
 from app.pipeline.geometry import yaw_rad
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
@@ -23,7 +23,7 @@ from tests.e2e.processes import running_server
 from tests.evaluation.test_run import InlineExecutor
 
 (VISION,) = with_poses([REGRESSION], "vision")
-LABELLED_SCENES = 3  # enough for these scenes, and quick
+LABELED_SCENES = 3  # enough for these scenes, and quick
 NAMES = ["block", "green target"]
 
 
@@ -41,7 +41,7 @@ def run_plan(url, folder, task, episodes=1, num_cameras=2):
         Ledger(folder / "results.jsonl") as ledger,
         RoboPromptClient(url) as client,
     ):
-        patch.setattr(run, "LABELLED_SCENES", LABELLED_SCENES)
+        patch.setattr(run, "LABELED_SCENES", LABELED_SCENES)
         (evaluated,) = run.Run(plan, ledger, client, InlineExecutor(), Progress(disable=True))().tasks
     return evaluated
 
@@ -79,9 +79,9 @@ def test_neither_poses_nor_masks_are_sent(trial, url):
 
 def test_models_are_learned_from_scenes_of_their_own(trial, url):
     task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
-    labelled = httpx.get(f"{url}/episodes", params={"task": f"{task}.labels"}).json()["episodes"]
-    taught = [httpx.get(f"{url}/episodes/{item['id']}").json() for item in labelled[::-1]]
-    assert [item["extra"]["seed"] for item in taught] == [FIRST_LABELLED_SEED + k for k in range(LABELLED_SCENES)]
+    labeled = httpx.get(f"{url}/episodes", params={"task": f"{task}.labels"}).json()["episodes"]
+    taught = [httpx.get(f"{url}/episodes/{item['id']}").json() for item in labeled[::-1]]
+    assert [item["extra"]["seed"] for item in taught] == [FIRST_LABELED_SEED + k for k in range(LABELED_SCENES)]
 
 
 def test_what_is_no_box_is_found_by_what_it_looked_like(url, tmp_path):

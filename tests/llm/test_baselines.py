@@ -26,7 +26,7 @@ def linear_prefix(num_demonstrations, seed=0, names=("drawer",)):
 
 
 @pytest.mark.parametrize("names", [("drawer",), ("lid", "jar"), ("cup 1", "cup 2")])
-def test_a_linear_task_is_learnt_exactly(names):
+def test_a_linear_task_is_learned_exactly(names):
     query = absolute({name: [33 + k, 44, 55] for k, name in enumerate(names)})
     x = 33 + len(names) - 1
     expected = f"[[{x}, 44, 68, 0, 39, 0, 1], [{x + 2}, 44, 55, 0, 39, 0, 0]]"

@@ -39,8 +39,8 @@ def looking_at(eye_m, target_m):
 
 
 def camera(name="front", eye_m=(0.6, 0.5, 0.7), target_m=(0.0, 0.0, 0.0)):
-    centre = (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2
-    return Camera(name, FOCAL_PX, FOCAL_PX, *centre, looking_at(eye_m, target_m))
+    center = (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2
+    return Camera(name, FOCAL_PX, FOCAL_PX, *center, looking_at(eye_m, target_m))
 
 
 def marker_quad(dictionary, marker_id, size_m, marker_to_world):
@@ -76,7 +76,7 @@ def render(view, quads, table_z_m=0.0):
 
 
 def _texels_to_fine_pixels(view, quad):
-    """(3, 3): texel index -> index of a pixel that is SUPERSAMPLING times finer; both count centres."""
+    """(3, 3): texel index -> index of a pixel that is SUPERSAMPLING times finer; both count centers."""
     rows, columns = quad.texture.shape
     width, height = quad.size_m
     texel_to_quad = np.array(

@@ -81,5 +81,5 @@ def _enter(solid, eye, rays):
     return np.where(entry < leave, entry, np.inf), shade
 
 
-def labelled(name, solid, number, **more):
+def labeled(name, solid, number, **more):
     return ObjectQuery(name, solid.position_m, solid.quaternion_xyzw, (number,), **more)

@@ -33,7 +33,7 @@ def errors(pose, solid, symmetry_deg):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_cube_is_found_to_two_millimetres_and_two_degrees(seed):
+def test_a_cube_is_found_to_two_millimeters_and_two_degrees(seed):
     random = np.random.default_rng(seed)
     solid = cube("red", *random.uniform(-0.1, 0.1, 2), random.uniform(-np.pi, np.pi))
     (pose,) = estimate([shoot([solid], seed=seed)], block=model())

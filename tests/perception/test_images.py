@@ -62,9 +62,9 @@ def test_16_bit_depth_has_the_cameras_scale():
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64, ">f4"])
-def test_depth_arrays_are_metres_and_unknown_where_not_finite(kind):
-    metres = np.array([[0.5, np.nan], [np.inf, 0]], kind)
-    seen = depth(npy(metres), 0.00025)
+def test_depth_arrays_are_meters_and_unknown_where_not_finite(kind):
+    meters = np.array([[0.5, np.nan], [np.inf, 0]], kind)
+    seen = depth(npy(meters), 0.00025)
     np.testing.assert_array_equal(seen, [[0.5, 0], [0, 0]])
     assert seen.dtype == np.float32
 

@@ -4,12 +4,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.pieces import color_mask, to_hsv
 from roboprompt_client.errors import InvalidInputError
-from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, labelled, shoot
+from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, labeled, shoot
 
 BAR_M = (0.08, 0.04, 0.03)
 
@@ -20,14 +20,14 @@ def shot(solids, view, seed):
     return shoot(solids, view, seed)
 
 
-def scenes(solids_of, count=3, labels=labelled, views=(FRONT, LEFT)):
+def scenes(solids_of, count=3, labels=labeled, views=(FRONT, LEFT)):
     """`solids_of` gives the named solids of a scene from a random generator."""
     made = []
     for seed in range(count):
         named = solids_of(np.random.default_rng(seed))
         frames = tuple(shot(tuple(named.values()), view, seed) for view in views)
         objects = tuple(labels(name, solid, k) for k, (name, solid) in enumerate(named.items(), 1) if name[0] != "_")
-        made.append(LabelledScene(frames, objects))
+        made.append(LabeledScene(frames, objects))
     return made
 
 
@@ -84,7 +84,7 @@ def test_masks_do_without_poses():
 def test_wrong_labels_are_found_out():
     def shifted(name, solid, number):
         x, y, z = solid.position_m
-        return labelled(name, replace(solid, position_m=(x + (0.1 if x > 0 else 0), y, z)), number)
+        return labeled(name, replace(solid, position_m=(x + (0.1 if x > 0 else 0), y, z)), number)
 
     with pytest.raises(InvalidInputError) as caught:
         learn_models(scenes(cube_and_bar, labels=shifted))
@@ -103,7 +103,7 @@ def test_given_positions_do_without_masks():
 def test_a_round_button_is_learned_as_a_cylinder_with_its_pose_on_top():
     def on_top(name, solid, number):
         x, y, z = solid.position_m
-        return labelled(name, replace(solid, position_m=(x, y, z + solid.size_m[2] / 2)), number)
+        return labeled(name, replace(solid, position_m=(x, y, z + solid.size_m[2] / 2)), number)
 
     button = Solid("yellow", (0, 0, 0), 0, (0.06, 0.06, 0.03), round=True)
     seen = scenes(lambda random: anywhere(random, button=button), labels=on_top)
@@ -154,6 +154,6 @@ def test_there_must_be_something_to_learn_from():
     with pytest.raises(InvalidInputError) as caught:
         learn_models([])
     assert caught.value.field == "episodes"
-    hidden = LabelledScene((shoot([]),), (ObjectQuery("cube", mask_ids=(7,)),))
+    hidden = LabeledScene((shoot([]),), (ObjectQuery("cube", mask_ids=(7,)),))
     with pytest.raises(InvalidInputError, match="no camera shows it"):
         learn_models([hidden])

@@ -49,7 +49,7 @@ def estimate(frames, *queries):
 
 
 def error_of(pose, object_to_world):
-    """Centimetres and degrees."""
+    """Centimeters and degrees."""
     turn = Rotation.from_quat(pose.quaternion_xyzw).inv() * Rotation.from_matrix(object_to_world[:3, :3])
     return 100 * np.linalg.norm(pose.position_m - object_to_world[:3, 3]), np.degrees(turn.magnitude())
 
@@ -93,13 +93,13 @@ def test_small_markers_are_found_in_the_enlarged_image(dictionary):
 
 @pytest.mark.parametrize("upright", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_a_cube_is_found_to_millimetres(seed, upright):
+def test_a_cube_is_found_to_millimeters(seed, upright):
     random = np.random.default_rng(seed)
     truth = pose_of((*random.uniform(-0.15, 0.15, 2), 0.025), random.uniform(-180, 180))
     view = camera(eye_m=(*random.uniform(0.3, 0.6, 2), random.uniform(0.5, 0.8)))
     (pose,) = estimate([scene(view, (3, SIZE_M, truth @ ON_TOP), seed=seed)], cube(upright=upright))
-    centimetres, degrees = error_of(pose, truth)
-    assert centimetres < 0.2
+    centimeters, degrees = error_of(pose, truth)
+    assert centimeters < 0.2
     assert degrees < 1
     assert (pose.name, pose.estimator, pose.cameras) == ("red cube", "markers", ("front",))
     assert pose.confidence > 0.9
@@ -108,20 +108,20 @@ def test_a_cube_is_found_to_millimetres(seed, upright):
 def test_a_tilted_object_is_found_as_it_lies():
     truth = pose_of((0, 0, 0.05), 40, 30)
     (pose,) = estimate([scene(camera(), (3, SIZE_M, truth @ ON_TOP))])
-    centimetres, degrees = error_of(pose, truth)
-    assert centimetres < 0.2
+    centimeters, degrees = error_of(pose, truth)
+    assert centimeters < 0.2
     assert degrees < 1
 
 
 def test_all_markers_of_a_fixture_count():
-    # the fixture's origin lies 20 cm from either marker: one alone would turn its errors into several millimetres
+    # the fixture's origin lies 20 cm from either marker: one alone would turn its errors into several millimeters
     left, right = pose_of((-0.15, 0.1, 0)), pose_of((0.15, 0.1, 0), 90)
     fixture = pose_of((0, -0.1, 0), 10)
     frame = scene(camera(), (1, 0.03, fixture @ left), (2, SIZE_M, fixture @ right))
     model = MarkersModel(DICTIONARY, (Marker(1, 0.03, rows(left)), Marker(2, SIZE_M, rows(right)), Marker(9, 0.03)))
     (pose,) = estimate([frame], ObjectQuery("fixture", model=model))
-    centimetres, degrees = error_of(pose, fixture)
-    assert centimetres < 0.15
+    centimeters, degrees = error_of(pose, fixture)
+    assert centimeters < 0.15
     assert degrees < 0.3
 
 

@@ -17,10 +17,10 @@ UP = np.array([0.0, 0.0, 0.1])
 
 def lift(x_m, num_actions=2):
     """Grasp the cup where it stands, then lift it, with which it moves."""
-    centre = np.array([x_m, 0.2, 0.705])
-    actions = [action(centre, gripper_open=False), *[action(centre + UP)] * (num_actions - 1)]
-    cups = [pose("cup", centre, 0), *[pose("cup", centre + UP, 0)] * (num_actions - 1)]
-    return Demonstration(LIFT, (pose("cup", centre, 0),), tuple(actions), "e1", tuple((cup,) for cup in cups))
+    center = np.array([x_m, 0.2, 0.705])
+    actions = [action(center, gripper_open=False), *[action(center + UP)] * (num_actions - 1)]
+    cups = [pose("cup", center, 0), *[pose("cup", center + UP, 0)] * (num_actions - 1)]
+    return Demonstration(LIFT, (pose("cup", center, 0),), tuple(actions), "e1", tuple((cup,) for cup in cups))
 
 
 def written(*demonstrations, representation="object_frame"):

@@ -139,7 +139,7 @@ def test_errors_name_field_element_and_remedy():
     assert issubclass(InvalidInputError, RoboPromptError)
 
 
-def test_a_slightly_long_quaternion_is_normalised_once():
+def test_a_slightly_long_quaternion_is_normalized_once():
     unit = unit_quaternions("q", [0, 0, 0, 1.0009], (4,))
     np.testing.assert_array_equal(unit, [0, 0, 0, 1])
     generated = np.random.default_rng(0).normal(size=(200, 4))

@@ -33,7 +33,7 @@ def test_what_would_break_the_structure_is_refused(text):
         checked_name("objects.name", text)
 
 
-PERSIAN = "\u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645"  # with a joiner, as it is spelt
+PERSIAN = "\u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645"  # with a joiner, as it is spelled
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
     Workspace,
-    bin_centre,
+    bin_center,
     discretize_actions,
     object_bins,
     position_bins,
@@ -38,13 +38,13 @@ def test_the_specs_action():
 
 @given(positions())
 def test_a_position_comes_back_within_half_a_bin(position_m):
-    back_m = bin_centre(position_bins(position_m, WORKSPACE), WORKSPACE)
+    back_m = bin_center(position_bins(position_m, WORKSPACE), WORKSPACE)
     assert (np.abs(back_m - position_m) <= WORKSPACE.bin_size_m / 2 + 1e-9).all()
 
 
 @given(positions(TABLE.min_m, TABLE.max_m))
 def test_each_axis_has_its_own_bin_size(position_m):
-    back_m = bin_centre(position_bins(position_m, TABLE), TABLE)
+    back_m = bin_center(position_bins(position_m, TABLE), TABLE)
     assert (np.abs(back_m - position_m) <= np.array([0.0075, 0.0035, 0.0015]) + 1e-9).all()
 
 
@@ -62,8 +62,8 @@ def test_bins_stand_for_the_same_rotation_after_a_second_binning(bins):
 
 
 @given(st.tuples(*[st.integers(0, POSITION_BINS - 1)] * 3))
-def test_position_bins_come_back_from_their_centre(bins):
-    assert position_bins(bin_centre(bins, TABLE), TABLE) == bins
+def test_position_bins_come_back_from_their_center(bins):
+    assert position_bins(bin_center(bins, TABLE), TABLE) == bins
 
 
 @pytest.mark.parametrize("workspace", [WORKSPACE, TABLE], ids=["rlbench", "table"])

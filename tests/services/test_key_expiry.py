@@ -16,11 +16,11 @@ def test_a_key_is_accepted_until_it_expires(store):
 
     async def ask():
         ring = KeyRing(store)
-        before = [await ring.recognise(token) for token in (lasting, brief)]
+        before = [await ring.recognize(token) for token in (lasting, brief)]
         await asyncio.sleep(LIFE.total_seconds())
         with pytest.raises(ExpiredKeyError, match="'brief' expired at"):
-            await ring.recognise(brief)
-        after = await ring.recognise(lasting)
+            await ring.recognize(brief)
+        after = await ring.recognize(lasting)
         await ring.aclose()
         return [caller.name for caller in (*before, after)]
 

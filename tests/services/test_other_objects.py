@@ -124,7 +124,7 @@ def test_uploads_may_have_other_bystanders(services):
     [
         (("fork",), "put the fork on the plate", "cube"),  # words name it
         (("fork",), INSTRUCTION, "fork"),  # the hand closes on it
-        (("fork", "Milk"), INSTRUCTION, "cube"),  # spelt otherwise
+        (("fork", "Milk"), INSTRUCTION, "cube"),  # spelled otherwise
     ],
 )
 def test_an_upload_with_a_new_object_that_matters_is_refused(services, objects, instruction, grasps):

@@ -66,7 +66,7 @@ def test_renderers_agree(scene, camera):
     with OpenGLRenderer(scene.model) as opengl, RayCaster(scene.model) as rays:
         expected, cast = opengl.rgbd(scene.data, camera), rays.rgbd(scene.data, camera)
     assert np.mean(expected.mask == cast.mask) > 0.995
-    # Away from edges and from the grazing far floor, where a pixel spans centimetres of depth
+    # Away from edges and from the grazing far floor, where a pixel spans centimeters of depth
     smooth = generic_gradient_magnitude(expected.depth_m, sobel) < 0.1
     steady = interior(smooth & (expected.mask == cast.mask) & (expected.depth_m < 2.5))
     assert steady.mean() > 0.3

@@ -50,17 +50,17 @@ def test_what_is_no_key_is_not_made(store, name, scopes):
 def test_the_ring_reads_the_keys_once_in_a_while(store):
     token, reads = create_key(store, "robot", ["predict"]), []
 
-    async def recognise_often():
+    async def recognize_often():
         ring = KeyRing(store, known_for_s=0.2)
         read, ring._read = ring._read, lambda: reads.append(1) or read()  # type: ignore[method-assign, func-returns-value]
-        callers = [await ring.recognise(token) for _ in range(50)]
+        callers = [await ring.recognize(token) for _ in range(50)]
         assert {caller.name for caller in callers if caller} == {"robot"}
         assert callers[0] is not None
         assert callers[0].may(frozenset({"predict", "read"}))
         assert not callers[0].may(frozenset({"upload"}))
         write(store, api_keys.revoke, token.split("_")[1])
         await asyncio.sleep(0.25)
-        assert await ring.recognise(token) is None
+        assert await ring.recognize(token) is None
 
-    asyncio.run(recognise_often())
+    asyncio.run(recognize_often())
     assert len(reads) == 2

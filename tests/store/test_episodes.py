@@ -73,14 +73,14 @@ def test_task_forgets_its_object_names_with_its_last_episode(store):
         assert [episode.id for episode in episodes.list_page(connection).items] == [other.id]
 
 
-def test_the_newest_of_each_task_and_the_neighbours_of_one(store):
+def test_the_newest_of_each_task_and_the_neighbors_of_one(store):
     first, other, second, third = (upload(store, episode_draft(task=task)) for task in (TASK, "other", TASK, TASK))
     with store.read() as connection:
         newest = {TASK: replace(third, extra=None), "other": replace(other, extra=None)}
         assert episodes.newest_by_task(connection) == newest
-        assert episodes.neighbours(connection, first) == (None, second.id)
-        assert episodes.neighbours(connection, second) == (first.id, third.id)
-        assert episodes.neighbours(connection, other) == (None, None)
+        assert episodes.neighbors(connection, first) == (None, second.id)
+        assert episodes.neighbors(connection, second) == (first.id, third.id)
+        assert episodes.neighbors(connection, other) == (None, None)
 
 
 def test_instructions_are_searched_as_they_are_written(store):

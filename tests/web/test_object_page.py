@@ -92,7 +92,7 @@ def test_a_click_on_the_table_is_refused_and_taken_back(marking):
 def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, shelf, http):
     page = marking
     expect(page.locator("#enough")).to_have_text(
-        "carton: 0 labelled episodes; one is enough to try, three are to rely on."
+        "carton: 0 labeled episodes; one is enough to try, three are to rely on."
     )
     picture = page.locator("svg.marking").first
     picture.focus()
@@ -103,7 +103,7 @@ def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, 
     picture.press("Enter")
     assert min(num_pixels(page)) > 1000
     page.get_by_role("button", name="Keep this label").press("Enter")
-    expect(page.locator("#enough")).to_contain_text("carton: 1 labelled episode; one is enough to try")
+    expect(page.locator("#enough")).to_contain_text("carton: 1 labeled episode; one is enough to try")
     expect(page.locator("#labels li")).to_have_count(1)
     page.get_by_role("button", name="Learn and look").press("Enter")
     expect(page.locator("#progress")).to_have_text("3 of 3 episodes: 3 found")

@@ -19,7 +19,7 @@ _BINARY = {"type": "string", "format": "binary"}
 _OF_CAMERA = "of the camera that metadata names `front`, if there is one; `{kind}_NAME` of a camera NAME"
 _IMAGES = {
     "rgb": f"PNG, JPEG or .npy: the colors {_OF_CAMERA.format(kind='rgb')}",
-    "depth": f"16-bit PNG, or .npy in metres: the depth {_OF_CAMERA.format(kind='depth')}",
+    "depth": f"16-bit PNG, or .npy in meters: the depth {_OF_CAMERA.format(kind='depth')}",
     "mask": f"16-bit PNG or .npy: ids of the objects' pixels {_OF_CAMERA.format(kind='mask')}",
 }
 

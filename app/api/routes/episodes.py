@@ -55,7 +55,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     """Store a demonstration: its keyframes are found, its objects' poses estimated.
 
     Multipart: a part `metadata` (JSON), a part `trajectory` (.npz, no pickles) and per camera NAME the parts `rgb_NAME`
-    (PNG, JPEG or .npy), `depth_NAME` (16-bit PNG, or .npy in metres) and `mask_NAME` (16-bit PNG or .npy of ids). Or
+    (PNG, JPEG or .npy), `depth_NAME` (16-bit PNG, or .npy in meters) and `mask_NAME` (16-bit PNG or .npy of ids). Or
     one JSON document with the same names, arrays inline, images in base64. The first episode of a task creates it.
 
     To try it, save [trajectory.npz](ui/sample/trajectory.npz) and [rgb_front.jpg](ui/sample/rgb_front.jpg), and choose

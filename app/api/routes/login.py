@@ -49,7 +49,7 @@ async def login(
 ) -> Response:
     """Begin a session, if it is a key."""
     try:
-        caller = await services.keys.recognise(key.strip())
+        caller = await services.keys.recognize(key.strip())
     except ExpiredKeyError:
         return _page("This key has expired.", 401)
     if caller is None:

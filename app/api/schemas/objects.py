@@ -175,7 +175,7 @@ class LabelPreviewOut(BaseModel):
     yaw_deg: float | None
 
 
-class LabelledCamera(BaseModel):
+class LabeledCamera(BaseModel):
     """A camera of a label."""
 
     name: str
@@ -183,13 +183,13 @@ class LabelledCamera(BaseModel):
 
 
 class LabelOut(BaseModel):
-    """A labelled view of an object."""
+    """A labeled view of an object."""
 
     id: str
     task: str
     object: str
     episode_id: str | None
-    cameras: list[LabelledCamera]
+    cameras: list[LabeledCamera]
     yaw_deg: float | None
     created_at: datetime
 

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.perception.strict import WHOLE, Metres, Number, Truth
+from app.perception.strict import WHOLE, Meters, Number, Truth
 from app.pipeline.episode import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import plain_text
@@ -18,9 +18,9 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 
 MAX_EXTRA_BYTES = 65_536
-Position = tuple[Metres, Metres, Metres]
+Position = tuple[Meters, Meters, Meters]
 Quaternion = tuple[Number, Number, Number, Number]
-Row4 = tuple[Metres, Metres, Metres, Metres]
+Row4 = tuple[Meters, Meters, Meters, Meters]
 Pixels = Annotated[Number, Field(ge=-MAX_PX, le=MAX_PX)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 MaskId = Annotated[int, WHOLE]
@@ -30,7 +30,7 @@ LEFT_OUT = "whether it is kept, but shown in no prompt"
 
 
 class RequestModel(BaseModel):
-    """Strict about names: a misspelt field is an error, not silence."""
+    """Strict about names: a misspelled field is an error, not silence."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -46,7 +46,7 @@ class ObjectIn(RequestModel):
     """An object of the scene: its pose in the world frame where the robot knows it, or its ids in the mask images."""
 
     name: Name
-    position: Annotated[Position | None, Field(description="metres, world frame")] = None
+    position: Annotated[Position | None, Field(description="meters, world frame")] = None
     quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
     mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
 
@@ -56,7 +56,7 @@ class ObjectIn(RequestModel):
 
 
 class Intrinsics(RequestModel):
-    """Pinhole intrinsics in pixels; pixel centres are whole numbers."""
+    """Pinhole intrinsics in pixels; pixel centers are whole numbers."""
 
     fx: Pixels
     fy: Pixels
@@ -74,12 +74,12 @@ class CameraIn(RequestModel):
     camera_to_world: Annotated[
         tuple[Row4, Row4, Row4, Row4],
         Field(
-            description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, metres"
+            description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, meters"
         ),
     ]
     depth_scale: Annotated[
         Number,
-        Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M, description="metres per unit of a 16-bit depth image"),
+        Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M, description="meters per unit of a 16-bit depth image"),
     ] = 0.001
 
     def camera(self) -> Camera:
@@ -180,7 +180,7 @@ class EpisodeJson(BaseModel):
 class EndEffectorIn(RequestModel):
     """Where the robot's end effector is now."""
 
-    position: Annotated[Position, Field(description="metres, world frame")]
+    position: Annotated[Position, Field(description="meters, world frame")]
     quaternion_xyzw: Annotated[Quaternion, Field(description="unit quaternion, world frame")]
 
     def pose(self) -> Pose:

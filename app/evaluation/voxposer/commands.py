@@ -132,7 +132,7 @@ class Commands:
         return self._moved(thing, (x_cm, y_cm, z_cm), thing.quaternion_xyzw)
 
     def _moved(self, where: object, by_cm: Sequence[object], turn: Sequence[float]) -> Voxel:
-        start_m = where.position_m if isinstance(where, Thing) else self._voxels.centre_m(_voxel(where))
+        start_m = where.position_m if isinstance(where, Thing) else self._voxels.center_m(_voxel(where))
         by_m = turned(turn, [_length_cm(value) / 100 for value in by_cm])
         return self._voxels.at([start + by for start, by in zip(start_m, by_m, strict=True)])
 

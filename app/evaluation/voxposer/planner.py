@@ -112,7 +112,7 @@ def _action_at(point: Array, maps: ValueMaps, scene: Scene) -> EndEffectorAction
     """What the maps say at a point (3,) in voxels, not rounded."""
     x, y, z = np.clip(np.rint(point), 0, SIZE - 1).astype(int).tolist()
     turn = unit_quaternions("rotation map", maps.rotation[x, y, z].astype(float), (4,))
-    position_m = np.array(scene.voxels.centre_m(point.tolist()))
+    position_m = np.array(scene.voxels.center_m(point.tolist()))
     return EndEffectorAction(position_m, turn, bool(maps.gripper[x, y, z] > 0.5))
 
 
@@ -150,10 +150,10 @@ def _strays(points: Array, low: int, high: int) -> list[int]:
 
 def cost_map(maps: ValueMaps) -> Array:
     """(100, 100, 100) what it costs to be in a voxel."""
-    cost: Array = TARGET_WEIGHT * _normalised(distance_transform_edt(~maps.targets))
+    cost: Array = TARGET_WEIGHT * _normalized(distance_transform_edt(~maps.targets))
     if maps.avoidance.any():
-        cost += OBSTACLE_WEIGHT * _normalised(gaussian_filter(maps.avoidance.astype(float), BLUR_VOXELS))
-    return _normalised(cost)
+        cost += OBSTACLE_WEIGHT * _normalized(gaussian_filter(maps.avoidance.astype(float), BLUR_VOXELS))
+    return _normalized(cost)
 
 
 def plan_way(maps: ValueMaps, start: Index) -> Array:
@@ -174,7 +174,7 @@ def plan_way(maps: ValueMaps, start: Index) -> Array:
     return np.vstack([smooth[: -1 if reached else None], nearest])
 
 
-def _normalised(values: Array) -> Array:
+def _normalized(values: Array) -> Array:
     low, high = values.min(), values.max()
     scaled: Array = (values - low) / (high - low) if high > low else np.zeros_like(values)
     return scaled

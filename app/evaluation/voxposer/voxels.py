@@ -30,7 +30,7 @@ class Voxels:
         )
         return x, y, z
 
-    def centre_m(self, voxel: Sequence[float]) -> tuple[float, ...]:
+    def center_m(self, voxel: Sequence[float]) -> tuple[float, ...]:
         """The middle of a voxel in the world frame."""
         return tuple(
             low + (number + 0.5) * step for number, low, step in zip(voxel, self.min_m, self.step_m, strict=True)

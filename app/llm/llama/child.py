@@ -80,7 +80,7 @@ def _compute_each_token_alike(params: Any, xllamacpp: Any) -> None:  # noqa: ANN
     With llama.cpp's defaults the kernels that multiply and attend change with the number of tokens in a batch. A
     prompt's logits then depend on how much of it was cached, on drafts and on other requests: by up to 0.8, enough to
     turn a digit of the reply. What is chosen here is computed token by token in one order; `ONE_ARITHMETIC` belongs
-    to it. It holds for quantised weights; those of 16 or 32 bits are multiplied by kernels that differ for one token.
+    to it. It holds for quantized weights; those of 16 or 32 bits are multiplied by kernels that differ for one token.
     """
     params.no_extra_bufts = True  # repacked weights are multiplied differently for one token and for four
     params.flash_attn_type = xllamacpp.llama_flash_attn_type.LLAMA_FLASH_ATTN_TYPE_ENABLED

@@ -1,1 +1,1 @@
-"""Upright boxes and cylinders of known size and color: found in RGB-D images, and learned from labelled ones."""
+"""Upright boxes and cylinders of known size and color: found in RGB-D images, and learned from labeled ones."""

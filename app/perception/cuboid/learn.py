@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses, likenesses
 from app.perception.cuboid.looks import Measured, learn_color, measure, object_pixels
 from app.perception.cuboid.model import SHAPES, ColorModel, CuboidModel, Rank, Shape
@@ -31,7 +31,7 @@ SAME_HUE_DEG, SAME_SIZE = 10.0, 0.2  # hues and, in shares, sizes that do not te
 
 
 def learn_models(
-    scenes: Sequence[LabelledScene], yaw_symmetry_deg: Mapping[str, float] | None = None
+    scenes: Sequence[LabeledScene], yaw_symmetry_deg: Mapping[str, float] | None = None
 ) -> dict[str, CuboidModel]:
     """Models of the objects that the scenes name, for the estimator `cuboid`.
 
@@ -58,11 +58,11 @@ def learn_models(
     return models
 
 
-def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:
-    labelled = [
+def _learn(name: str, scenes: Sequence[LabeledScene]) -> CuboidModel:
+    labeled = [
         (frame, query) for scene in scenes for query in scene.objects if query.name == name for frame in scene.frames
     ]
-    seen = [(frame, query, pixels) for frame, query in labelled if (pixels := object_pixels(frame, query)).any()]
+    seen = [(frame, query, pixels) for frame, query in labeled if (pixels := object_pixels(frame, query)).any()]
     if not seen:
         raise ObjectModelError(name, "no camera shows it with known depth", "mask_ids or a position in each episode")
     color = learn_color(name, [(frame, pixels) for frame, _, pixels in seen])
@@ -75,7 +75,7 @@ def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:
 
 
 def _model(
-    name: str, color: ColorModel, shape: Shape, items: Sequence[Measured], scenes: Sequence[LabelledScene]
+    name: str, color: ColorModel, shape: Shape, items: Sequence[Measured], scenes: Sequence[LabeledScene]
 ) -> CuboidModel:
     x, y, z = np.median([item.size_m for item in items], axis=0)
     if shape == "cylinder" or abs(x - y) < max(EQUAL_SIDES_M, EQUAL_SIDES_SHARE * max(x, y)):
@@ -98,7 +98,7 @@ def _rounded(vector_m: Iterable[float]) -> tuple[float, float, float]:
     return round(x, 6), round(y, 6), max(round(z, 6), -1.0)
 
 
-def _away_from(name: str, scenes: Sequence[LabelledScene]) -> str | None:
+def _away_from(name: str, scenes: Sequence[LabeledScene]) -> str | None:
     """The object that the x axis of `name` points away from in all scenes; None if there is none."""
     angles: dict[str, list[float]] = {}
     for scene in scenes:
@@ -115,14 +115,14 @@ def _away_from(name: str, scenes: Sequence[LabelledScene]) -> str | None:
     return best if best is not None and means[best] < MAX_MEAN_ANGLE_DEG else None
 
 
-def _others(scene: LabelledScene, name: str) -> Iterator[tuple[str, Array]]:
+def _others(scene: LabeledScene, name: str) -> Iterator[tuple[str, Array]]:
     for query in scene.objects:
         if query.name != name and query.position_m is not None:
             yield query.name, np.array(query.position_m)
 
 
 def _with_rank(
-    name: str, model: CuboidModel, scenes: Sequence[LabelledScene], models: Mapping[str, CuboidModel]
+    name: str, model: CuboidModel, scenes: Sequence[LabeledScene], models: Mapping[str, CuboidModel]
 ) -> CuboidModel:
     """The model with a rank if several things look like it."""
     ranks: dict[str, list[int]] = {}
@@ -167,7 +167,7 @@ def _alike(one: CuboidModel, other: CuboidModel) -> bool:
     return apart_deg < SAME_HUE_DEG and np.allclose(one.size_m, other.size_m, rtol=SAME_SIZE)
 
 
-def _check_round(name: str, scenes: Sequence[LabelledScene]) -> None:
+def _check_round(name: str, scenes: Sequence[LabeledScene]) -> None:
     """Refuse a cylinder for what was given with different yaws: a cup's handle would not be seen."""
     given = [query.quaternion_xyzw for scene in scenes for query in scene.objects if query.name == name]
     rotations = [Rotation.from_quat(quaternion) for quaternion in given if quaternion is not None]
@@ -177,7 +177,7 @@ def _check_round(name: str, scenes: Sequence[LabelledScene]) -> None:
         raise ObjectModelError(name, message, "yaw_symmetry_deg 0 if it is round; else labels, for `registered`")
 
 
-def _try_out(models: Mapping[str, CuboidModel], scenes: Sequence[LabelledScene]) -> None:
+def _try_out(models: Mapping[str, CuboidModel], scenes: Sequence[LabeledScene]) -> None:
     """Find the objects in the scenes again; the models stand if every pose is right."""
     for number, scene in enumerate(scenes):
         queries = [ObjectQuery(query.name, model=models[query.name]) for query in scene.objects]

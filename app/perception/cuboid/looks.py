@@ -1,4 +1,4 @@
-"""An object's color, size and origin, measured in labelled views."""
+"""An object's color, size and origin, measured in labeled views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,7 +98,7 @@ class Measured:
 
 
 def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
-    """Fit a shape of free size to the patch of the color that shares most pixels with the labelled ones."""
+    """Fit a shape of free size to the patch of the color that shares most pixels with the labeled ones."""
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
     shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel
-from app.perception.strict import WHOLE, Metres, Number
+from app.perception.strict import WHOLE, Meters, Number
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
@@ -105,11 +105,11 @@ class CuboidModel(ObjectModel):
     estimator: Literal["cuboid"] = field(default="cuboid", kw_only=True)
     size_m: Annotated[
         tuple[Length, Length, Length],
-        Field(description="[x, y, z], positive lengths in metres, e.g. [0.05, 0.05, 0.05]"),
+        Field(description="[x, y, z], positive lengths in meters, e.g. [0.05, 0.05, 0.05]"),
     ]
     color: Color
     shape: Shape = "box"
-    origin_m: Annotated[tuple[Metres, Metres, Metres], Field(description="[x, y, z] in metres")] = (0.0, 0.0, 0.0)
+    origin_m: Annotated[tuple[Meters, Meters, Meters], Field(description="[x, y, z] in meters")] = (0.0, 0.0, 0.0)
     rank: Rank | None = None
     away_from: str | None = None
     min_confidence: Confidence = MIN_CONFIDENCE

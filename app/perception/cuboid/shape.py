@@ -1,7 +1,7 @@
 """Upright boxes and cylinders: how far points lie from their surface, rays from their outline; where their corners are.
 
-A candidate is a row ``x, y, z, yaw, sx, sy, sz``: center in metres and yaw in radians in the world frame, full lengths
-in metres. B candidates, N points, M rays; leading dimensions (...) have points or rays, and candidates, of their own.
+A candidate is a row ``x, y, z, yaw, sx, sy, sz``: center in meters and yaw in radians in the world frame, full lengths
+in meters. B candidates, N points, M rays; leading dimensions (...) have points or rays, and candidates, of their own.
 """
 
 from functools import reduce

@@ -8,13 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
-from app.perception.strict import WHOLE, Metres, Truth
+from app.perception.strict import WHOLE, Meters, Truth
 from roboprompt_client.calibration.board import DICTIONARIES, marker_dictionary
 from roboprompt_client.camera import ROTATION_MATRIX_TOLERANCE
 from roboprompt_client.errors import InvalidInputError
 
-_RIGID = "four rows of a rigid transform from the marker's axes to the object's, lengths in metres"
-Row = tuple[Metres, Metres, Metres, Metres]
+_RIGID = "four rows of a rigid transform from the marker's axes to the object's, lengths in meters"
+Row = tuple[Meters, Meters, Meters, Meters]
 SAME_PLACE = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
@@ -30,7 +30,7 @@ class Marker(Checked):
     """
 
     id: Annotated[int, Field(ge=0, description="0, 1, 2, ...: the number printed with it"), WHOLE]
-    size_m: Annotated[Length, Field(description="a length in metres above 0: the side of the black border")]
+    size_m: Annotated[Length, Field(description="a length in meters above 0: the side of the black border")]
     marker_to_object: Annotated[tuple[Row, Row, Row, Row], Field(description=_RIGID)] = SAME_PLACE
 
     def __post_init__(self) -> None:

@@ -1,1 +1,1 @@
-"""Objects by what they looked like: a template from labelled views, registered to the points of a scene."""
+"""Objects by what they looked like: a template from labeled views, registered to the points of a scene."""

@@ -104,7 +104,7 @@ def _check(
         if hypotheses(template, lit, parts[0], fallen=True)[0].value > max(LIES_SCORE, best.value + LIES_BETTER):
             raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score:.2f}"
-        remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
+        remedy = "it upright on the table, uncovered; or labeled views in this light and from this side"
         message += f" (of its facing side agree: {seen}){causes(template, lit)}"
         raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
@@ -124,7 +124,7 @@ def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequen
                 for item in (best, rival)
             )
             message = f"two places look like it, {100 * apart_m:.0f} cm apart: {places}"
-            remedy = "one of its kind in view, or labelled views that show the difference"
+            remedy = "one of its kind in view, or labeled views that show the difference"
             raise UncertainPoseError(name, message, remedy)
 
 

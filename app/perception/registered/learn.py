@@ -1,4 +1,4 @@
-"""Labelled views of an object -> a template.
+"""Labeled views of an object -> a template.
 
 The view with most points begins; each further one is registered to what is there and adds its points, if it fits.
 """
@@ -28,8 +28,8 @@ HELP_LABEL = "a mask that holds all of it and nothing else, in every camera that
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledView:
-    """One observation in which an object is labelled.
+class LabeledView:
+    """One observation in which an object is labeled.
 
     Attributes:
         frames: with color, depth and the object's mask: what is not 0 is the object.
@@ -61,7 +61,7 @@ class _Seen:
     yaw_deg: float | None
 
 
-def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, *, needs_yaw: bool = True) -> Learned:
+def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *, needs_yaw: bool = True) -> Learned:
     """A template of the object `name`.
 
     Args:
@@ -76,7 +76,7 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
     refused: dict[int, str] = {}
     for number, view in enumerate(views):
         scene = Scene.of(view.frames)
-        index = labelled_points(scene)
+        index = labeled_points(scene)
         if problem := _problem(scene, index):
             refused[number] = problem
         else:
@@ -118,7 +118,7 @@ def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
     return sum(votes) > len(votes) / 2
 
 
-def labelled_points(scene: Scene) -> Index:
+def labeled_points(scene: Scene) -> Index:
     """Index of the scene's points that a camera sees within the mask."""
     inside = np.zeros(len(scene.points_m), bool)
     for view in scene.views:

@@ -44,7 +44,7 @@ Symmetric = Annotated[
 
 @dataclass(frozen=True)
 class LeftOutView(Checked):
-    """A labelled view that the template does not have.
+    """A labeled view that the template does not have.
 
     Attributes:
         label: its id.
@@ -57,7 +57,7 @@ class LeftOutView(Checked):
 
 @dataclass(frozen=True)
 class RegisteredModel(ObjectModel):
-    """An object by what it looked like in labelled views; teaching makes it, see `POST /tasks/{name}/labels/learn`.
+    """An object by what it looked like in labeled views; teaching makes it, see `POST /tasks/{name}/labels/learn`.
 
     Attributes:
         template: SHA-256 of the stored template.

@@ -31,7 +31,7 @@ LAB_AS_M = 0.0006  # m that a Lab unit counts where place and color are compared
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """The object as it was seen in one or more labelled views.
+    """The object as it was seen in one or more labeled views.
 
     Attributes:
         points_m, normals, rgb: (N, 3) in the template's frame; colors 0..255.

@@ -45,7 +45,7 @@ class View:
     Attributes:
         depth_m, nearest_m: (H, W), see `Seen`.
         rgb: (H, W, 3) the mean of 3 x 3 pixels; empty (0, 0, 3) in a template's views.
-        mask: (H, W) of the labelled object, or None.
+        mask: (H, W) of the labeled object, or None.
     """
 
     camera: Camera

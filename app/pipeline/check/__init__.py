@@ -12,7 +12,7 @@ from app.pipeline.check.settings import symmetry_findings
 from app.pipeline.keyframes import manner_of
 from app.pipeline.keyframes.resting import path_left_m, paths_left_m
 from app.pipeline.plans import Demonstration, PlanRow, Recording, by_plan, demonstrated, plan_rows, shown_together
-from app.pipeline.plans.rows import robust_centre
+from app.pipeline.plans.rows import robust_center
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -70,21 +70,21 @@ def _episode_check(recording: Recording, demonstration: Demonstration, errors: S
 def _left_out(row: PlanRow) -> list[Off]:
     """How far each of at least two demonstrations is from where the others predict it.
 
-    The others' centre is placed in the demonstration's own scene: distances and angles are the same there as seen from
+    The others' center is placed in the demonstration's own scene: distances and angles are the same there as seen from
     what the row follows.
     """
     offs = []
     for place, (offset_m, rotation) in enumerate(zip(row.offsets_m, row.rotations, strict=True)):
         others = np.arange(len(row.offsets_m)) != place
-        centre_m, mean = robust_centre(row.offsets_m[others], row.rotations[others])
-        offs.append(Off.of(offset_m - centre_m, mean.inv() * rotation))
+        center_m, mean = robust_center(row.offsets_m[others], row.rotations[others])
+        offs.append(Off.of(offset_m - center_m, mean.inv() * rotation))
     return offs
 
 
 def _variation(actions: Sequence[EndEffectorAction]) -> Off:
-    """How far the median action is from the actions' centre in the world."""
+    """How far the median action is from the actions' center in the world."""
     positions_m = np.array([action.position_m for action in actions])
     rotations = Rotation.from_quat([action.quaternion_xyzw for action in actions])
-    centre_m, mean = robust_centre(positions_m, rotations)
+    center_m, mean = robust_center(positions_m, rotations)
     turns = mean.inv() * rotations
-    return Off.median([Off.of(way_m, turn) for way_m, turn in zip(positions_m - centre_m, turns, strict=True)])
+    return Off.median([Off.of(way_m, turn) for way_m, turn in zip(positions_m - center_m, turns, strict=True)])

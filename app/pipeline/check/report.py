@@ -18,7 +18,7 @@ WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 
 @dataclass(frozen=True)
 class Off:
-    """How far a pose is from another, in metres and degrees."""
+    """How far a pose is from another, in meters and degrees."""
 
     m: float
     deg: float

@@ -152,7 +152,7 @@ def passing_findings(
         is_new = math.isinf(least_m)
         kept = "demonstrations do not have it" if is_new else f"demonstrations kept {100 * least_m:.1f} cm away"
         message = (
-            f"On the way to action {number + 1} the hand passes {100 * near_m:.1f} cm from the centre of {pose.name!r};"
+            f"On the way to action {number + 1} the hand passes {100 * near_m:.1f} cm from the center of {pose.name!r};"
             f" {kept}. The hand, or what it holds, may hit it."
         )
         numbers = {"distance_m": near_m, "action": number, **({} if is_new else {"demonstrated_m": least_m})}

@@ -218,7 +218,7 @@ class Turning(NamedTuple):
         with_object_deg, with_world_deg = self._scatters_deg(self.hands_xyzw)
         turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
         is_beside = turns_with_it and not self.row.anchors[0].place_turns
-        return float(np.linalg.norm(self.row.centre_m[:2])) if is_beside else 0.0
+        return float(np.linalg.norm(self.row.center_m[:2])) if is_beside else 0.0
 
     def astray_deg(self) -> float:
         """How far the hand scatters about object and world, where it would about neither if w came first; else 0."""

@@ -183,7 +183,7 @@ class ShownScenes:
 def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> float:
     """The mean error of the observed positions, from heights and tilts that are the same in all demonstrations.
 
-    Errors are taken for Gaussian, alike along every axis, with as many degrees to a centimetre as the paper's pose
+    Errors are taken for Gaussian, alike along every axis, with as many degrees to a centimeter as the paper's pose
     estimator has; 0 where no height and no tilt is the same in all.
     """
     per_axis_m, per_axis_deg = MEAN_ERROR_M / MEAN_LENGTH, math.degrees(MEAN_ERROR_RAD) / MEAN_LENGTH

@@ -124,9 +124,9 @@ NO_COMMON_PLAN = Rule("no-common-plan", warning=ALWAYS, source="docs/plans.md")
 FEW_DEMONSTRATIONS = Rule("few-demonstrations", info=ALWAYS, source="what a row follows is known from three on")
 MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="max_actions of a request")
 
-SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", info=0.0, warning=0.012)
+SCATTERED = Rule("scattered-demonstrations", "that their center may be off", info=0.0, warning=0.012)
 MISSED = Rule(
-    "scattered-demonstrations", "that the centre may be off where the hand takes or presses", "m", danger=0.012
+    "scattered-demonstrations", "that the center may be off where the hand takes or presses", "m", danger=0.012
 )
 APART = Rule(
     "scattered-demonstrations",
@@ -137,7 +137,7 @@ APART = Rule(
 HAND_APART = Rule("scattered-demonstrations", "the same of the hand's rotations", "degrees", danger=10.0)
 NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the prompt's demonstrations are too few")
 CONTRADICTING = Rule(
-    "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
+    "scattered-demonstrations", "of more than a third from the center where the hand acts", "m", danger=BEYOND_NOISE_M
 )
 TURNED_OTHERWISE = Rule(
     "scattered-demonstrations", "that more than a third turn what they hold more or less", "degrees", danger=45.0
@@ -151,7 +151,7 @@ ELSEWHERE = Rule(
     warning=0.01,
     danger=0.21,
 )
-ON_A_CIRCLE = Rule("scattered-demonstrations", "from the centre, all at one distance from an object", "m", danger=0.03)
+ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)
 
@@ -166,7 +166,7 @@ W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", 
 
 GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")
 STRAYING = Rule("straying-action", info=ALWAYS)
-PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
+PASSES_CLOSE = Rule("passes-close", "from an object's center", "m", warning=0.08, danger=0.03, nearer=True)
 UNSUPPORTED = Rule("unsupported-action", danger=ALWAYS)
 SAMPLES_DISAGREE = Rule("samples-disagree", warning=ALWAYS, source="each reply is held to the demonstrations")
 UNPARSABLE = Rule("unparsable-reply", danger=ALWAYS, source="there are no actions")

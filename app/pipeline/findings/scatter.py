@@ -69,9 +69,9 @@ class _Acting:
 def scatter_findings(support: Support, asked: Order, round_objects: frozenset[str] = frozenset()) -> Iterator[Finding]:
     """Where the hand acts, demonstrations that scatter say that poses are noisy, or that they contradict each other.
 
-    Prompts show the demonstrations' centre, so that what counts is how far that is likely to be off. Where more than a
+    Prompts show the demonstrations' center, so that what counts is how far that is likely to be off. Where more than a
     third of them are far from it there is none, and the number of demonstrations makes up for nothing. Where the hand
-    takes or presses something, a centre that may be off by more than fingers forgive is a danger.
+    takes or presses something, a center that may be off by more than fingers forgive is a danger.
 
     Args:
         round_objects: whose yaw the task says means nothing.
@@ -162,7 +162,7 @@ def _turned_message(item: _Acting) -> str:
 def _circle_message(item: _Acting) -> str:
     return (
         f"{len(item.row.off_m)} demonstrations act at one distance from {item.seen_from}, on several sides of it"
-        f" (action {item.index + 1}), and their centre is on none: they follow how it is turned, though it is declared"
+        f" (action {item.index + 1}), and their center is on none: they follow how it is turned, though it is declared"
         " symmetric. Correct the task's yaw_symmetry_deg."
     )
 
@@ -172,7 +172,7 @@ def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
     message = (
         f"{len(item.row.off_m)} demonstrations scatter by {100 * item.row.scatter_m:.1f} cm where the hand acts (action"
-        f" {item.index + 1}, seen from {item.seen_from}), and their centre may be {100 * item.row.center_off_m:.1f} cm"
+        f" {item.index + 1}, seen from {item.seen_from}), and their center may be {100 * item.row.center_off_m:.1f} cm"
         " off: poses are noisy, or what it follows is not among the objects."
     )
     return item.finding(MISSED if missed else SCATTERED, message, item.row.center_off_m)

@@ -88,7 +88,7 @@ def _of_a_demonstration(
 ) -> Finding | None:
     """A scene whose objects are, as nothing measured twice is, where one demonstration had them before it moved them.
 
-    Objects that never move do not count, nor do places that people write down, in whole millimetres.
+    Objects that never move do not count, nor do places that people write down, in whole millimeters.
     """
     moved = [pose for pose, place in zip(observed, places, strict=True) if place.range_m.max() > FIXED_M]
     if not moved:
@@ -99,7 +99,7 @@ def _of_a_demonstration(
     for old in shown:
         if all(np.abs(old.object(pose.name).position_m - pose.position_m).max() < REPEATED_M for pose in moved):
             message = (
-                f"All objects stand to a hundredth of a millimetre where demonstration {old.id} had them, which no"
+                f"All objects stand to a hundredth of a millimeter where demonstration {old.id} had them, which no"
                 " camera sees twice: is it an old observation?"
             )
             return rules.OLD_SCENE.finding(message, "objects")

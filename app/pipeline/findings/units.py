@@ -34,11 +34,11 @@ MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: 
 MIN_OPENING_M = 0.003
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # of a hand that does something
-UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
+UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
 
 def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
-    """Refuse a recording in which nothing happens, or whose numbers are not metres, radians and quaternions xyzw.
+    """Refuse a recording in which nothing happens, or whose numbers are not meters, radians and quaternions xyzw.
 
     Args:
         objects: those whose poses came with the recording.
@@ -81,7 +81,7 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, under_way: bool = False) -> None:
-    """Refuse observed objects whose positions are not in metres, seen from the workspace of their task.
+    """Refuse observed objects whose positions are not in meters, seen from the workspace of their task.
 
     Args:
         under_way: whether the robot has begun to move: what it holds may be tilted.
@@ -94,7 +94,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, un
         for unit, factor in UNITS_PER_M.items():
             if away_m > MAX_AWAY_M and workspace.contains(pose.position_m / factor):
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
-                raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame")
+                raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame")
     if not under_way:
         _check_objects_order(objects)
 
@@ -122,17 +122,17 @@ def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras:
     extent_m = float(np.ptp(positions_m, axis=0).max())
     if extent_m > MAX_MOTION_M:
         message = f"spans {extent_m:.4g} along an axis, which is likely in {_likely(extent_m)}"
-        raise InvalidInputError("trajectory.end_effector_positions", message, "metres, world frame")
+        raise InvalidInputError("trajectory.end_effector_positions", message, "meters, world frame")
     for pose in objects:
         away_m = float(np.linalg.norm(positions_m - pose.position_m, axis=1).min())
         if away_m > MAX_AWAY_M:
             message = f"is {away_m:.4g} from the nearest place of the hand: likely {_likely(away_m)}, or another frame"
-            raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame as the hand's")
+            raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame as the hand's")
     for camera in cameras:
         away_m = float(np.linalg.norm(positions_m - camera.camera_to_world[:3, 3], axis=1).min())
         if away_m > MAX_CAMERA_M:
             message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
-            raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in metres")
+            raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in meters")
 
 
 def _check_tracks(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
@@ -157,7 +157,7 @@ def _check_fingers(trajectory: Trajectory) -> None:
 
 
 def _likely(extent: float) -> str:
-    return "millimetres" if extent > 100 * MAX_MOTION_M / 3 else "centimetres or millimetres"
+    return "millimeters" if extent > 100 * MAX_MOTION_M / 3 else "centimeters or millimeters"
 
 
 def _check_joints(motion: Motion) -> None:

@@ -25,7 +25,7 @@ def ways_findings(
 ) -> Iterator[Finding]:
     """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
 
-    A fault of half of the recordings looks like this: another base frame, an inverted gripper. That neighbouring scenes
+    A fault of half of the recordings looks like this: another base frame, an inverted gripper. That neighboring scenes
     have the same plan is often chance; `parting` tells by how much.
 
     Args:

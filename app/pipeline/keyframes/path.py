@@ -1,6 +1,6 @@
 """The way of the hand as a few poses in space, and how far it bends away from straight motion, or goes back on it.
 
-Distances are counted in tolerances: 1 is the tolerance in metres or the one in degrees, whichever is used up first.
+Distances are counted in tolerances: 1 is the tolerance in meters or the one in degrees, whichever is used up first.
 A stroke to and fro stays on one line, and is yet no single motion: straight motion gets on all the time.
 After Automatic Waypoint Extraction (Shi et al. 2023, arXiv 2307.14326): as few waypoints as keep the recorded path
 within a tolerance of straight motion between them.
@@ -73,12 +73,12 @@ class HandPath:
         number = len(self.frames)
         found = np.full((number, number), MAX_DEVIATION)
         np.fill_diagonal(found, 0.0)
-        travelled = self._travelled
+        traveled = self._traveled
         for i in range(number - 1):
             found[i, i + 1] = 0.0
             for start in range(i + 2, number, LOOK_AHEAD):
                 ends = np.arange(start, min(start + LOOK_AHEAD, number))
-                found[i, ends] = self._deviations_from(i, ends, travelled)
+                found[i, ends] = self._deviations_from(i, ends, traveled)
                 if found[i, ends].min() >= MAX_DEVIATION:
                     break
         return found
@@ -87,7 +87,7 @@ class HandPath:
     def bend(self) -> float:
         """How far the whole path is from straight motion from its first pose to its last."""
         last = len(self.frames) - 1
-        return float(self._deviations_from(0, np.array([last]), self._travelled)[0]) if last > 1 else 0.0
+        return float(self._deviations_from(0, np.array([last]), self._traveled)[0]) if last > 1 else 0.0
 
     @property
     def turns_round(self) -> bool:
@@ -95,7 +95,7 @@ class HandPath:
         return float(np.linalg.norm(self.rotation_vectors - self.rotation_vectors[0], axis=1).max()) > self.most_turn
 
     @property
-    def _travelled(self) -> Array:
+    def _traveled(self) -> Array:
         """(N,) the length of way to each pose."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
 
@@ -103,13 +103,13 @@ class HandPath:
     def _poses(self) -> Array:
         return np.concatenate([self.positions, self.rotation_vectors], axis=1)
 
-    def _deviations_from(self, i: int, ends: Frames, travelled: Array) -> Array:
+    def _deviations_from(self, i: int, ends: Frames, traveled: Array) -> Array:
         """(E,) of the segments from pose `i` to each of `ends`."""
         between = np.arange(i + 1, ends[-1])
         way, gone = self.positions[ends] - self.positions[i], self.positions[between] - self.positions[i]
         length = np.einsum("ek,ek->e", way, way)[:, None]
         along = (gone @ way.T).T / np.maximum(length, 1e-12)  # (E, B)
-        by_travel = (travelled[between] - travelled[i]) / np.maximum(travelled[ends] - travelled[i], 1e-12)[:, None]
+        by_travel = (traveled[between] - traveled[i]) / np.maximum(traveled[ends] - traveled[i], 1e-12)[:, None]
         progress = np.clip(np.where(length < MIN_SEGMENT**2, by_travel, along), 0, 1)
         squared = np.maximum(_squared_distances(gone, progress, way), length * _gone_back(progress) ** 2)
         if np.abs(self.rotation_vectors).max() > NO_TURN:

@@ -43,7 +43,7 @@ class KeyframeRule:
         delta_rad_s: joint speed below which the robot rests.
         interval: for `uniform`, the distance in frames.
         tolerance_m, tolerance_deg: for `waypoints`, how far the recorded hand may be from straight motion between
-            neighbouring keyframes.
+            neighboring keyframes.
     """
 
     rule: Rule = "auto"
@@ -55,7 +55,7 @@ class KeyframeRule:
     def __post_init__(self) -> None:
         if self.rule not in RULES:
             raise InvalidInputError("keyframes.rule", f"is {self.rule!r}", ", ".join(RULES))
-        for name, unit in (("delta_rad_s", "rad/s"), ("tolerance_m", "metres"), ("tolerance_deg", "degrees")):
+        for name, unit in (("delta_rad_s", "rad/s"), ("tolerance_m", "meters"), ("tolerance_deg", "degrees")):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InvalidInputError(f"keyframes.{name}", f"is {value}", f"a positive number of {unit}")
@@ -117,7 +117,7 @@ def waypoints(
 ) -> tuple[Keyframe, ...]:
     """Gripper switches, the end, and as few poses between as keep the hand within the tolerance of straight motion.
 
-    The tolerance is in metres and degrees and switches are distinguished in seconds, so that the rate of the recording
+    The tolerance is in meters and degrees and switches are distinguished in seconds, so that the rate of the recording
     does not matter; hesitation on the way and a frozen start leave no keyframe. A recording that needs more than 25
     keyframes is followed less closely.
     """

@@ -31,7 +31,7 @@ class Lexicon:
         names: the task's objects.
         aliases: by object what else it is called.
         taught: the instructions that demonstrations carry out.
-        is_word: whether a word is English: such a word is taken at its own meaning, never for a misspelt other.
+        is_word: whether a word is English: such a word is taken at its own meaning, never for a misspelled other.
 
     Attributes:
         phrases: what may stand for an object, by object: its name, then its aliases.

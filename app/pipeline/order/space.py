@@ -1,7 +1,7 @@
 """Relations that the objects' poses decide, in the robot's frame: x forward, y left, z up.
 
 Every function picks from candidates, and gives back several where the poses do not clearly decide. Distances are in
-metres, to the robot horizontal; its base stands at `robot_m` in the world frame and looks along +x.
+meters, to the robot horizontal; its base stands at `robot_m` in the world frame and looks along +x.
 """
 
 from collections.abc import Callable, Mapping

@@ -151,7 +151,7 @@ class Taught:
         names: the task's objects.
         aliases: by object what else it is called.
         instructions: those that the demonstrations carry out.
-        is_word: whether a word is English; such a word is never taken for a misspelt other.
+        is_word: whether a word is English; such a word is never taken for a misspelled other.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""An instruction's words: cut out, put into their base form, and corrected where they are misspelt.
+"""An instruction's words: cut out, put into their base form, and corrected where they are misspelled.
 
 Tables of phrases are looked up at every word.
 """
@@ -29,7 +29,7 @@ NUMBERS = {
     "ten": "10", "eleven": "11", "twelve": "12",
 }  # fmt: skip
 # Not "one", which stands for a thing: "the blue one"
-MIN_CORRECTED_CHARS = 3  # of three letters only an exchange of neighbours is corrected: "rug" is no misspelt "mug"
+MIN_CORRECTED_CHARS = 3  # of three letters only an exchange of neighbors is corrected: "rug" is no misspelled "mug"
 MIN_FREE_CHARS = 4
 MIN_TWO_ERRORS_CHARS = 8
 
@@ -78,7 +78,7 @@ class Word:
     Attributes:
         text: the known word that it stands for; the token's own text where nothing is known.
         known: whether the vocabulary has it.
-        corrected: whether it was misspelt.
+        corrected: whether it was misspelled.
         plural: whether it is the plural of what it stands for.
     """
 
@@ -125,7 +125,7 @@ class Speller:
 
     Args:
         known: what it may stand for, in groups: of words equally near, the one in the earliest group is meant.
-        is_word: whether a word is one of the language: such a word is not misspelt, it means something else.
+        is_word: whether a word is one of the language: such a word is not misspelled, it means something else.
     """
 
     def __init__(self, known: Iterable[Iterable[str]], is_word: IsWord) -> None:

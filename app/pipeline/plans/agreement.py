@@ -1,4 +1,4 @@
-"""Demonstrations of one plan agree on a row where they scatter around one value: then all show its centre.
+"""Demonstrations of one plan agree on a row where they scatter around one value: then all show its center.
 
 A row that depends on something else in the scene, or that is done in several ways, stays as it was shown: two ways are
 never averaged. One demonstration whose hand is turned otherwise where the gripper acts does not scatter either: it is a
@@ -40,7 +40,7 @@ FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
 
 
 def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
-    """The demonstrations of one plan with each row that they agree on at its centre.
+    """The demonstrations of one plan with each row that they agree on at its center.
 
     Where the hand acts here in some demonstrations and there in others, rows that differ as far are not among them:
     half-way it does nothing of use.
@@ -58,18 +58,18 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
         undecided = set()
     for k, row in enumerate(rows):
         shown = [demonstration.actions[k] for demonstration in group]
-        columns.append(_centred(group, row, tilted) if k not in undecided and agrees(group, row) else shown)
+        columns.append(_centerd(group, row, tilted) if k not in undecided and agrees(group, row) else shown)
     return tuple(
         replace(demonstration, actions=tuple(actions))
         for demonstration, actions in zip(group, zip(*columns, strict=True), strict=True)
     )
 
 
-def _centred(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
-    """The centre of a row as each demonstration's scene has it."""
+def _centerd(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
+    """The center of a row as each demonstration's scene has it."""
     actions = []
     for demonstration, anchor in zip(group, row.anchors, strict=True):
-        position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.centre_m, row.mean_rotation)
+        position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.center_m, row.mean_rotation)
         actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
     return actions
 
@@ -98,7 +98,7 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     either side of it.
     """
     turns_m = M_PER_RAD * (row.mean_rotation.inv() * row.rotations).as_rotvec()
-    poses_m = np.concatenate([row.offsets_m - row.centre_m, turns_m], axis=1)
+    poses_m = np.concatenate([row.offsets_m - row.center_m, turns_m], axis=1)
     fewest = max(FEWEST_OF_A_WAY, math.ceil(SHARE_OF_A_WAY * len(poses_m)))
     if len(poses_m) < 2 * fewest:
         return None

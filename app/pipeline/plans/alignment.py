@@ -247,7 +247,7 @@ def _off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: H
     trajectory = recording.motion.trajectory
     hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
     offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
-    off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)
+    off_m = np.linalg.norm(offsets_m - row.center_m, axis=1)
     off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
     distances: Array = off_m / recording.rule.tolerance_m
     return distances

@@ -37,7 +37,7 @@ class Quantity:
     """Something of a scene that can be compared.
 
     Attributes:
-        axis: 0 to 2: the object's x, y or z in metres; 3: its yaw in degrees; None: the places of all objects.
+        axis: 0 to 2: the object's x, y or z in meters; 3: its yaw in degrees; None: the places of all objects.
         seen_from: another object, which the first is compared with.
     """
 

@@ -13,7 +13,7 @@ from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
 from roboprompt_client.arrays import Array
 
-HUBER = 1.5  # in robust standard deviations: what is farther from the centre counts less
+HUBER = 1.5  # in robust standard deviations: what is farther from the center counts less
 ITERATIONS = 5
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
@@ -39,7 +39,7 @@ class PlanRow:
         anchors: what it is relative to, in each demonstration.
         offsets_m: (N, 3) relative to the anchors, along their axes.
         rotations: N, from the anchors' axes.
-        centre_m: (3,) the robust centre of the offsets.
+        center_m: (3,) the robust center of the offsets.
         mean_rotation: of the rotations.
         gripper_open: what the gripper does there in most.
         grippers: everything that it does there.
@@ -50,7 +50,7 @@ class PlanRow:
     anchors: Anchors
     offsets_m: Array
     rotations: Rotation
-    centre_m: Array
+    center_m: Array
     mean_rotation: Rotation
     gripper_open: bool
     grippers: frozenset[bool]
@@ -65,18 +65,18 @@ class PlanRow:
 
     @cached_property
     def off_m(self) -> Array:
-        """(N,) distances of the demonstrations' offsets from the centre."""
-        off: Array = np.linalg.norm(self.offsets_m - self.centre_m, axis=1)
+        """(N,) distances of the demonstrations' offsets from the center."""
+        off: Array = np.linalg.norm(self.offsets_m - self.center_m, axis=1)
         return off
 
     @cached_property
     def scatter_m(self) -> float:
-        """How far the median demonstration is from the centre."""
+        """How far the median demonstration is from the center."""
         return float(np.median(self.off_m))
 
     @cached_property
     def way_off_m(self) -> float:
-        """How far from the centre more than a third of the demonstrations are at least: they do it another way."""
+        """How far from the center more than a third of the demonstrations are at least: they do it another way."""
         return _of_a_way(self.off_m)
 
     @property
@@ -87,17 +87,17 @@ class PlanRow:
 
     @property
     def center_off_m(self) -> float:
-        """How far the centre is likely to be from that of very many demonstrations."""
+        """How far the center is likely to be from that of very many demonstrations."""
         return self.scatter_m / math.sqrt(len(self.off_m))
 
     @cached_property
     def tolerance(self) -> tuple[float, float]:
-        """Within how many metres and degrees of the centre most demonstrations lie."""
+        """Within how many meters and degrees of the center most demonstrations lie."""
         return float(np.quantile(self.off_m, TOLERANCE_SHARE)), float(np.quantile(self.off_deg, TOLERANCE_SHARE))
 
     @cached_property
     def reach(self) -> tuple[float, float]:
-        """Within how many metres and degrees of the centre an action is supported."""
+        """Within how many meters and degrees of the center an action is supported."""
         return float(self.off_m.max()) + MARGIN_M, float(self.off_deg.max()) + MARGIN_DEG
 
     @cached_property
@@ -129,32 +129,32 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: froze
     relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offset_m for offset_m, _ in relative])
     rotations = Rotation.concatenate([rotation for _, rotation in relative])
-    centre_m, mean = robust_centre(offsets_m, rotations)
+    center_m, mean = robust_center(offsets_m, rotations)
     states = [demonstration.actions[k].gripper_open for demonstration in group]
     is_open = 2 * sum(states) >= len(states)
     positions_m = np.array([demonstration.actions[k].position_m for demonstration in group])
     hands = Rotation.from_quat([demonstration.actions[k].quaternion_xyzw for demonstration in group])
-    return PlanRow(anchors, offsets_m, rotations, centre_m, mean, is_open, frozenset(states), positions_m, hands)
+    return PlanRow(anchors, offsets_m, rotations, center_m, mean, is_open, frozenset(states), positions_m, hands)
 
 
-def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
-    """The centre of poses with normal scatter and a few odd ones: Huber's estimate from the median.
+def robust_center(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
+    """The center of poses with normal scatter and a few odd ones: Huber's estimate from the median.
 
     Args:
         offsets_m: (N, 3).
         rotations: N.
     """
-    centre_m: Array = np.median(offsets_m, axis=0)
+    center_m: Array = np.median(offsets_m, axis=0)
     quaternions = rotations.as_quat()
     apart_rad = 2 * np.arccos(np.clip(np.abs(quaternions @ quaternions.T), 0, 1))
     mean = rotations[int(apart_rad.sum(axis=1).argmin())]  # the medoid
     for _ in range(ITERATIONS):
-        off_m = np.linalg.norm(offsets_m - centre_m, axis=1) + M_PER_RAD * (mean.inv() * rotations).magnitude()
+        off_m = np.linalg.norm(offsets_m - center_m, axis=1) + M_PER_RAD * (mean.inv() * rotations).magnitude()
         sigma_m = max(MAD_TO_SIGMA * float(np.median(off_m)), PRECISE_M)
         weights = np.minimum(1.0, HUBER * sigma_m / np.maximum(off_m, 1e-12))
-        centre_m = weights @ offsets_m / weights.sum()
+        center_m = weights @ offsets_m / weights.sum()
         mean = rotations.mean(weights)
-    return centre_m, mean
+    return center_m, mean
 
 
 def acting_rows(plan: Sequence[PlanRow]) -> list[int]:

@@ -25,7 +25,7 @@ class PlacedRow:
         anchor: what it is relative to.
         origin_m: (3,) where the anchor is, in the world frame.
         place_axes_xyzw, hand_axes_xyzw: (4,) how its axes are turned there, for places and for the hand's rotation.
-        action: its centre in the world frame.
+        action: its center in the world frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
@@ -43,20 +43,20 @@ class PlacedRow:
     grippers: frozenset[bool]
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
-        """An action's offset (3,) in metres along the anchor's axes, and its rotation (4,) from them."""
+        """An action's offset (3,) in meters along the anchor's axes, and its rotation (4,) from them."""
         to_place, to_hand = quaternions.inverse(self.place_axes_xyzw), quaternions.inverse(self.hand_axes_xyzw)
         offset_m = quaternions.rotated(to_place, action.position_m - self.origin_m)
         return offset_m, quaternions.canonical(quaternions.product(to_hand, action.quaternion_xyzw))
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
-        """How far an action is from the row's centre, in metres and degrees."""
+        """How far an action is from the row's center, in meters and degrees."""
         way_m = action.position_m - self.action.position_m
         off_m = math.sqrt(way_m.dot(way_m))  # of three numbers numpy's norm takes five times as long
         turn = quaternions.product(quaternions.inverse(self.action.quaternion_xyzw), action.quaternion_xyzw)
         return off_m, math.degrees(quaternions.angle_rad(turn))
 
     def beyond(self, action: EndEffectorAction) -> tuple[float, float]:
-        """How far an action is beyond the farthest demonstration, in metres and degrees; 0 within."""
+        """How far an action is beyond the farthest demonstration, in meters and degrees; 0 within."""
         off_m, off_deg = self.away(action)
         return max(0.0, off_m - (self.reach_m - MARGIN_M)), max(0.0, off_deg - (self.reach_deg - MARGIN_DEG))
 
@@ -131,7 +131,7 @@ def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, ti
     frames = [placed[row.anchors[0]] for row in rows]
     positions_m, quaternions_xyzw = [], []
     for row, (_, origin_m, place_xyzw, hand_xyzw) in zip(rows, frames, strict=True):
-        positions_m.append(origin_m + quaternions.rotated(place_xyzw, row.centre_m))
+        positions_m.append(origin_m + quaternions.rotated(place_xyzw, row.center_m))
         quaternions_xyzw.append(quaternions.canonical(quaternions.product(hand_xyzw, row.mean_xyzw)))
     actions = EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
     return tuple(

@@ -1,4 +1,4 @@
-"""Action tokens: each action is three points of the end effector in millimetres (KAT, arXiv 2403.19578).
+"""Action tokens: each action is three points of the end effector in millimeters (KAT, arXiv 2403.19578).
 
 KAT ("Keypoint Action Tokens Enable In-Context Imitation Learning in Robotics", Di Palo and Johns, RSS 2024) is a method
 that the paper compares with; tokens in place of bins are one of the paper's ablations (supplement, "Direct action
@@ -24,7 +24,7 @@ MM_PER_M = 1000
 LEVER_MM = 100
 # the end effector's position, and the points on its x and y axis, in its own frame
 TRIPLET_MM = LEVER_MM * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-# Whole millimetres are up to half a millimetre off along each axis, and the best fit is no worse than the true pose.
+# Whole millimeters are up to half a millimeter off along each axis, and the best fit is no worse than the true pose.
 ROUNDING_RESIDUAL_MM = math.sqrt(3) / 2
 # An LLM goes between its demonstrations point by point, which bends a triplet (half-way between rotations 45 degrees
 # apart by up to 5 mm). Ten times the rounding leaves room for that, and stands for 5 degrees at the lever: one of the
@@ -57,7 +57,7 @@ mm ::= "0" | "-"? [1-9] [0-9]{0,4}
 
 @dataclass(frozen=True, eq=False)
 class KatCodec(ActionTokensCodec):
-    """KAT's own prompt, in numbers only: the objects' centres as keypoints without names, in the task's order.
+    """KAT's own prompt, in numbers only: the objects' centers as keypoints without names, in the task's order.
 
     KAT finds its keypoints in images (DINO features); here they are the objects that every method gets.
     """
@@ -86,7 +86,7 @@ def _whole_mm(position_m: Array) -> list[int]:
 
 
 def _tokens(action: EndEffectorAction) -> list[int]:
-    """The nine coordinates of an action's three points in whole millimetres, and the gripper (1 = open)."""
+    """The nine coordinates of an action's three points in whole millimeters, and the gripper (1 = open)."""
     offsets_m = Rotation.from_quat(action.quaternion_xyzw).apply(TRIPLET_MM / MM_PER_M)
     points_m = action.position_m + offsets_m
     return [*_whole_mm(points_m.ravel()), int(action.gripper_open)]
@@ -98,7 +98,7 @@ def _rigid_fit(points_mm: npt.NDArray[np.int_]) -> tuple[Array, Rotation, float]
     Returns:
         position (3,) in mm, rotation, and the root mean square of the three distances in mm.
     """
-    centre_mm, triplet_centre_mm = points_mm.mean(axis=0), TRIPLET_MM.mean(axis=0)
-    rotation, root_sum_mm = Rotation.align_vectors(points_mm - centre_mm, TRIPLET_MM - triplet_centre_mm)
-    position_mm: Array = centre_mm - rotation.apply(triplet_centre_mm)
+    center_mm, triplet_center_mm = points_mm.mean(axis=0), TRIPLET_MM.mean(axis=0)
+    rotation, root_sum_mm = Rotation.align_vectors(points_mm - center_mm, TRIPLET_MM - triplet_center_mm)
+    position_mm: Array = center_mm - rotation.apply(triplet_center_mm)
     return position_mm, rotation, float(root_sum_mm) / math.sqrt(len(points_mm))

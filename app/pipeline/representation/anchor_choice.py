@@ -179,7 +179,7 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:
 
 
 def _spreads_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> list[float]:
-    """How far each action differs over the group relative to the anchors; rotations weigh in as metres."""
+    """How far each action differs over the group relative to the anchors; rotations weigh in as meters."""
     relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
     if len(group) == 1:
@@ -196,7 +196,7 @@ def _spreads_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
 
 
 def _oblique_m(hands: Rotation) -> Array:
-    """(K,) how far each hand is from square to the axes that it is relative to, as metres."""
+    """(K,) how far each hand is from square to the axes that it is relative to, as meters."""
     off_rad = np.min([(turn.inv() * hands).magnitude() for turn in SQUARE], axis=0)
     oblique: Array = OBLIQUE_M_PER_RAD * np.minimum(off_rad, MAX_OBLIQUE_RAD)
     return oblique

@@ -101,7 +101,7 @@ class AnchorPose(NamedTuple):
     hand_axes: Rotation
 
     def seen(self, positions_m: Array, hands: Rotation) -> tuple[Array, Rotation]:
-        """Poses of the hand, (3,) or (K, 3) in metres and as many rotations, relative to the anchor."""
+        """Poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor."""
         offsets_m: Array = self.place_axes.inv().apply(positions_m - self.origin_m)
         return offsets_m, self.hand_axes.inv() * hands
 
@@ -136,14 +136,14 @@ def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
 def relative_action(
     demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
-    """Action `k` relative to the anchor: offset (3,) in metres along the anchor's axes, and rotation."""
+    """Action `k` relative to the anchor: offset (3,) in meters along the anchor's axes, and rotation."""
     action = demonstration.actions[k]
     hand = Rotation.from_quat(action.quaternion_xyzw)
     return anchor_pose(anchor, demonstration, tilted).seen(action.position_m, hand)
 
 
 def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
-    """Every action relative to the anchor: offsets (K, 3) in metres along its axes, and K rotations."""
+    """Every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
     actions = demonstration.actions
     if not actions:
         return np.zeros((0, 3)), NOT_TURNED
@@ -180,7 +180,7 @@ def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     """How far the hand scatters along the world's axes at some objects, and along the objects' own.
 
     Returns:
-        Of each (2, K) in metres: the hand's places, and its rotations weighed as elsewhere.
+        Of each (2, K) in meters: the hand's places, and its rotations weighed as elsewhere.
     """
     world_m, own_m = (_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
     return world_m, own_m

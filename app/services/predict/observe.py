@@ -72,7 +72,7 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
 
     Raises:
         NoDemonstrationsError: if the task has no demonstrations.
-        ObjectSetError: if names are given twice or are spelt otherwise; as `estimate_poses` and `check_scene_units`.
+        ObjectSetError: if names are given twice or are spelled otherwise; as `estimate_poses` and `check_scene_units`.
     """
     sent, names = [query.name for query in request.objects], task.object_names
     if names is None:

@@ -40,7 +40,7 @@ def nearest_last(scenes_m: Array, observed_m: Array, number: int) -> list[int]:
     """The indices of the `number` scenes nearest to the observed one, the nearest last.
 
     Args:
-        scenes_m: (N, K, 3) positions of each scene's K objects in metres, world frame.
+        scenes_m: (N, K, 3) positions of each scene's K objects in meters, world frame.
         observed_m: (K, 3) the same of the observed scene.
     """
     distances_m = np.linalg.norm(scenes_m - observed_m, axis=2).sum(axis=1)

@@ -82,7 +82,7 @@ class CheckTask:
         self._kept: Cache[TaskState, _Read] = Cache(KEPT)
 
     def without_model(self, task: str) -> CheckedTask:
-        """Predict each demonstration as the centre of the others. Synchronous: call it in a thread.
+        """Predict each demonstration as the center of the others. Synchronous: call it in a thread.
 
         Raises:
             NotFoundError: if there is no such task.

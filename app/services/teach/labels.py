@@ -173,12 +173,12 @@ class LabelObjects:
         view = self._views.view(draft, store_images=True)
         masks, yaw = self._views.masks(draft, view), yaw_deg(draft, view)
         digests = {name: self._store.blobs.put(_png(mask)) for name, mask in masks.items() if mask.any()}
-        labelled = tuple(replace(camera, mask_digest=digests.get(camera.name)) for camera in view.cameras)
+        labeled = tuple(replace(camera, mask_digest=digests.get(camera.name)) for camera in view.cameras)
         counts = {name: int(mask.sum()) for name, mask in masks.items()}
         with self._store.write() as connection:
             if labels.number_of(connection, draft.task) >= MAX_LABELS:
                 raise InvalidInputError("task", f"has {MAX_LABELS} labels", "fewer: delete those that did not merge")
-            return labels.add(connection, draft.task, draft.object, labelled, counts, yaw, draft.episode_id)
+            return labels.add(connection, draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
 
 
 def _png(mask: Mask) -> bytes:

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.learn import LabelledView, Learned, learn
+from app.perception.registered.learn import LabeledView, Learned, learn
 from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
@@ -23,7 +23,7 @@ from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
-MAX_VIEWS = 10  # labelled, that an object is learned from
+MAX_VIEWS = 10  # labeled, that an object is learned from
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class LearnedModels:
 
 @dataclass(frozen=True, eq=False)
 class LearnObjectModels:
-    """Learns models for the estimator `cuboid` from labelled episodes: masks, poses or both beside RGB-D images.
+    """Learns models for the estimator `cuboid` from labeled episodes: masks, poses or both beside RGB-D images.
 
     Synchronous: call it in a thread.
     """
@@ -67,7 +67,7 @@ class LearnObjectModels:
         with self.store.read() as connection:
             task = tasks.get(connection, name)
             wanted = _wanted(task, objects)
-            records = [record for record in episodes.all_of(connection, name) if _labelled(record, wanted)]
+            records = [record for record in episodes.all_of(connection, name) if _labeled(record, wanted)]
         if not records:
             message = f"none of the task {name!r} has RGB-D images with labels of {', '.join(wanted)}"
             raise InvalidInputError("episodes", message, "rgb_NAME, depth_NAME, and mask_ids or a position per object")
@@ -78,10 +78,10 @@ class LearnObjectModels:
             self.configure_task(name, {}, learned)
         return LearnedModels(learned, refused, tuple(record.id for record in chosen))
 
-    def _scene(self, record: EpisodeRecord, wanted: Sequence[str]) -> LabelledScene:
+    def _scene(self, record: EpisodeRecord, wanted: Sequence[str]) -> LabeledScene:
         frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
         queries = {query.name: query for query in map(ObjectQuery.from_json, record.given_objects)}
-        return LabelledScene(frames, tuple(queries[name] for name in wanted))
+        return LabeledScene(frames, tuple(queries[name] for name in wanted))
 
 
 def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
@@ -95,7 +95,7 @@ def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(objects))
 
 
-def _labelled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
+def _labeled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
     """Whether the episode shows what it has and says where the wanted objects are."""
     given = {item["name"]: item for item in record.given_objects}
     has_images = any(camera.has_rgbd for camera in record.cameras)
@@ -103,7 +103,7 @@ def _labelled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
 
 
 def _learned(
-    scenes: Sequence[LabelledScene], wanted: Sequence[str], yaw_symmetry_deg: Mapping[str, float]
+    scenes: Sequence[LabeledScene], wanted: Sequence[str], yaw_symmetry_deg: Mapping[str, float]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, InvalidInputError]]:
     """Models of the objects that can be learned without those that cannot, and why these cannot."""
     refused: dict[str, InvalidInputError] = {}
@@ -117,7 +117,7 @@ def _learned(
     return {}, refused
 
 
-def _only(scene: LabelledScene, names: Sequence[str]) -> LabelledScene:
+def _only(scene: LabeledScene, names: Sequence[str]) -> LabeledScene:
     return replace(scene, objects=tuple(query for query in scene.objects if query.name in names))
 
 
@@ -159,9 +159,9 @@ class LearnFromLabels:
             self.configure_task(task, {}, learned={name: model})
         return model
 
-    def _view(self, record: LabelRecord) -> LabelledView:
+    def _view(self, record: LabelRecord) -> LabeledView:
         frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
-        return LabelledView(frames, record.yaw_deg)
+        return LabeledView(frames, record.yaw_deg)
 
     def _model(
         self, records: Sequence[LabelRecord], learned: Learned, symmetric: str | float, *, yaw_may_be_unknown: bool

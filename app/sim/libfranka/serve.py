@@ -1,7 +1,7 @@
 """Serves one scene in a process of its own: `python -m app.sim.libfranka.serve TASK SEED VARIATION [ADDRESS]`.
 
 It prints the loopback address on which franky-sim's servers speak libfranka's protocol for the scene's arm. A line on
-its standard input asks for judgement: things come to rest, and it prints whether the task is solved. It ends with its
+its standard input asks for judgment: things come to rest, and it prints whether the task is solved. It ends with its
 input.
 """
 

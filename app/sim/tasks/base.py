@@ -117,7 +117,7 @@ class SimTask(ABC):
         self,
         name: str,
         color: str,
-        centre_m: npt.ArrayLike,
+        center_m: npt.ArrayLike,
         half_m: float,
         yaw_rad: float = 0.0,
         *,
@@ -125,7 +125,7 @@ class SimTask(ABC):
         friction: float = 0.6,
     ) -> None:
         """A cube that moves freely, upright, its center (3,) in the world frame; for use in `build`."""
-        cube = self.add_part(name, centre_m, about_z(yaw_rad), free=True)
+        cube = self.add_part(name, center_m, about_z(yaw_rad), free=True)
         cube.box((half_m,) * 3, color, mass_kg=mass_kg, friction=friction)
 
     def object_poses(self) -> tuple[ObjectPose, ...]:

@@ -33,12 +33,12 @@ class SlideBlock(SimTask):
     instruction = "slide the block to the green target"
 
     def build(self, random: np.random.Generator) -> None:
-        centre = np.array([*random.uniform((0.12, -0.15), (0.30, 0.15)), TABLE_TOP_M])
+        center = np.array([*random.uniform((0.12, -0.15), (0.30, 0.15)), TABLE_TOP_M])
         yaw_rad = random.uniform(-np.pi, np.pi)
-        self.add_cube("block", "red", centre + BLOCK_HALF_M * UP, BLOCK_HALF_M, yaw_rad, mass_kg=0.15)
+        self.add_cube("block", "red", center + BLOCK_HALF_M * UP, BLOCK_HALF_M, yaw_rad, mass_kg=0.15)
         for quarter, (name, color) in enumerate(SQUARES.items()):
             turn = about_z(yaw_rad + quarter * np.pi / 2)
-            at_m = centre + turn.apply([DISTANCE_M, 0, SQUARE_HALF_THICKNESS_M])
+            at_m = center + turn.apply([DISTANCE_M, 0, SQUARE_HALF_THICKNESS_M])
             square = self.add_part(name, at_m, turn)
             square.mark((SQUARE_HALF_M, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), color)
             stripe_m = [SQUARE_HALF_M - 0.006, 0, SQUARE_HALF_THICKNESS_M]
@@ -132,5 +132,5 @@ def _add_sorter(sorter: Part) -> None:
 def _add_lid(sorter: Part, x_m: tuple[float, float], y_m: tuple[float, float]) -> None:
     """The part of the lid between two limits along x and two along y."""
     (x_low, x_high), (y_low, y_high) = x_m, y_m
-    centre_m = [(x_low + x_high) / 2, (y_low + y_high) / 2, -LID_M / 2]
-    sorter.box(((x_high - x_low) / 2, (y_high - y_low) / 2, LID_M / 2), "yellow", at_m=centre_m)
+    center_m = [(x_low + x_high) / 2, (y_low + y_high) / 2, -LID_M / 2]
+    sorter.box(((x_high - x_low) / 2, (y_high - y_low) / 2, LID_M / 2), "yellow", at_m=center_m)

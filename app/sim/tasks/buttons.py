@@ -49,8 +49,8 @@ class ButtonTask(SimTask):
         points = scatter(random, len(COLORS), (0.03, -0.30), (0.38, 0.30), min_distance_m=0.13)
         for color, point in zip(COLORS, points, strict=True):
             button = self.add_part(f"{color} button", [*point, TABLE_TOP_M + height_m])
-            base_centre_m = [0, 0, BASE_HEIGHT_M / 2 - height_m]
-            button.cylinder(BASE_RADIUS_M, BASE_HEIGHT_M / 2, "grey", at_m=base_centre_m)
+            base_center_m = [0, 0, BASE_HEIGHT_M / 2 - height_m]
+            button.cylinder(BASE_RADIUS_M, BASE_HEIGHT_M / 2, "grey", at_m=base_center_m)
             cap = self.add_part(f"{color} cap", [0, 0, 0], parent=button)
             cap.cylinder(CAP_RADIUS_M, CAP_HEIGHT_M / 2, color, at_m=[0, 0, -CAP_HEIGHT_M / 2], mass_kg=0.02)
             cap.slide(color, (0, 0, -1), (0, TRAVEL_M), damping=2.0, spring_n_m=SPRING_N_M, spring_rest_m=-PRELOAD_M)

@@ -152,13 +152,13 @@ class StackBlocks(CubeTask):
     instruction = "stack 2 red blocks on the green platform"
 
     def build(self, random: np.random.Generator) -> None:
-        centre = random.uniform((0.10, -0.10), (0.30, 0.10))
-        platform_m = [*centre, TABLE_TOP_M + self.platform_half_height_m]
+        center = random.uniform((0.10, -0.10), (0.30, 0.10))
+        platform_m = [*center, TABLE_TOP_M + self.platform_half_height_m]
         platform = self.add_part("green platform", platform_m, about_z(random.uniform(-np.pi, np.pi)))
         platform.mark((self.platform_half_m, self.platform_half_m, self.platform_half_height_m), "green")
         names, apart_m = (*self.red_blocks, *self.blue_blocks), self.min_distance_m
-        points = scatter(random, len(names), (0.02, -0.33), (0.38, 0.33), apart_m, clear_of=[(centre, apart_m)])
-        red = sorted(points[: len(self.red_blocks)], key=lambda point: float(np.linalg.norm(point - centre)))
+        points = scatter(random, len(names), (0.02, -0.33), (0.38, 0.33), apart_m, clear_of=[(center, apart_m)])
+        red = sorted(points[: len(self.red_blocks)], key=lambda point: float(np.linalg.norm(point - center)))
         for name, point in zip(names, (*red, *points[len(red) :]), strict=True):
             self.add_cube_over(point, name, name.split()[1], random.uniform(-np.pi, np.pi))
 
@@ -200,12 +200,12 @@ class BuildTower(BlockTask):
         return (*self.SHOWN, *self.ASKED)[self.variation]
 
     def build(self, random: np.random.Generator) -> None:
-        centre = random.uniform((0.12, -0.10), (0.30, 0.10))
-        plate_m = [*centre, TABLE_TOP_M + self.plate_half_height_m]
+        center = random.uniform((0.12, -0.10), (0.30, 0.10))
+        plate_m = [*center, TABLE_TOP_M + self.plate_half_height_m]
         plate = self.add_part("white plate", plate_m, about_z(random.uniform(-np.pi, np.pi)))
         plate.mark((self.plate_half_m, self.plate_half_m, self.plate_half_height_m), "white")
         low_m, high_m = (0.02, -0.33), (0.38, 0.33)
-        points = scatter(random, len(self.blocks), low_m, high_m, min_distance_m=0.105, clear_of=[(centre, 0.13)])
+        points = scatter(random, len(self.blocks), low_m, high_m, min_distance_m=0.105, clear_of=[(center, 0.13)])
         for block, point in zip(self.blocks, points, strict=True):
             self.add_cube_over(point, block, block.split()[0], random.uniform(-np.pi, np.pi))
 

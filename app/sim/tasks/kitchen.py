@@ -40,11 +40,11 @@ class MeatOffGrill(SimTask):
 
     def build(self, random: np.random.Generator) -> None:
         turn = about_z(random.uniform(-GRILL_MAX_TURN_RAD, GRILL_MAX_TURN_RAD))
-        centre = np.array([*random.uniform((0.14, -0.18), (0.28, -0.02)), TABLE_TOP_M + GRILL_HEIGHT_M])
-        _add_grill(self.add_part("grill", centre, turn))
+        center = np.array([*random.uniform((0.14, -0.18), (0.28, -0.02)), TABLE_TOP_M + GRILL_HEIGHT_M])
+        _add_grill(self.add_part("grill", center, turn))
         for name, (color, y_m) in MEAT.items():
             at = [random.uniform(-MAX_SHIFT_M, MAX_SHIFT_M), y_m, MEAT_HALF_HEIGHT_M]
-            meat = self.add_part(name, centre + turn.apply(at), about_z(random.uniform(-np.pi, np.pi)), free=True)
+            meat = self.add_part(name, center + turn.apply(at), about_z(random.uniform(-np.pi, np.pi)), free=True)
             _add_meat(meat, color)
 
     def expert(self) -> list[Move]:

@@ -22,9 +22,9 @@ MARK_M = 0.0005
 class LaptopTask(SimTask):
     """A laptop whose front edge points away from the robot. Its pose is the center of its base, x to the front edge."""
 
-    def add_laptop(self, centre_m: npt.ArrayLike, turn: Rotation) -> Part:
+    def add_laptop(self, center_m: npt.ArrayLike, turn: Rotation) -> Part:
         """The body `laptop` with keyboard and touchpad; for use in `build`."""
-        laptop = self.add_part("laptop", centre_m, turn)
+        laptop = self.add_part("laptop", center_m, turn)
         laptop.box((HALF_DEPTH_M, HALF_WIDTH_M, HALF_THICKNESS_M), "grey")
         for x_m in (-0.08, 0.08):
             laptop.box((0.01, 0.13, FEET_M / 2), "black", at_m=[x_m, 0, -HALF_THICKNESS_M - FEET_M / 2])
@@ -132,10 +132,10 @@ class UnplugCable(LaptopTask):
 
     def build(self, random: np.random.Generator) -> None:
         turn = about_z(random.uniform(-UNPLUG_MAX_TURN_RAD, UNPLUG_MAX_TURN_RAD))
-        centre = np.array([*random.uniform((0.08, -0.22), (0.27, 0.06)), TABLE_TOP_M + CENTRE_HEIGHT_M])
-        laptop = self.add_laptop(centre, turn)
+        center = np.array([*random.uniform((0.08, -0.22), (0.27, 0.06)), TABLE_TOP_M + CENTRE_HEIGHT_M])
+        laptop = self.add_laptop(center, turn)
         self.add_lid(laptop, Rotation.from_euler("y", -OPEN_RAD))
-        plug = self.add_part("cable", centre + turn.apply(SOCKET_M), turn * about_z(np.pi / 2), free=True)
+        plug = self.add_part("cable", center + turn.apply(SOCKET_M), turn * about_z(np.pi / 2), free=True)
         plug.box(PLUG_HALF_M, "orange", mass_kg=PLUG_KG)
         self._add_links(plug)
         weld = mujoco.mjtEq.mjEQ_WELD

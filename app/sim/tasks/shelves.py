@@ -83,8 +83,8 @@ class PutInSafe(ShelfTask):
         """The case and its door."""
         safe.case("grey", (*self.shelves_m, self.top_m), depth_m=DEPTH_M, half_width_m=self.half_width_m)
         swing = about_z(self.door_rad)
-        centre_m = np.array([0, -self.half_width_m, self.top_m / 2]) + swing.apply([0, self.half_width_m, 0])
-        safe.box((BOARD_M / 2, self.half_width_m, self.top_m / 2), "grey", at_m=centre_m, rotation=swing)
+        center_m = np.array([0, -self.half_width_m, self.top_m / 2]) + swing.apply([0, self.half_width_m, 0])
+        safe.box((BOARD_M / 2, self.half_width_m, self.top_m / 2), "grey", at_m=center_m, rotation=swing)
 
 
 class PutInCupboard(ShelfTask):

@@ -87,7 +87,7 @@ def episode_page(
     texts, about_texts = _texts(services, recording)
     with services.store.read() as connection:
         num_episodes = tasks.counts(connection)[recording.task.name].episodes
-        older, newer = episodes.neighbours(connection, recording.record)
+        older, newer = episodes.neighbors(connection, recording.record)
     return render(
         request,
         "episode.html",
@@ -200,7 +200,7 @@ def object_page(request: Request, services: Wired, episode_id: str, name: str = 
         record = episodes.get(connection, episode_id)
         task = tasks.get(connection, record.task)
         ids = episodes.list_ids(connection, record.task)[::-1]
-        older, newer = episodes.neighbours(connection, record)
+        older, newer = episodes.neighbors(connection, record)
     names = task.object_names or ()
     return render(
         request,

@@ -5,7 +5,7 @@ import { data, element, say, sayProblem } from "./dom.js";
 import { mountMarking } from "./marking.js";
 
 const AT_ONCE = 4; // episodes in a request
-const ENOUGH = 3; // labelled episodes to rely on
+const ENOUGH = 3; // labeled episodes to rely on
 const byId = (id) => document.getElementById(id);
 const page = data("page");
 const { label: form, learn: teaching } = document.forms;
@@ -118,7 +118,7 @@ async function changed() {
     byId("labels").replaceChildren(...labels.map(entry));
     const number = new Set(labels.map((label) => label.episode_id ?? label.id)).size;
     const advice = number < ENOUGH ? "one is enough to try, three are to rely on." : "enough to rely on, if they fit each other.";
-    byId("enough").textContent = `${name()}: ${number} labelled episode${number === 1 ? "" : "s"}; ${advice}`;
+    byId("enough").textContent = `${name()}: ${number} labeled episode${number === 1 ? "" : "s"}; ${advice}`;
     byId("look").disabled = !labels.length;
   } catch (error) {
     sayProblem(byId("learned"), error);
@@ -150,7 +150,7 @@ function wanted() {
   return { object: name(), symmetric: turn, yaw_may_be_unknown: yaw_may_be_unknown.checked };
 }
 
-const metres = (position) => position.map((value) => (Math.round(1000 * value) / 1000 + 0).toFixed(3)).join(", ");
+const meters = (position) => position.map((value) => (Math.round(1000 * value) / 1000 + 0).toFixed(3)).join(", ");
 
 /** What was found in an episode, as a row. */
 function row({ episode_id, pose, refusal }) {
@@ -162,7 +162,7 @@ function row({ episode_id, pose, refusal }) {
   if (pose) {
     const yaw = pose.quaternion_xyzw ? "" : ", yaw unknown";
     const reason = pose.reason ? `; ${pose.reason}` : "";
-    what.append(`at ${metres(pose.position)} m${yaw}, in ${pose.cameras.join(", ")}, confidence ${pose.confidence.toFixed(2)}${reason}`);
+    what.append(`at ${meters(pose.position)} m${yaw}, in ${pose.cameras.join(", ")}, confidence ${pose.confidence.toFixed(2)}${reason}`);
   } else if (refusal) {
     const address = `${root}/ui/episodes/${episode_id}/object?name=${encodeURIComponent(name())}`;
     const again = here ? [] : [" ", element("a", { href: address }, "Label it there")];

@@ -22,7 +22,7 @@ const STANDING = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 const states = new WeakMap();
 
 const plus = (point, along, length) => point.map((value, k) => value + length * along[k]);
-const metres = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} m`;
+const meters = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} m`;
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
@@ -190,7 +190,7 @@ function solid(item, projection) {
     const shade = normal[2] > 0.7 ? 0 : normal[0] * projection.towards[1] - normal[1] * projection.towards[0] < 0 ? 1 : 2;
     return svg("polygon", { class: `shade-${shade}`, points: text(around, projection), fill: item.color });
   });
-  const group = titled(svg("g", { class: "solid", "data-label": item.label }, ...faces), `${item.label}\n${metres(item.position)}`);
+  const group = titled(svg("g", { class: "solid", "data-label": item.label }, ...faces), `${item.label}\n${meters(item.position)}`);
   return item.axes ? [group, ...triad(item, projection)] : [group];
 }
 
@@ -200,13 +200,13 @@ const triad = ({ position, axes }, projection) =>
 /** Where a demonstration has an object. */
 function demonstrated(item, { at }) {
   const [cx, cy] = at(item.position);
-  return titled(svg("circle", { class: "shown", cx, cy, r: 5, fill: item.color }), `${item.label} in a demonstration\n${metres(item.position)}`);
+  return titled(svg("circle", { class: "shown", cx, cy, r: 5, fill: item.color }), `${item.label} in a demonstration\n${meters(item.position)}`);
 }
 
 function pose(item, projection) {
   const [cx, cy] = projection.at(item.position);
   const ring = svg("circle", { class: item.gripper_open ? "frame open" : "frame", cx, cy, r: 5 });
-  const words = `${item.label}: gripper ${item.gripper_open ? "open" : "closed"}\n${metres(item.position)}`;
+  const words = `${item.label}: gripper ${item.gripper_open ? "open" : "closed"}\n${meters(item.position)}`;
   return [...triad(item, projection), titled(ring, words)];
 }
 

@@ -29,7 +29,7 @@ export class View {
   }
 
   /**
-   * How the world, in metres, comes onto a page of that size: `at` gives a point's place in pixels, `depth` grows towards the
+   * How the world, in meters, comes onto a page of that size: `at` gives a point's place in pixels, `depth` grows towards the
    * viewer, and `faces` says whether a normal points there. All of `points` are seen while zoom is 1, however the view is
    * turned sideways.
    */

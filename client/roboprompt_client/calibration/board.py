@@ -58,7 +58,7 @@ class CharucoBoard:
                 raise InvalidInputError(name, f"is {squares!r}", f"3 to {MAX_SQUARES}")
         for name in ("square_m", "marker_m"):
             if not MIN_LENGTH_M <= getattr(self, name) < math.inf:
-                raise InvalidInputError(name, f"is {getattr(self, name)}", "a length in metres")
+                raise InvalidInputError(name, f"is {getattr(self, name)}", "a length in meters")
         if self.marker_m >= self.square_m:
             raise InvalidInputError("marker_m", f"is {self.marker_m}", f"less than the square's {self.square_m}")
         if self.dictionary not in DICTIONARIES:

@@ -34,7 +34,7 @@ EXPECTED = {
     "mirrored in half": (NONE, HAND_POSE | POSES, HALF),
     "hand mirrored in half": (NONE, HAND_POSE, HALF),
     "hand mirrored in all": (NONE, HAND_POSE, ALL),
-    "hand in millimetres in half": (NONE, HAND, HALF),
+    "hand in millimeters in half": (NONE, HAND, HALF),
     "gripper inverted in half": (NONE, {"gripper"}, HALF),
     "gripper inverted in one": (NONE, {"gripper"}, 1),
     "gripper inverted in all": (NONE, {"gripper"}, ALL),

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
-from app.perception.registered.learn import LabelledView, learn
+from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from benchmarks.object_scenes import Layout, Room, upright
 from benchmarks.object_shapes import THINGS
@@ -27,8 +27,8 @@ def frames(where, seed=0, **more):
 
 @cache
 def view(name, number):
-    """A labelled view of the object alone."""
-    return LabelledView(frames(layout(**{name: PLACES[number]}), number, of=(name, 0)))
+    """A labeled view of the object alone."""
+    return LabeledView(frames(layout(**{name: PLACES[number]}), number, of=(name, 0)))
 
 
 @cache

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery
 from app.perception.registered.candidates import gap_m
 from app.perception.registered.estimator import RegisteredPoses
-from app.perception.registered.learn import LabelledView, learn
+from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
@@ -178,7 +178,7 @@ def on_a_box(name, x_m, height_m, **others):
 
 
 def test_what_lies_on_something_is_found_there_and_nowhere_else():
-    views = [LabelledView(frames(on_a_box("carton", x_m, 0.08), of=("carton", 0))) for x_m in (-0.05, 0.05)]
+    views = [LabeledView(frames(on_a_box("carton", x_m, 0.08), of=("carton", 0))) for x_m in (-0.05, 0.05)]
     template = learn("carton", views, None).template
     assert template.above_table_m == pytest.approx(0.08, abs=0.006)
     asked = [replace(query("carton"), template=template)]

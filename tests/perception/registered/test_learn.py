@@ -5,7 +5,7 @@ import pytest
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered import symmetry
-from app.perception.registered.learn import LabelledView, learn
+from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.marks import Marks, masks_from_marks, outlines, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
@@ -14,8 +14,8 @@ from roboprompt_client.errors import InvalidInputError
 from tests.perception.registered.rooms import frames, layout, taught, view
 
 
-def without_mask(labelled):
-    return LabelledView(tuple(replace(frame, mask=np.zeros_like(frame.mask)) for frame in labelled.frames))
+def without_mask(labeled):
+    return LabeledView(tuple(replace(frame, mask=np.zeros_like(frame.mask)) for frame in labeled.frames))
 
 
 def test_views_merge_and_say_how_well():
@@ -43,8 +43,8 @@ def test_a_round_object_is_completed_around_its_axis():
 
 
 def test_an_arrow_gives_the_x_axis():
-    labelled = replace(view("carton", 0), yaw_deg=40.0)
-    plain, turned = (learn("carton", [item], None).template for item in (view("carton", 0), labelled))
+    labeled = replace(view("carton", 0), yaw_deg=40.0)
+    plain, turned = (learn("carton", [item], None).template for item in (view("carton", 0), labeled))
     heading = np.radians(40.0)
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     expected_m = plain.points_m[:, :2] @ turn.T
@@ -66,7 +66,7 @@ def test_nothing_is_taught_where_no_view_fits_another():
 
 def test_a_mask_of_half_the_table_is_no_object():
     spread = frames(layout(carton=(-0.3, 0.1, 0.0), jar=(0.3, 0.1, 0.0)))
-    everything = LabelledView(tuple(replace(frame, mask=np.ones_like(frame.mask)) for frame in spread))
+    everything = LabeledView(tuple(replace(frame, mask=np.ones_like(frame.mask)) for frame in spread))
     with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 70"):
         learn("carton", [everything], None)
 
@@ -97,7 +97,7 @@ def test_noise_of_the_first_view_is_no_asymmetry(monkeypatch):
 def test_a_handle_that_the_first_view_hides_is_no_symmetry():
     random = np.random.default_rng(0)
     scenes = [sample(random, [("mug", 0)]) for _ in range(2)]
-    views = [LabelledView(frames(scene, seed, of=("mug", 0), num=2)) for seed, scene in enumerate(scenes)]
+    views = [LabeledView(frames(scene, seed, of=("mug", 0), num=2)) for seed, scene in enumerate(scenes)]
     with pytest.raises(ObjectModelError, match="turned by 180 degrees it looks otherwise"):
         learn("mug", views, 180.0)
 

@@ -33,7 +33,7 @@ def found(*groups):
 
 
 @pytest.mark.parametrize(("off_m", "severity"), [(0.005, None), (0.02, "info"), (0.05, "danger"), (0.1, "danger")])
-def test_the_centre_counts(off_m, severity):
+def test_the_center_counts(off_m, severity):
     findings = found(shown(off_m))
     assert [finding.severity for finding in findings] == ([] if severity is None else [severity])
     for finding in findings:
@@ -52,7 +52,7 @@ def test_more_demonstrations_make_up_for_noise():
 
 
 def test_many_demonstrations_do_not_make_up_for_what_no_noise_does():
-    """Of two plans that with more demonstrations scatters farther, and its centre is the better known."""
+    """Of two plans that with more demonstrations scatters farther, and its center is the better known."""
     narrow, wide = shown(0.06, number=5), shown(0.1, number=40)
     (finding,) = found(narrow, wide)
     assert finding.severity == "danger"
@@ -72,7 +72,7 @@ def test_without_a_switch_the_hand_acts_where_it_is_lowest():
 
 
 def test_more_than_a_third_that_are_far_off_are_a_danger_and_a_slip_is_none():
-    """The others agree to the millimetre, so that neither median nor centre says so."""
+    """The others agree to the millimeter, so that neither median nor center says so."""
 
     def with_wrong(number):
         right, wrong = shown(0.0), shown(0.2)
@@ -83,7 +83,7 @@ def test_more_than_a_third_that_are_far_off_are_a_danger_and_a_slip_is_none():
 
 
 def beside(off_m, number, *, place_turns=True, hand_turns=False, turned_deg=40, noise_m=0.0, noise_deg=0.0):
-    """The cube is turned further each time; the hand goes to a place beside its centre."""
+    """The cube is turned further each time; the hand goes to a place beside its center."""
     random, group = np.random.default_rng(1), []
     for k in range(number):
         way = Rotation.from_euler("z", turned_deg * k * place_turns, degrees=True).apply([off_m, 0, 0])

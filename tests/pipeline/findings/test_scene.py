@@ -118,7 +118,7 @@ def test_an_object_that_is_taken_for_another_is_one_finding():
     ("fine_m", "off_m", "expected"), [(0.0001234, 0.0, True), (0.0001234, 0.0005, False), (0.0, 0.0, False)]
 )
 def test_a_scene_that_repeats_measured_places_is_an_old_one(fine_m, off_m, expected):
-    """Not one that is written down in whole millimetres, nor one that is seen again."""
+    """Not one that is written down in whole millimeters, nor one that is seen again."""
     shown = [demonstration(STACK, scene(0.02 * k + fine_m, 0.03 * (k % 5)), []) for k in range(10)]
     query = Query(STACK, scene(0.06 + fine_m + off_m, 0.09))
     for scenes in (ShownScenes(tuple(shown)), ShownScenes(tuple(shown[:3] + shown[4:]), left_out=(shown[3],))):

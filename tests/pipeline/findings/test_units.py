@@ -132,9 +132,9 @@ def test_a_hand_in_the_base_s_frame_is_found(row):
 
 
 def test_objects_and_cameras_in_millimeters_are_refused():
-    with pytest.raises(InvalidInputError, match=r"objects\[cube\]\.position.*likely millimetres"):
+    with pytest.raises(InvalidInputError, match=r"objects\[cube\]\.position.*likely millimeters"):
         doubts(right(), [ObjectPose("cube", 1000 * cube().position_m)])
-    for away, unit in ((1200.0, "probably millimeters"), (25.0, "likely centimetres")):
+    for away, unit in ((1200.0, "probably millimeters"), (25.0, "likely centimeters")):
         with pytest.raises(InvalidInputError, match=rf"cameras\[front\]\.camera_to_world.*{unit}"):
             doubts(right(), cameras=[camera(away)])
 

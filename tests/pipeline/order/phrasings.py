@@ -63,7 +63,7 @@ green, blue | press the green button and then the blue one
 | push the red button slowly / never push the green button / push the red button on the blue button
 | push the turquoise button / push the fifth button from the left / press every button but the red one
 | push the other button / hold down the red button / empuja el botón rojo / do not press anything
-| push the button that I pointed at / push the red button's neighbour / push the blue button and don't push it
+| push the button that I pointed at / push the red button's neighbor / push the blue button and don't push it
 | press not / push not the red button / push the red button, don't push / push the red button, please don't
 | push the red button, instead push the blue one / push the red button, or rather the blue one
 | push the red button, the blue button / push the red button. The blue button.

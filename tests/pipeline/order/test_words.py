@@ -35,7 +35,7 @@ def test_a_word_knows_its_place():
         ("lefmots", None),
         ("leftmsot", "leftmost"),
         ("bwol", "bowl"),
-        ("nug", None),  # three letters: only neighbours that changed places
+        ("nug", None),  # three letters: only neighbors that changed places
         ("bow", None),  # a word of its own
         ("redd7", None),
         ("bo", None),

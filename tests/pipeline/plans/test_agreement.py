@@ -47,7 +47,7 @@ def test_scatter_around_one_value_is_shown_as_one_near_to_the_true_one():
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), number=st.integers(3, 12))
-def test_the_centre_lies_among_what_was_shown(seed, number):
+def test_the_center_lies_among_what_was_shown(seed, number):
     random = np.random.default_rng(seed)
     own_m = scattered(random, number)
     group = reached(own_m, random=random)
@@ -136,7 +136,7 @@ def test_a_single_demonstration_is_shown_as_it_is():
 
 @pytest.mark.parametrize("odd_m", [0.05, 0.08, 0.3])
 @pytest.mark.parametrize("seed", range(4))
-def test_one_odd_demonstration_out_of_ten_hardly_moves_the_centre(odd_m, seed):
+def test_one_odd_demonstration_out_of_ten_hardly_moves_the_center(odd_m, seed):
     random = np.random.default_rng(seed)
     own_m = scattered(random, 10, sigma_m=0.003)
     without_m = offsets_m(agreed(reached(own_m, random=random)))[0]
@@ -155,8 +155,8 @@ def test_a_row_that_follows_no_object_is_told_from_the_world():
     (row,) = plan_rows(group)
     assert set(row.anchors) == {WORLD}
     shown_m = [d.actions[0].position_m for d in agreed(group)]
-    np.testing.assert_allclose(shown_m, [row.centre_m] * 6)
-    np.testing.assert_allclose(row.centre_m, home_m, atol=0.006)
+    np.testing.assert_allclose(shown_m, [row.center_m] * 6)
+    np.testing.assert_allclose(row.center_m, home_m, atol=0.006)
 
 
 def started(group, starts_m):
@@ -173,7 +173,7 @@ def test_a_row_that_goes_on_from_the_start_is_told_from_there():
     group = started(reached(raised_m, random=random, objects=seen), starts_m)
     (row,) = plan_rows(group)
     assert set(row.anchors) == {START}
-    np.testing.assert_allclose(row.centre_m, [0, 0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(row.center_m, [0, 0, 0.1], atol=1e-9)
 
 
 def test_a_row_that_follows_an_object_is_told_from_it_wherever_the_robot_starts():
@@ -193,4 +193,4 @@ def test_a_row_follows_an_object_s_turn():
         group += reached([side_m], random=random, objects=[(cube, plate)], turns_deg=[yaw_deg])
     (row,) = plan_rows(group)
     assert {(anchor.object_name, anchor.frame) for anchor in row.anchors} == {("red cube", "o")}
-    np.testing.assert_allclose(row.centre_m, [0.1, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(row.center_m, [0.1, 0, 0], atol=1e-6)

@@ -60,7 +60,7 @@ def test_kat_is_told_neither_names_nor_instruction():
 
 
 def random_actions():
-    """Poses over two metres on both sides of the world's origin, in every orientation."""
+    """Poses over two meters on both sides of the world's origin, in every orientation."""
     random = np.random.default_rng(7)
     positions_m = random.uniform(-2, 2, (NUM_RANDOM, 3))
     rotations = Rotation.random(NUM_RANDOM, rng=random)

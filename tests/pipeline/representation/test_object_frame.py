@@ -142,12 +142,12 @@ def test_the_first_row_needs_its_rotation():
 
 def test_a_tilted_object_turns_its_frame_fully():
     tilts = [rotated(0, -60, 30), rotated(0, -80, -50), rotated(0, -40, 0)]
-    grasp, centre_m = rotated(0, 90, 0), np.array([0.1, 0.1, 1])
+    grasp, center_m = rotated(0, 90, 0), np.array([0.1, 0.1, 1])
     shown = [
         demonstration(
             "close the lid",
-            [pose("lid", centre_m, tilt)],
-            [action(centre_m + tilt.apply([0.25, 0, 0]), (tilt * grasp).as_euler("xyz", degrees=True))],
+            [pose("lid", center_m, tilt)],
+            [action(center_m + tilt.apply([0.25, 0, 0]), (tilt * grasp).as_euler("xyz", degrees=True))],
         )
         for tilt in tilts
     ]
@@ -161,7 +161,7 @@ def test_a_tilted_object_turns_its_frame_fully():
 
 
 def test_jitter_of_one_unit_is_calmed_to_the_median():
-    # yaws of bins 71, 1 and 0, which are neighbours
+    # yaws of bins 71, 1 and 0, which are neighbors
     codec = fitted(*(shown := lifts([(0.004, 0, 0.1), (-0.004, 0, 0.104), (0, 0, 0.096)], (176, -176, 180))))
     assert {codec.actions_text(demonstration) for demonstration in shown} == {
         "1 A w: +0 +0 +20 0 36 0 0; 2 A w: +0 +0 +60 1"
@@ -215,9 +215,9 @@ def random_demonstrations(draw, min_size, max_size):
     rows = draw(st.lists(ROWS, min_size=1, max_size=3))
     shown = []
     for _ in range(draw(st.integers(min_size, max_size))):
-        centre = np.array([draw(st.floats(-0.2, 0.6)), draw(st.floats(-0.4, 0.4)), 0.8])
-        cup = pose("cup", centre, draw(st.floats(-179, 179)))
-        actions = [action(centre + offset + draw(JITTER), euler, is_open) for offset, euler, is_open in rows]
+        center = np.array([draw(st.floats(-0.2, 0.6)), draw(st.floats(-0.4, 0.4)), 0.8])
+        cup = pose("cup", center, draw(st.floats(-179, 179)))
+        actions = [action(center + offset + draw(JITTER), euler, is_open) for offset, euler, is_open in rows]
         shown.append(demonstration(LIFT, [cup], actions))
     return shown
 
