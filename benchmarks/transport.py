@@ -17,7 +17,7 @@ from app.evaluation.server import running
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, Server, cost, service
 from benchmarks.service_time import asked, copied_reply, teach
-from roboprompt_client.http.encoding import packed_request, request_parts
+from roboprompt_client.http.encoding import request_parts
 from roboprompt_client.types.camera import Camera, RgbdFrame, camera_json
 
 WIDTH, HEIGHT = 640, 480
@@ -80,7 +80,8 @@ def _ours(data: Path) -> dict[str, Cost]:
             body: dict[str, Any] = {"files": request_parts(document, views)}
             if packed:
                 headers = {"Content-Type": "application/msgpack"}
-                body = {"content": packed_request(document, views), "headers": headers}
+                images = {"rgb_front": views[0].rgb, "depth_front": views[0].depth_m}
+                body = {"content": msgpack.packb({**document, **images}, default=pack_array), "headers": headers}
             http.post("/predict", **body).raise_for_status()
 
         return {

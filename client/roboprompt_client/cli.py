@@ -4,7 +4,7 @@ import argparse
 import json
 import signal
 import sys
-from argparse import ArgumentParser, Namespace, _ActionsContainer
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -21,13 +21,11 @@ from roboprompt_client.commands.look import add_find, add_look, find_in_pictures
 from roboprompt_client.commands.record import add_record, offer_correction
 from roboprompt_client.commands.terminal import Person
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_closed_loop, run_task
 from roboprompt_client.runs.plans import run_plan
-from roboprompt_client.types.poses import Pose
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -61,21 +59,13 @@ def _parser() -> ArgumentParser:
         _add_url(added, argparse.SUPPRESS)
         return added
 
-    upload = add("upload", "store a recorded episode as a demonstration, and print what was extracted from it", _upload)
-    _add_task(upload)
-    _add_objects(upload, required=True)
-    upload.add_argument("trajectory", type=Path, help=".npz with end_effector_positions, gripper_open ...")
-
     predict = add("predict", "print the actions for a scene; nothing moves", _predict)
     _add_task(predict)
     seen = predict.add_mutually_exclusive_group(required=True)
-    _add_objects(seen)
-    seen.add_argument("--robot", metavar="ROBOT", help=f"what it sees now: {ROBOT}")
+    seen.add_argument("--objects", type=Path, metavar="FILE", help=f"what the robot sees, {OBJECTS}")
+    seen.add_argument("--robot", metavar="ROBOT", help=f"ask for what it sees now: {ROBOT}")
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
-    pose = ("X", "Y", "Z", "QX", "QY", "QZ", "QW")
-    what = "where the arm is, meters and quaternion, world frame: needed where the task bounds steps"
-    predict.add_argument("--end-effector", nargs=7, type=float, metavar=pose, help=what)
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
     init = add("init", "write a cell's file: asks, and lets the arm measure", run_init)
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
@@ -96,22 +86,14 @@ def _add_task(parser: ArgumentParser, *, required: bool = True) -> None:
     parser.add_argument("--instruction", required=True, help="what the robot is to do, in words")
 
 
-def _add_objects(parser: _ActionsContainer, *, required: bool = False) -> None:
-    what = f"what the robot sees, {OBJECTS}"
-    parser.add_argument("--objects", required=required, type=Path, metavar="FILE", help=what)
-
-
 def _add_run(run: ArgumentParser) -> None:
     _add_task(run, required=False)
     add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
-    corners = ("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX")
-    what = "meters, world frame: refuse every action outside, too, whatever the service says"
-    run.add_argument("--workspace", nargs=6, type=float, metavar=corners, help=what)
     what = (
-        'JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: hold '
-        "these, too, whatever the service says"
+        'JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: limits of '
+        "your own, which hold beside the service's"
     )
     run.add_argument("--limits", type=Path, metavar="FILE", help=what)
     how = run.add_mutually_exclusive_group()
@@ -123,32 +105,18 @@ def _add_run(run: ArgumentParser) -> None:
     run.add_argument("--on-danger", choices=get_args(OnDanger), help=what)
 
 
-def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
-    scene = _scene(arguments)
-    try:
-        trajectory = trajectory_from_npz(arguments.trajectory.read_bytes())
-    except OSError as error:
-        raise InvalidInputError("trajectory", f"cannot be read: {error}", "an .npz file") from error
-    client.ping()
-    return _print_json(client.upload(arguments.task, arguments.instruction, trajectory, scene))
-
-
 def _predict(client: RoboPromptClient, arguments: Namespace) -> int:
     options = {} if arguments.model is None else {"model": arguments.model}
     client.ping()
-    scene = _scene(arguments) if arguments.robot is None else _seen(client, arguments)
+    if arguments.robot is None:
+        scene = observation_from_file("--objects", arguments.objects)
+    else:
+        scene = _seen(client, arguments)
     return _print_json(client.predict(arguments.task, arguments.instruction, scene, **options).response)
 
 
-def _scene(arguments: Namespace) -> Observation:
-    seen = observation_from_file("--objects", arguments.objects)
-    if (arm := getattr(arguments, "end_effector", None)) is None:
-        return seen
-    return Observation(seen.objects, end_effector=Pose(tuple(arm[:3]), tuple(arm[3:])))
-
-
 def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
-    """What a robot sees now."""
+    """Return what a robot sees now."""
     with closing_robot(open_robot(arguments.robot)) as robot:
         if isinstance(robot, Arm):
             robot.confirm_viewpoint = Person(robot).confirm_viewpoint
@@ -163,7 +131,7 @@ def _run(client: RoboPromptClient, arguments: Namespace) -> int:
         return _run_with(client, robot, pinned, arguments)
 
 
-def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, arguments: Namespace) -> int:
+def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | None, arguments: Namespace) -> int:
     person = Person(robot)
     find_in_pictures(robot, client, arguments.task, arguments.find)
     if isinstance(robot, Arm) and arguments.confirm:
@@ -199,18 +167,14 @@ def _print_json(document: object) -> int:
     return 0
 
 
-def _pinned(arguments: Namespace) -> MotionLimits:
-    """The caller's own bounds, which hold together with the task's."""
-    pinned = MotionLimits(hand_radius_m=0.0)
-    if (path := arguments.limits) is not None:
-        try:
-            pinned = MotionLimits.from_file(json.loads(path.read_text()))
-        except InvalidInputError:
-            raise
-        except (OSError, ValueError) as error:
-            valid = "a JSON file with workspace, motion_limits or both"
-            raise InvalidInputError("--limits", f"{path}: {error}", valid) from error
-    if arguments.workspace is None:
-        return pinned
-    low, high = tuple(arguments.workspace[:3]), tuple(arguments.workspace[3:])
-    return pinned.intersection(MotionLimits(Box(low, high), hand_radius_m=0.0))
+def _pinned(arguments: Namespace) -> MotionLimits | None:
+    """Return the caller's own limits, which hold together with the task's; None without `--limits`."""
+    if (path := arguments.limits) is None:
+        return None
+    try:
+        return MotionLimits.from_file(json.loads(path.read_text()))
+    except InvalidInputError:
+        raise
+    except (OSError, ValueError) as error:
+        valid = "a JSON file with workspace, motion_limits or both"
+        raise InvalidInputError("--limits", f"{path}: {error}", valid) from error

@@ -1,4 +1,7 @@
-"""The service as a robot sees it: one client that waits, and one for asyncio."""
+"""Clients of the service: `RoboPromptClient` blocks until the answer is there, `AsyncRoboPromptClient` is for asyncio.
+
+The methods of both are the requests of `requests.py`, which documents their arguments.
+"""
 
 import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
@@ -11,7 +14,6 @@ from httpx_sse import EventSource
 from roboprompt_client.answers import OnFindings, PredictedActions, StreamReader
 from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.http.connection import Request, http_options, require_success
-from roboprompt_client.http.encoding import ImageFormat
 from roboprompt_client.requests import Requests
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction
@@ -20,17 +22,18 @@ P = ParamSpec("P")
 Answer = TypeVar("Answer")
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
 Ask = Callable[Concatenate[Requests, P], Request[Answer]]
+REQUESTS = Requests()
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
 CUT_OFF = "POST /predict: the stream ended before it was complete"
 
 
 def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], Answer]:
-    """The method that sends a request and waits for what is answered."""
+    """Return a client's method that sends the request, waits, and returns what the request reads from the answer."""
 
     @wraps(ask)
     def send(self: "RoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
-        request, http = ask(self._requests, *arguments, **named), self._http
+        request, http = ask(REQUESTS, *arguments, **named), self._http
         with request.transport_errors(http.base_url):
             response = http.request(request.method, request.path, **request.arguments)
         return request.read(response)
@@ -39,11 +42,11 @@ def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], A
 
 
 def _awaited(ask: Ask[P, Answer]) -> Callable[Concatenate["AsyncRoboPromptClient", P], Coroutine[Any, Any, Answer]]:
-    """The same as a coroutine; a task that is cancelled closes the connection, so that the service stops, too."""
+    """Return the same method as a coroutine; cancelling its task closes the connection, so that the service stops."""
 
     @wraps(ask)
     async def send(self: "AsyncRoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
-        request, http = ask(self._requests, *arguments, **named), self._http
+        request, http = ask(REQUESTS, *arguments, **named), self._http
         with request.transport_errors(http.base_url):
             response = await http.request(request.method, request.path, **request.arguments)
         return request.read(response)
@@ -52,14 +55,12 @@ def _awaited(ask: Ask[P, Answer]) -> Callable[Concatenate["AsyncRoboPromptClient
 
 
 class RoboPromptClient:
-    """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
+    """Upload demonstrations and ask for actions. Use it as a context manager, or call `close`.
 
     Args:
-        url: where the service listens; proxies of the environment are used unless that is this machine.
-        connection: an httpx client to use instead of an own one.
-        api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
-        compress: send images as JPEG and PNG, for a slow network (needs the extra `images`); otherwise as they are,
-            which saves both sides the time to encode and decode them. None: compressed where the extra is installed.
+        url: where the service listens. Proxies of the environment are used unless the service runs on this machine.
+        connection: an httpx client to use instead of a new one.
+        api_key: for a service that requires one; None: the environment's ROBOPROMPT_API_KEY.
     """
 
     def __init__(
@@ -68,10 +69,8 @@ class RoboPromptClient:
         connection: httpx.Client | None = None,
         *,
         api_key: str | None = None,
-        compress: bool | None = None,
     ) -> None:
         self._http = connection or httpx.Client(**http_options(url, _key(api_key)))
-        self._requests = Requests(ImageFormat.chosen(compress))
 
     def __enter__(self: OfKind) -> OfKind:
         return self
@@ -118,18 +117,18 @@ class RoboPromptClient:
         on_findings: OnFindings | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Iterator[EndEffectorAction | PredictedActions]:
-        """Each action as soon as the LLM has written it, then the whole answer.
+        """Yield each action as soon as the LLM has written it, then the whole answer.
 
         Args:
-            on_findings: called with what the service doubts beforehand, ahead of the first action.
+            on_findings: called before the first action, with the findings that the service has by then.
             options: as of `predict`.
 
         Raises:
-            RoboPromptError: as `predict`; also after actions were given, if the rest of the reply is missing.
+            RoboPromptError: as `predict`; also after some actions, if the rest of the reply is missing.
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         reader = StreamReader(on_findings)
-        request = self._requests.predict(task, instruction, observation, **options)
+        request = REQUESTS.predict(task, instruction, observation, **options)
         with (
             request.transport_errors(self._http.base_url),
             self._http.stream(request.method, request.path, **request.streamed) as response,
@@ -145,11 +144,11 @@ class RoboPromptClient:
 
 
 class AsyncRoboPromptClient:
-    """`RoboPromptClient` for asyncio: the same methods, each to be awaited; `async with`, or await `close`.
+    """`RoboPromptClient` for asyncio: the same methods, to be awaited. Use it with `async with`, or await `close`.
 
     Args:
-        url: as there; `api_key` and `compress`, too.
-        connection: an httpx.AsyncClient to use instead of an own one.
+        url, api_key: as for `RoboPromptClient`.
+        connection: an httpx.AsyncClient to use instead of a new one.
     """
 
     def __init__(
@@ -158,10 +157,8 @@ class AsyncRoboPromptClient:
         connection: httpx.AsyncClient | None = None,
         *,
         api_key: str | None = None,
-        compress: bool | None = None,
     ) -> None:
         self._http = connection or httpx.AsyncClient(**http_options(url, _key(api_key)))
-        self._requests = Requests(ImageFormat.chosen(compress))
 
     async def __aenter__(self) -> "AsyncRoboPromptClient":
         return self
@@ -203,9 +200,9 @@ class AsyncRoboPromptClient:
         on_findings: OnFindings | None = None,
         **options: Any,  # noqa: ANN401
     ) -> AsyncIterator[EndEffectorAction | PredictedActions]:
-        """As `RoboPromptClient.stream`, with `async for`."""
+        """Yield as `RoboPromptClient.stream` does; for `async for`."""
         reader = StreamReader(on_findings)
-        request = self._requests.predict(task, instruction, observation, **options)
+        request = REQUESTS.predict(task, instruction, observation, **options)
         with request.transport_errors(self._http.base_url):
             async with self._http.stream(request.method, request.path, **request.streamed) as response:
                 if response.is_error:

@@ -1,4 +1,4 @@
-"""What a service is asked, and how its answers are read: no transport, so that both clients share it."""
+"""The requests to the service, each with how its answer is read; sending them is left to the two clients."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ import httpx
 from roboprompt_client.answers import PlannedStep, PredictedActions
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.http.connection import Request, document_in, require_success
-from roboprompt_client.http.encoding import ImageFormat, Part, prediction_request, request_parts, scene_json
+from roboprompt_client.http.encoding import Part, prediction_request, request_parts, scene_json
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
@@ -24,45 +24,39 @@ MARGIN_S = 10.0  # the service answers within the request's own deadline; this i
 
 
 class Requests:
-    """The requests of a robot; each is a method of both clients, which send it and return what it reads.
+    """The requests of a robot. Each is a method of both clients, which send it and return what it reads.
 
-    Each raises ServiceProblemError if the service refuses, and ServiceUnreachableError if it does not answer, or what
-    answers is no RoboPrompt service.
-
-    Args:
-        images: how they travel.
+    The clients' methods raise ServiceProblemError if the service refuses, and ServiceUnreachableError if nothing
+    answers or what answers is not a RoboPrompt service.
     """
 
-    def __init__(self, images: ImageFormat) -> None:
-        self._images = images
-
     def ping(self) -> Request[None]:
-        """Ask whether the service is there."""
+        """Return if a RoboPrompt service answers, else raise."""
         return Request("GET", "/healthz", {}, _pinged)
 
     def get(self, /, path: str, **parameters: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
-        """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
+        """Return any JSON document of the service, e.g. ``get("/episodes", task="open_drawer")``."""
         return ask("GET", path, params=parameters)
 
     def post(self, path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> Request[dict[str, Any]]:
-        """Send any document; with frames their cameras and images go along."""
+        """Send a JSON document, with the frames' cameras and images if there are frames; return the answer."""
         if not frames:
             return ask("POST", path, json=dict(document), timeout=LEARNING_TIMEOUT_S)
         metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
-        return ask("POST", path, files=request_parts(metadata, frames, self._images))
+        return ask("POST", path, files=request_parts(metadata, frames))
 
     def get_bytes(self, /, path: str, **parameters: Any) -> Request[bytes]:  # noqa: ANN401
-        """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
+        """Return any file of the service, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
         return Request("GET", path, {"params": parameters}, lambda response: require_success(response).content)
 
     def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> Request[tuple[PlannedStep, ...]]:
-        """The steps of a sentence over tasks that were taught apart (`POST /plans`); `run_plan` carries them out.
+        """Return the steps of a sentence over several tasks (`POST /plans`); `run_plan` carries them out.
 
         Args:
-            objects: all of the scene, or their names; words of place need poses.
+            objects: all objects of the scene, or their names; words such as "left" need poses.
 
         Raises:
-            ServiceProblemError: also for a sentence with a part that no one task does, which it names.
+            ServiceProblemError: also if a part of the sentence fits no task or several; the problem names the part.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
         asked = ask("POST", "/plans", json={"instruction": instruction, "objects": listed})
@@ -81,21 +75,21 @@ class Requests:
         timeout_s: float | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Request[PredictedActions]:
-        """The actions for what the robot sees now.
+        """Return the actions for what the robot sees now.
 
         Args:
-            task: None: the one task of these objects that does what the instruction says; `response["task"]` names it.
-            mask_ids: for objects whose pixels the masks show, the ids of these.
+            task: None lets the service choose the task by instruction and objects; `response["task"]` names it.
+            mask_ids: by object name, the ids of its pixels in the frames' masks.
             timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
             options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
 
         Raises:
-            ServiceProblemError: also if the LLM's reply is no list of actions.
-            UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
+            ServiceProblemError: also if the LLM's reply is not a list of actions.
+            UnsafeActionError: if an action of the answer has a number that is not finite, no unit quaternion ...
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
-        body = prediction_request(task, instruction, observation, mask_ids, asked, self._images)
-        wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which the connection may be silent
+        body = prediction_request(task, instruction, observation, mask_ids, asked)
+        wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which nothing may come
         return ask("POST", "/predict", timeout=wait_s, **body).then(PredictedActions.from_json)
 
     def dry_run(
@@ -106,47 +100,48 @@ class Requests:
         observation: Observation,
         **options: Any,  # noqa: ANN401
     ) -> Request[dict[str, Any]]:
-        """The prompt that `predict` with the same options asks an LLM with; none is asked."""
+        """Return the prompt that `predict` would send with the same options; no LLM is asked."""
         asked = {**options, "dry_run": True}
-        return ask("POST", "/predict", **prediction_request(task, instruction, observation, None, asked, self._images))
+        return ask("POST", "/predict", **prediction_request(task, instruction, observation, None, asked))
 
     def find_poses(
         self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
     ) -> Request[tuple[ObjectPose, ...]]:
-        """Where objects are in images (`POST /poses`), apart from any task; nothing is stored.
+        """Return the poses of objects in images (`POST /poses`), independent of tasks; nothing is stored.
 
         Args:
-            object_models: by name, as `object_models` of a task.
+            object_models: by object name, as in a task's `object_models`.
 
         Raises:
-            ServiceProblemError: also if one of them is not found.
+            ServiceProblemError: also if one of the objects is not found.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
         asked = self.post("/poses", {"objects": objects}, frames)
         return asked.then(lambda answer: tuple(map(object_from_json, answer["poses"])))
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> Request[dict[str, Any]]:
-        """Tell the service how the robot fared with a prediction."""
+        """Tell the service whether the robot did the task with this prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
     def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> Request[bool]:
-        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop."""
+        """Report the state of a run (`PUT /runs/{run_id}`); return whether the robot shall stop."""
         return ask("PUT", f"/runs/{run_id}", json=dict(state), timeout=timeout_s).then(_stop)
 
     def end_run(self, run_id: str, timeout_s: float) -> Request[bool]:
-        """Tell that a run has ended; returns whether it was to be stopped."""
+        """Report that a run has ended; return whether the robot was to stop."""
         return ask("DELETE", f"/runs/{run_id}", timeout=timeout_s).then(_stop)
 
     def configure_task(self, /, task: str, *, version: int | None = None, **settings: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
-        """Set a task's settings, see `PUT /tasks/{name}`; returns all of them.
+        """Set a task's settings, see `PUT /tasks/{name}`; return all of them.
 
         Args:
-            version: of the task that the settings were made from: refused (409) if it is another by now; None: any.
+            version: the task's version for which the settings were chosen; the service refuses (409) if the task has
+                changed since. None: no such check.
         """
         return ask("PUT", f"/tasks/{task}", json=settings, params={} if version is None else {"version": version})
 
     def motion_limits(self, task: str) -> Request[MotionLimits]:
-        """What the task allows an action; raises InvalidInputError for bounds that can bound nothing."""
+        """Return the task's limits of motion; raises InvalidInputError for a bound that is missing or cannot hold."""
         return self.get(f"/tasks/{task}").then(MotionLimits.from_task)
 
     def upload(
@@ -161,12 +156,12 @@ class Requests:
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
     ) -> Request[dict[str, Any]]:
-        """Store a demonstration; returns the service's description of it.
+        """Store a demonstration; return the service's description of it.
 
         Args:
             observation: what the robot saw at the first frame.
-            mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
-            prediction_id: of the prediction that the robot carried out with success in this episode.
+            mask_ids: by object name, the ids of its pixels in the frames' masks; instead of a pose or beside it.
+            prediction_id: of the prediction that the robot carried out successfully in this episode.
         """
         metadata = {
             "task": task,
@@ -176,36 +171,36 @@ class Requests:
             "extra": dict(extra or {}),
             "prediction_id": prediction_id,
         }
-        parts = request_parts(metadata, observation.frames, self._images)
+        parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
         return self.upload_parts(parts, uuid4().hex)
 
     def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> Request[dict[str, Any]]:
-        """Store a demonstration that is encoded already: the parts of `POST /episodes`.
+        """Store a demonstration that is already encoded as the parts of `POST /episodes`.
 
         Args:
-            idempotency_key: sent again with the same content it stores nothing twice.
+            idempotency_key: the same key with the same content stores the demonstration only once.
         """
         return ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
     def edit_episode(
         self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
     ) -> Request[dict[str, Any]]:
-        """Correct an episode; what is None stays. Returns the episode.
+        """Change an episode's members that are not None; return the episode.
 
         Args:
-            left_out: whether it is kept, but shown in no prompt.
-            note: for people; empty for none.
+            left_out: True keeps the episode but shows it in no prompt.
+            note: for people; "" removes it.
         """
         wanted = {"instruction": instruction, "left_out": left_out, "note": note}
         changes = {name: value for name, value in wanted.items() if value is not None}
         return ask("PATCH", f"/episodes/{episode_id}", json=changes)
 
     def check(self, task: str, model: str | None = None) -> Request[dict[str, Any]]:
-        """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
+        """Return how well each demonstration of a task follows from the others, see `GET /tasks/{name}/check`.
 
         Args:
-            model: an LLM to ask as well, which takes it some seconds for each demonstration.
+            model: an LLM to ask as well; it takes some seconds for each demonstration.
         """
         asked = {} if model is None else {"model": model}
         return ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
@@ -213,13 +208,13 @@ class Requests:
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
     ) -> Request[dict[str, Any]]:
-        """Let the service learn what the task's objects look like from its labeled episodes.
+        """Let the service learn from labeled episodes what the task's objects look like.
 
-        Returns `object_models`, and in `refused` why nothing was learned of an object.
+        Return `object_models`, and in `refused` by object why nothing was learned.
 
         Args:
-            objects: None for all.
-            episodes: from at most so many, the task's first.
+            objects: names; None: all.
+            episodes: how many of the task's episodes to learn from at most, the oldest first.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self.post(f"/tasks/{task}/object_models/learn", asked)
@@ -233,11 +228,11 @@ class Requests:
         frames: Sequence[RgbdFrame] = (),
         **where: Any,  # noqa: ANN401
     ) -> Request[dict[str, Any]]:
-        """Say where an object is in pictures, see `POST /tasks/{name}/labels`; returns the label.
+        """Label an object in pictures, see `POST /tasks/{name}/labels`; return the label.
 
         Args:
-            episode_id: the episode whose first pictures are meant; or:
-            frames: pictures of color and depth.
+            episode_id: of the episode whose first pictures are labeled; or:
+            frames: pictures with color and depth.
             where: `clicks`, `polygons` or `mask_ids`, and `yaw_deg`.
         """
         return self.post(f"/tasks/{task}/labels", {"object": name, "episode_id": episode_id, **where}, frames)
@@ -246,16 +241,16 @@ class Requests:
         """Let the service learn what a labeled object looks like, see `POST /tasks/{name}/labels/learn`.
 
         Args:
-            symmetric: "none", "yaw" for what looks the same all around, or degrees of a turn that changes nothing.
+            symmetric: "none", "yaw" if it looks the same from all sides, or the angle in degrees after which it does.
 
         Raises:
-            ServiceProblemError: also if the labels give no template.
+            ServiceProblemError: also if the labels are too few or disagree.
         """
         return self.post(f"/tasks/{task}/labels/learn", {"object": name, "symmetric": symmetric})
 
 
 def ask(method: str, path: str, **arguments: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
-    """A request for a JSON object; arguments as of `httpx.Client.request`."""
+    """Return a request for a JSON object; arguments as of `httpx.Client.request`."""
     return Request(method, path, arguments, document_in)
 
 

@@ -169,7 +169,6 @@ def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
     ("command", "said"),
     [
         ((), "Teach a RoboPrompt service with"),
-        (("upload",), "Store a recorded episode"),
         (("predict",), "Print the actions for a scene"),
         (("run",), "Observe the scene, ask for actions, and carry them out with an arm"),
         (("record",), "Record demonstrations while a person moves the arm"),
@@ -185,11 +184,10 @@ def test_help_says_what_a_command_does(monkeypatch, capsys, command, said):
     assert "--url URL" in shown
 
 
-def test_a_file_that_is_not_there_is_said(service, monkeypatch, tmp_path, capsys):
-    (tmp_path / "objects.json").write_text("[]")
-    words = ("upload", "--task", "pick", "--instruction", "pick", "--objects", "objects.json", "none.npz")
+def test_a_file_that_is_not_there_is_named(service, monkeypatch, capsys):
+    words = ("predict", "--task", "pick", "--instruction", "pick", "--objects", "none.json")
     assert type_command(monkeypatch, *words)[0] == 1
-    assert "trajectory: cannot be read" in capsys.readouterr().err
+    assert "--objects: none.json cannot be read" in capsys.readouterr().err
 
 
 ROOT = Path(__file__).parents[2]

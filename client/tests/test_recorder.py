@@ -188,17 +188,15 @@ def test_recordings_are_for_their_user_alone(tmp_path):
     before = os.umask(0)
     try:
         spool = Spool(tmp_path / "spool")
-        kept = spool.keep("pick", "pick up the cube", SCENE, record(Guided(), tmp_path / "journal", 0.1))
-        begun = spool.new("pick", "pick up the cube", SCENE)
-        record(Guided(), begun / JOURNAL, 0.1)
-        for folder in (kept, begun):
-            spool.send(Service(httpx.Response(422, json={"title": "No"})).client(), folder)
+        folder = spool.new("pick", "pick up the cube", SCENE)
+        record(Guided(), folder / JOURNAL, 0.1)
+        spool.send(Service(httpx.Response(422, json={"title": "No"})).client(), folder)
     finally:
         os.umask(before)
     modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in (tmp_path / "spool").rglob("*")}
-    assert {modes.pop(folder.name) for folder in (kept, begun)} == {0o700}
+    assert modes.pop(folder.name) == 0o700
     assert stat.S_IMODE((tmp_path / "spool").stat().st_mode) == 0o700
-    assert set(modes) == {"scene.json", "journal", "trajectory.npz", "rgb_front.npy", "depth_front.npy", "refused.json"}
+    assert set(modes) == {"scene.json", "journal", "rgb_front.npy", "depth_front.npy", "refused.json"}
     assert set(modes.values()) == {0o600}
 
 
@@ -222,7 +220,7 @@ def send_nothing(spool, folder, match):
     assert service.keys == []
 
 
-@pytest.mark.parametrize("name", ["scene.json", "journal", "trajectory.npz", "rgb_front.npy", "mask_front.npy"])
+@pytest.mark.parametrize("name", ["scene.json", "journal", "rgb_front.npy", "mask_front.npy"])
 @pytest.mark.parametrize("link", [os.symlink, os.link])
 def test_links_are_not_followed(spooled, secret, name, link):
     spool, folder = spooled

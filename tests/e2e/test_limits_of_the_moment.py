@@ -1,8 +1,6 @@
 """Limits of motion hold as they are when an action is sent, and go only by an explicit word."""
 
 import json
-import subprocess
-import sys
 import threading
 from itertools import count
 
@@ -183,22 +181,6 @@ def test_bounded_steps_need_to_know_where_the_arm_is(service, bound):
     with pytest.raises(InvalidInputError, match="end_effector"):
         run_task(client, arm, task, PICK, **OPTIONS)
     assert arm.log == ["stop"]
-
-
-def test_the_script_tells_where_the_arm_is(service, tmp_path):
-    llm, client, task = service
-    client.configure_task(task, motion_limits={"max_step_m": 0.5})
-    llm.let(3)
-    objects = tmp_path / "objects.json"
-    objects.write_text(json.dumps([{"name": "cube", "position": QUERY_M.tolist()}]))
-    arm = ["--end-effector", *map(str, (*NEAR.position_m, *NEAR.quaternion_xyzw))]
-    command = [sys.executable, "-m", "roboprompt_client", "--url", client.url, "predict", "--task", task]
-    command += ["--instruction", PICK, "--objects", str(objects)]
-    with_arm, without = (
-        subprocess.run([*command, *more], capture_output=True, text=True, timeout=60, check=False) for more in (arm, [])
-    )
-    assert len(json.loads(with_arm.stdout)["actions"]) == 3
-    assert (without.returncode, "end_effector: is left out" in without.stderr) == (1, True)
 
 
 def test_the_page_asks_where_the_arm_is(service):

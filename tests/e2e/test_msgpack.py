@@ -4,12 +4,9 @@ import msgpack
 import numpy as np
 import pytest
 
-from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.http.encoding import packed_request
-from roboprompt_client.robot import Observation
+from benchmarks.peers import pack_array
 from roboprompt_client.types.camera import camera_json
-from roboprompt_client.types.npy import packed_array
-from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, assert_found, frames, seen, teach
+from tests.e2e.vision import INSTRUCTION, NAMES, assert_found, frames, seen, teach
 from tests.episodes import refused
 from tests.perception.solid_scene import cube
 
@@ -34,7 +31,9 @@ def send(http, body):
 
 
 def test_same_answer_as_multipart(http, task):
-    packed = send(http, packed_request(document(task), frames(SCENE)))
+    images = {f"rgb_{seen.camera.name}": seen.rgb for seen in frames(SCENE)}
+    images |= {f"depth_{seen.camera.name}": seen.depth_m for seen in frames(SCENE)}
+    packed = send(http, msgpack.packb({**document(task), **images}, default=pack_array))
     assert packed.status_code == 200, packed.text
     assert_found(packed.json()["objects"], SCENE)
     parts = http.post("/predict", files=seen(task, frames(SCENE), model="nearest")).json()
@@ -42,12 +41,6 @@ def test_same_answer_as_multipart(http, task):
     stored = http.get(f"/predictions/{packed.json()['id']}").json()
     assert stored["cameras"] == ["front", "left"]
     assert stored["request"]["objects"] == NAMES
-
-
-def test_client_sends_it(url, task):
-    with RoboPromptClient(url, compress=False) as client:
-        predicted = client.predict(task, INSTRUCTION, Observation((), frames(SCENE), tuple(MODELS)), model="nearest")
-    assert_found(predicted.response["objects"], SCENE)
 
 
 # tests/attack/hostile_documents.py has more that is no MessagePack.
@@ -68,8 +61,8 @@ def test_faults_are_problems(http, fault):
 
 
 def test_an_array_of_another_kind_is_refused_by_what_reads_it(http, task):
-    whole_numbers = packed_array(np.zeros((4, 4), np.int64))
-    refused(send(http, msgpack.packb({**document(task), "depth_front": whole_numbers})), "depth_front")
+    asked = {**document(task), "depth_front": np.zeros((4, 4), np.int64)}
+    refused(send(http, msgpack.packb(asked, default=pack_array)), "depth_front")
 
 
 def test_uploads_do_not_take_it(http):

@@ -279,15 +279,6 @@ def test_the_script_keeps_to_limits_in_a_file_of_its_own(scripted, tmp_path, pin
     assert not log.exists() or log.read_text().splitlines() == ["stop"]
 
 
-def test_the_script_keeps_to_a_workspace_of_its_own(scripted, tmp_path):
-    log = tmp_path / "arm.log"
-    bounds = ["--workspace", "-1", "-1", "0", "1", "1", "0.9"]
-    process = script(scripted, log, "--task", "pick", *bounds)
-    _, said = process.communicate(timeout=30)
-    assert (process.returncode, log.read_text().splitlines()) == (1, ["stop"])
-    assert BREACH in said
-
-
 @contextmanager
 def babbling(then="", **limits):
     """A client of a service that gives one action, then says what the test wants."""

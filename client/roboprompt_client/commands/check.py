@@ -1,16 +1,15 @@
-"""`roboprompt-robot check` and `doctor`: whether an arm does what the Robot Protocol says, and what is missing."""
+"""`roboprompt-robot check`: whether an arm does what the Robot Protocol says."""
 
 import math
 import threading
 import time
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Sequence
-from importlib.util import find_spec
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from roboprompt_client.cell import open_robot
+from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.look import AddCommand
 from roboprompt_client.commands.terminal import ask_yes, say
@@ -19,7 +18,6 @@ from roboprompt_client.robot import Robot
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array, finite_array
 from roboprompt_client.types.poses import EndEffectorAction, Pose
-from roboprompt_client.version import VERSION
 
 LIFT_M, TURN_RAD = 0.03, math.radians(10)
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_DEG = 0.005, 2.0
@@ -27,15 +25,6 @@ TOUCH_TOLERANCE_M = 0.005  # a hand that is guided to a corner is there within 2
 MAX_OBSERVE_S = 1.0  # longer, and observing before each contact delays the motion noticeably
 STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
-# The modules that each extra of roboprompt-client brings.
-EXTRAS = {
-    "images": ("cv2", "msgpack"),
-    "franka": ("franky",),
-    "ur": ("rtde_control",),
-    "xarm": ("xarm",),
-    "lerobot": ("lerobot",),
-    "urdf": ("pinocchio",),
-}
 
 
 class CheckResult(NamedTuple):
@@ -52,7 +41,7 @@ class CheckResult(NamedTuple):
 
 
 def add_check(add: AddCommand, robot_help: str) -> None:
-    """Add `check` and `doctor` to the script's commands."""
+    """Add `check` to the commands."""
     what = "see whether an arm does what the Robot Protocol says; without --move nothing moves"
     check = add("check", what, run_check)
     check.add_argument("--robot", metavar="ROBOT", required=True, help=robot_help)
@@ -63,63 +52,20 @@ def add_check(add: AddCommand, robot_help: str) -> None:
     )
     place = ("X", "Y", "Z")
     check.add_argument("--touch", nargs=3, type=float, action="append", default=[], metavar=place, help=what)
-    doctor = add("doctor", "say what is missing or wrong: service, packages, and the arm if named", run_doctor)
-    doctor.add_argument("--robot", metavar="ROBOT", help=robot_help)
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
-    """Print the report; 1 where something failed."""
-    robot = open_robot(arguments.robot, cameras=False)
-    for k, place_m in enumerate(arguments.touch):
-        finite_array(f"--touch[{k}]", place_m, (3,))
+    """Print a line for each check; return 1 if one failed, else 0."""
+    touched_m = [finite_array(f"--touch[{k}]", place_m, (3,)) for k, place_m in enumerate(arguments.touch)]
 
     def confirm(question: str) -> bool:
         return ask_yes(f"{question} [y/N] ")
 
-    return _report(ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch).run())
-
-
-def run_doctor(client: RoboPromptClient, arguments: Namespace) -> int:
-    """Print what was found; 1 where the service or the named arm fails."""
-    results = [*look_at_service(client), *map(look_at_extra, EXTRAS)]
-    if arguments.robot is not None:
-        try:
-            results += ArmCheck(open_robot(arguments.robot)).run()
-        except RoboPromptError as error:
-            results.append(CheckResult("arm", False, str(error)))
-    return _report(results)
-
-
-def _report(results: Sequence[CheckResult]) -> int:
-    """A line for each; 1 where something failed."""
+    with closing_robot(open_robot(arguments.robot, cameras=False)) as robot:
+        results = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=touched_m).run()
     for result in results:
         say(f"{MARKS[result.passed]}  {result.name}: {result.detail}")
     return int(any(result.passed is False for result in results))
-
-
-def look_at_service(client: RoboPromptClient) -> Iterator[CheckResult]:
-    """Whether it answers, takes the key, and has this version."""
-    try:
-        client.ping()
-    except RoboPromptError as error:
-        yield CheckResult("service", False, f"{error}: roboprompt serve, or name another address by --url")
-        return
-    yield CheckResult("service", True, f"answers at {client.url}")
-    try:
-        version = client.get("/openapi.json")["info"]["version"]
-    except RoboPromptError as error:
-        yield CheckResult("key", None, f"may not read ({error}): ROBOPROMPT_API_KEY, roboprompt keys add --scope read")
-        return
-    same = True if version == VERSION else None
-    remedy = "" if same else ": install the client of the service's version"
-    yield CheckResult("version", same, f"service {version}, this client {VERSION}{remedy}")
-
-
-def look_at_extra(extra: str) -> CheckResult:
-    """Whether the modules of an extra are installed."""
-    lacking = [module for module in EXTRAS[extra] if find_spec(module) is None]
-    remedy = f"{', '.join(lacking)} not installed; if you need it: pip install 'roboprompt-client[{extra}]'"
-    return CheckResult(f"extra {extra}", None if lacking else True, remedy if lacking else "installed")
 
 
 class ArmCheck:
@@ -137,7 +83,7 @@ class ArmCheck:
         *,
         moves: bool = False,
         confirm: Callable[[str], bool] | None = None,
-        touched_m: Sequence[Sequence[float]] = (),
+        touched_m: Sequence[Array] = (),
     ) -> None:
         self._robot, self._moves, self._touched_m = robot, moves, touched_m
         self._confirm = confirm or (lambda _: True)
@@ -147,7 +93,7 @@ class ArmCheck:
         """All checks; the arm is stopped where one goes wrong, and the moving ones end there."""
         if (start := self._check_observation()) is not None:
             for place_m in self._touched_m:
-                self._check_touch(np.array(place_m))
+                self._check_touch(place_m)
             rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and turn by 10 degrees. Is the space above it free?"
             if self._moves and self._confirm(rises):
                 self._check_motions(start)

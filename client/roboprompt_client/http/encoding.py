@@ -1,9 +1,8 @@
-"""Episodes and observations -> the parts of an HTTP request."""
+"""Encode episodes and observations as the parts of an HTTP request."""
 
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from enum import Enum
 from importlib.util import find_spec
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
-from roboprompt_client.types.npy import packed_array
 from roboprompt_client.types.poses import object_json
 
 Part = tuple[str, bytes, str]
@@ -20,45 +18,16 @@ JPEG_QUALITY = 95
 _MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
 
 
-class ImageFormat(Enum):
-    """How images travel."""
+def request_parts(metadata: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
+    """Return the multipart files of a request: `metadata` as JSON, and every image of every frame.
 
-    COMPRESSED = "JPEG and 16-bit PNG"  # OpenCV
-    PACKED = "MessagePack"  # as they are, in one document: msgpack
-    PLAIN = ".npy"  # as they are; numpy alone
-
-    @classmethod
-    def chosen(cls, compress: bool | None) -> "ImageFormat":
-        """What the setting asks for with the packages that are installed; None: compressed where that can be.
-
-        Raises:
-            InvalidInputError: if images are to be compressed and OpenCV is missing.
-        """
-        if compress is not False and find_spec("cv2"):
-            return cls.COMPRESSED
-        if compress:
-            raise InvalidInputError("compress", "needs OpenCV, which is not installed", "roboprompt-client[images]")
-        return cls.PACKED if find_spec("msgpack") else cls.PLAIN
-
-
-def request_parts(
-    metadata: Mapping[str, Any], frames: Sequence[RgbdFrame], images: ImageFormat = ImageFormat.PLAIN
-) -> dict[str, Part]:
-    """The multipart files of a request: `metadata`, and every image of every frame."""
-    encoded = _compressed if images is ImageFormat.COMPRESSED else _plain
+    Images travel as JPEG and 16-bit PNG where OpenCV is installed (extra `images`), else as `.npy`.
+    """
+    encoded = _compressed if find_spec("cv2") else npy_part
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
-        parts |= {name: encoded(name, image, frame) for name, image in _images(frame)}
+        parts |= {name: encoded(name, image, frame) for name, image in images_of(frame)}
     return parts
-
-
-def packed_request(document: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> bytes:
-    """The same as one MessagePack document: images are not compressed, which costs neither side time."""
-    import msgpack
-
-    arrays = {name: packed_array(image) for frame in frames for name, image in _images(frame)}
-    packed: bytes = msgpack.packb({**document, **arrays})
-    return packed
 
 
 def prediction_request(
@@ -67,28 +36,25 @@ def prediction_request(
     observation: Observation,
     mask_ids: Mapping[str, Sequence[int]] | None,
     options: Mapping[str, Any],
-    images: ImageFormat,
 ) -> dict[str, Any]:
-    """The body of `POST /predict`, as arguments of httpx."""
+    """Return the body of `POST /predict` as arguments of httpx: JSON, or multipart where there are images."""
     document = {"task": task, "instruction": instruction, **scene_json(observation, mask_ids), **options}
     if (pose := observation.end_effector) is not None:
         document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
     if not observation.frames:
         return {"json": document}
-    if images is ImageFormat.PACKED:
-        packed = packed_request(document, observation.frames)
-        return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
-    return {"files": request_parts(document, observation.frames, images)}
+    return {"files": request_parts(document, observation.frames)}
 
 
-def _images(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
-    """The images that there are, by the names of their parts."""
+def images_of(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+    """Yield the frame's images with the names of their parts, such as `rgb_front`."""
     for kind, image in (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask)):
         if image is not None:
             yield f"{kind}_{frame.camera.name}", image
 
 
-def _plain(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
+def npy_part(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
+    """Return an image as a `.npy` file."""
     stream = io.BytesIO()
     np.save(stream, image, allow_pickle=False)
     return f"{name}.npy", stream.getvalue(), "application/octet-stream"
@@ -106,7 +72,11 @@ def _compressed(name: str, image: np.ndarray[Any, Any], frame: RgbdFrame) -> Par
 
 
 def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
-    """What the robot sees, as the requests have it: objects with a pose, with a mask, or to be found."""
+    """Return `objects` (with a pose, with mask ids, or only a name to be found) and `cameras` of a request.
+
+    Args:
+        mask_ids: ids in the frames' masks by object name; they replace the observation's own for these objects.
+    """
     if not isinstance(observation, Observation):
         raise InvalidInputError("observation", f"is a {type(observation).__name__}", "Observation(poses)")
     unnamed = {name: list(ids) for name, ids in {**observation.mask_ids, **(mask_ids or {})}.items()}

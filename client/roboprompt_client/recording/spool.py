@@ -17,10 +17,9 @@ from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.http.encoding import Part, request_parts, scene_json
+from roboprompt_client.http.encoding import Part, images_of, npy_part, scene_json
 from roboprompt_client.recording.recorder import create_private, trajectory_from_journal
 from roboprompt_client.robot import Observation
-from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
@@ -28,7 +27,6 @@ WAITS_S = (1.0, 2.0, 4.0, 8.0)
 # No or a wrong key, too slow, too many requests: the same recording may be stored later.
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
-TRAJECTORY = "trajectory.npz"  # instead of a journal
 IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
 OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alone"
 
@@ -53,42 +51,21 @@ class Spool:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.chmod(0o700)
 
-    def new(self, task: str, instruction: str, observation: Observation, **more: Any) -> Path:  # noqa: ANN401
-        """A place for a recording that begins: what was seen is written, and its `journal` may follow.
-
-        Args:
-            more: further members of the upload's metadata.
-        """
+    def new(self, task: str, instruction: str, observation: Observation) -> Path:
+        """Write what was seen before a recording; return its folder, into which its `journal` may follow."""
         folder = self._folder / uuid4().hex
         folder.mkdir(mode=0o700)
-        for file, data, _ in request_parts({}, observation.frames).values():
-            if IMAGE.fullmatch(file):
+        for frame in observation.frames:
+            for name, image in images_of(frame):
+                file, data, _ = npy_part(name, image, frame)
                 _write(folder / file, data)
-        scene = {"task": task, "instruction": instruction, **scene_json(observation, None), **more}
+        scene = {"task": task, "instruction": instruction, **scene_json(observation, None)}
         _write(folder / SCENE, json.dumps(scene).encode())
-        return folder
-
-    def keep(
-        self,
-        task: str,
-        instruction: str,
-        observation: Observation,
-        trajectory: Trajectory,
-        *,
-        control_frequency_hz: float = 20.0,
-        extra: Mapping[str, Any] | None = None,
-    ) -> Path:
-        """Write a recording that is whole already; arguments as for `RoboPromptClient.upload`."""
-        more = {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
-        folder = self.new(task, instruction, observation, **more)
-        begun = folder / f"{TRAJECTORY}.part"  # half a trajectory is never sent
-        _write(begun, npz_from_trajectory(trajectory))
-        begun.replace(folder / TRAJECTORY)
         return folder
 
     def waiting(self) -> Iterator[Path]:
         """The recordings that were neither stored nor refused, oldest first."""
-        folders = [path.parent for name in (JOURNAL, TRAJECTORY) for path in self._folder.glob(f"*/{name}")]
+        folders = [path.parent for path in self._folder.glob(f"*/{JOURNAL}")]
         for folder in sorted(folders, key=lambda path: (path / SCENE).lstat().st_mtime):
             if not (folder / SENT).exists() and not (folder / REFUSED).exists():
                 yield folder
@@ -135,16 +112,13 @@ def _parts(folder: Path) -> dict[str, Part]:
         raise
     except (OSError, ValueError) as error:
         raise InvalidInputError("recording", f"{folder}: {error}", OWN_FOLDER) from error
-    whole, journal = folder / TRAJECTORY, folder / JOURNAL
-    if whole.exists():
-        trajectory = _read(whole)
-    else:
-        _require_own(journal, stat.S_ISREG)
-        trajectory = npz_from_trajectory(trajectory_from_journal(journal))
+    journal = folder / JOURNAL
+    _require_own(journal, stat.S_ISREG)
+    trajectory = npz_from_trajectory(trajectory_from_journal(journal))
     images = sorted(path for path in folder.iterdir() if IMAGE.fullmatch(path.name))
     return {
         "metadata": ("metadata.json", json.dumps(scene).encode(), "application/json"),
-        "trajectory": (TRAJECTORY, trajectory, "application/octet-stream"),
+        "trajectory": ("trajectory.npz", trajectory, "application/octet-stream"),
         **{path.stem: (path.name, _read(path), "application/octet-stream") for path in images},
     }
 
