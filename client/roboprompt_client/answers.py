@@ -1,4 +1,4 @@
-"""What the service answers to a prediction: actions, findings, events; and whether a danger among them may pass."""
+"""The service's answer to a prediction: actions, findings, events; and what a finding of severity `danger` stops."""
 
 import logging
 import re
@@ -30,14 +30,14 @@ log = logging.getLogger(__name__)
 
 
 class PlannedStep(NamedTuple):
-    """What a task is to do, in its own words."""
+    """One step of a plan: a task, and the instruction for it."""
 
     task: str
     instruction: str
 
 
 class Outcome(NamedTuple):
-    """How the robot fared with a prediction: whether the task was done, and in words why not."""
+    """Whether the task was done, and a note on why not."""
 
     success: bool
     note: str | None = None
@@ -49,8 +49,8 @@ class PredictedActions:
 
     Attributes:
         id: for `RoboPromptClient.record_outcome`.
-        response: the whole document: prompt, reply, usage, timings.
-        anchors: the object or frame that each action refers to; None where the service does not say.
+        response: the whole JSON document: prompt, reply, usage, timings ...
+        anchors: for each action the object or frame that it refers to; None where the answer has none.
     """
 
     id: str
@@ -60,46 +60,45 @@ class PredictedActions:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The service's doubts: `code`, `severity` (info, warning, danger), `message`, `where`; see `findings_in`."""
+        """The findings: `code`, `severity` (info, warning, danger), `message`, `where`; raises as `findings_in`."""
         return findings_in(self.response)
 
     @property
     def grounding(self) -> tuple[Mapping[str, Any], ...]:
-        """Which words of the instruction mean which object; empty where the service does not say."""
+        """Which words of the instruction name which object."""
         return tuple(self.response.get("grounding") or ())
 
     @property
     def objects(self) -> tuple[ObjectPose, ...]:
-        """The poses that the prediction is for, given or found in images: with estimator, confidence and reason."""
+        """The objects' poses that the prediction used, given or found in images."""
         return tuple(map(object_from_json, self.response.get("objects") or ()))
 
     @classmethod
     def from_json(cls, answer: Mapping[str, Any]) -> "PredictedActions":
-        """The answer of `POST /predict`; raises UnsafeActionError for an item of `actions` that is no action."""
+        """Return the answer of `POST /predict`; raises UnsafeActionError for an invalid item of `actions`."""
         actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
         anchors = tuple(anchor_from_json(index, item) for index, item in enumerate(answer["actions"]))
         return cls(answer["id"], actions, answer, anchors)
 
 
 class StreamReader:
-    """What the events of a prediction say, one after the other.
+    """Reads the events of a streamed prediction one after the other.
 
     Args:
-        on_findings: called with what the service doubts beforehand, ahead of the first action.
+        on_findings: called with the findings that come before the first action.
     """
 
     def __init__(self, on_findings: OnFindings | None) -> None:
         self._on_findings, self._index = on_findings, 0
 
     def read(self, event: ServerSentEvent, response: httpx.Response) -> EndEffectorAction | PredictedActions | None:
-        """An action, the whole answer, which is the last one, or nothing to hand on.
+        """Return an action, the whole answer (which comes last), or None for other events.
 
         Raises:
-            ServiceProblemError: for an event that says so.
-            ServiceUnreachableError, InvalidAnswerError, UnsafeActionError: for data, findings and actions that are not
-                well formed.
+            ServiceProblemError: for an event `error`.
+            ServiceUnreachableError, InvalidAnswerError, UnsafeActionError: for malformed data, findings or actions.
         """
-        if not event.data:  # then it is no event (HTML standard, 9.2.6)
+        if not event.data:  # an event without data is none (HTML standard, 9.2.6)
             return None
         name, document = event.event, event_document(event, response)
         if name == "findings" and self._on_findings is not None:
@@ -115,11 +114,11 @@ class StreamReader:
 
 
 def findings_in(answer: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """The findings of an answer or event, all of which have one of `SEVERITIES`.
+    """Return the findings of an answer or event, each with a severity of `SEVERITIES`.
 
     Raises:
-        InvalidAnswerError: if they are missing, no list, or one of them has another severity or none: whether the
-            service warns of a danger is then not known.
+        InvalidAnswerError: if they are missing, not a list, or a severity is unknown or missing: then it is not known
+            whether the service warns of a danger.
     """
     valid = f"a list of objects whose `severity` is {', '.join(SEVERITIES)}"
     if "findings" not in answer:
@@ -133,10 +132,10 @@ def findings_in(answer: Mapping[str, Any]) -> tuple[Finding, ...]:
 
 
 def checked_on_danger(on_danger: OnDanger | None, confirm: Confirm | None) -> OnDanger:
-    """The setting; None becomes `confirm` where a person can be asked, else `refuse`.
+    """Return the setting; None becomes "confirm" where there is a `confirm` to ask, else "refuse".
 
     Raises:
-        InvalidInputError: if there is no such setting, or no `confirm` to ask.
+        InvalidInputError: for an unknown setting, or "confirm" without a `confirm` to ask.
     """
     if on_danger is None:
         return "refuse" if confirm is None else "confirm"
@@ -150,17 +149,17 @@ def checked_on_danger(on_danger: OnDanger | None, confirm: Confirm | None) -> On
 def require_allowed(
     findings: Sequence[Finding], actions: Sequence[EndEffectorAction], on_danger: OnDanger, confirm: Confirm | None
 ) -> None:
-    """Let a prediction pass that has no danger among its findings, or whose dangers a person allows.
+    """Return if no finding is a danger or each is allowed, else raise.
 
-    Every danger is logged as a warning; `confirm` is asked once for each, with the action that it is about, else with
-    the first.
+    Every danger is logged as a warning. `confirm` is asked once for each, with the action that the finding names, else
+    with the first action.
 
     Args:
-        findings: well-formed, as `findings_in` returns them.
+        findings: as `findings_in` returns them.
 
     Raises:
-        DangerError: if `on_danger` refuses it.
-        NotConfirmedError: if `confirm` said no.
+        DangerError: if `on_danger` is "refuse".
+        NotConfirmedError: if `confirm` returned False.
     """
     dangers = [finding for finding in findings if finding["severity"] == "danger"]
     for finding in dangers if actions else ():
@@ -169,6 +168,6 @@ def require_allowed(
         if on_danger == "refuse":
             raise DangerError(f"the prediction is dangerous: {message}")
         named = re.fullmatch(r"actions\[(\d+)\].*", str(finding.get("where", "")))
-        index = min(int(named[1]), len(actions) - 1) if named else 0  # the first where it is about the scene
+        index = min(int(named[1]), len(actions) - 1) if named else 0  # a finding about the scene names no action
         if on_danger == "confirm" and confirm is not None and not confirm(index, actions[index]):
             raise NotConfirmedError(f"action {index + 1} was not allowed: {message}")

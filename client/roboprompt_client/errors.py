@@ -1,7 +1,4 @@
-"""What this package raises on purpose: branches of RoboPromptError.
-
-The server hangs its own branches under RoboPromptError.
-"""
+"""The errors of this package; the server derives its own from RoboPromptError, too."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,11 +9,11 @@ class RoboPromptError(Exception):
 
 
 class InvalidInputError(RoboPromptError, ValueError):
-    """A value that does not satisfy the method's requirements.
+    """A value that is not allowed.
 
     Args:
-        field: path of the value as the caller knows it, e.g. ``trajectory.joint_velocities``.
-        message: what is wrong, with the offending value.
+        field: path of the value in the caller's terms, e.g. ``trajectory.joint_velocities``.
+        message: what is wrong, with the value.
         valid: what would be accepted.
     """
 
@@ -27,17 +24,17 @@ class InvalidInputError(RoboPromptError, ValueError):
         self.valid = valid
 
     def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, str, str | None]]:
-        """Exceptions are rebuilt from their text only, which processes that raise them for others cannot use."""
+        """Keep the arguments when the error is pickled; by default only its text is kept."""
         return type(self), (self.field, self.message, self.valid)
 
 
 class UnsafeActionError(RoboPromptError):
-    """An action that no robot may carry out. It is reported, never clipped.
+    """An action that no robot may carry out.
 
     Args:
         index: of the action, from 0.
-        quantity: which of its members, e.g. ``position.z``.
-        message: what is wrong with it, with the value.
+        quantity: the member that is wrong, e.g. ``position.z``.
+        message: what is wrong, with the value.
         bound: what would be allowed.
     """
 
@@ -63,11 +60,11 @@ class ServiceProblemError(RoboPromptError):
         self.problem = problem
 
     def __reduce__(self) -> tuple[type["ServiceProblemError"], tuple[int, Mapping[str, Any]]]:
-        return type(self), (self.status, self.problem)  # so that worker processes can raise it
+        return type(self), (self.status, self.problem)
 
 
 class ServiceUnreachableError(RoboPromptError):
-    """The service did not answer: wrong address, not started, gone, or too slow (`timed_out`)."""
+    """The service did not answer: a wrong address, not started, stopped, or too slow (`timed_out`)."""
 
     def __init__(self, message: str, *, timed_out: bool = False) -> None:
         super().__init__(message)
@@ -75,7 +72,7 @@ class ServiceUnreachableError(RoboPromptError):
 
 
 class InvalidAnswerError(RoboPromptError):
-    """The service answered something that it never may, so that nothing else in the answer is trusted either.
+    """The service's answer breaks its own contract, so none of it can be trusted.
 
     Args:
         field: path of the member in the answer.
@@ -89,7 +86,7 @@ class InvalidAnswerError(RoboPromptError):
 
 
 class ObjectLostError(RoboPromptError):
-    """An object that an action refers to, `object_name`, cannot be seen any more; the robot was stopped."""
+    """`object_name`, which an action refers to, cannot be seen any more; the robot was stopped."""
 
     def __init__(self, object_name: str, reason: str) -> None:
         super().__init__(f"{object_name!r} is lost: {reason}")
@@ -97,12 +94,12 @@ class ObjectLostError(RoboPromptError):
 
 
 class CameraError(RoboPromptError):
-    """A camera gave no picture that can be used.
+    """A camera gave no usable picture.
 
     Args:
         message: what is wrong, with the value.
         remedy: what would help.
-        camera: its name; empty where the driver raises it, which does not know it.
+        camera: its name; empty where a driver raises the error, because it does not know the name.
     """
 
     def __init__(self, message: str, remedy: str, camera: str = "") -> None:
@@ -110,16 +107,16 @@ class CameraError(RoboPromptError):
         self.message, self.remedy, self.camera = message, remedy, camera
 
     def of(self, camera: str) -> "CameraError":
-        """The same of the camera with this name."""
+        """Return the same error with the camera's name."""
         return CameraError(self.message, self.remedy, camera)
 
 
 class DangerError(RoboPromptError):
-    """The service says of its own prediction that it is probably wrong, and no person allowed it; nothing was moved."""
+    """The prediction has a finding of severity `danger`, and no person allowed it; nothing was moved."""
 
 
 class StepFailedError(RoboPromptError):
-    """A step of a plan was not done, or nobody knows whether it was; the steps after it were not begun."""
+    """A step of a plan failed, or its outcome is not known; the later steps were not begun."""
 
 
 class MotionError(RoboPromptError):
@@ -127,7 +124,7 @@ class MotionError(RoboPromptError):
 
 
 class StoppedError(MotionError):
-    """A person stopped the robot from afar, or contact was lost and the cell wants it to stop then."""
+    """A person stopped the robot on the service's page, or it stopped because it lost contact with the service."""
 
 
 class NotConfirmedError(RoboPromptError):

@@ -263,10 +263,10 @@ def _pinged(response: httpx.Response) -> None:
         known = False
     if not known:
         address = str(response.url).removesuffix("/healthz")
-        raise ServiceUnreachableError(f"{address}: what answers there is no RoboPrompt service")
+        raise ServiceUnreachableError(f"{address}: what answers there is not a RoboPrompt service")
 
 
 def _stop(answer: Mapping[str, Any]) -> bool:
     if not isinstance(stop := answer.get("stop"), bool):
-        raise ServiceUnreachableError("/runs: what answers there is no RoboPrompt service")
+        raise ServiceUnreachableError("/runs: what answers there is not a RoboPrompt service")
     return stop

@@ -1,4 +1,4 @@
-"""What a robot must offer so that the service can teach it and move it."""
+"""What a robot must offer: the `Robot` Protocol, and the `Observation` of a scene."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,13 +16,13 @@ OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], meters, each with "q
 
 @dataclass(frozen=True, init=False)
 class Observation:
-    """What the robot sees before it moves: poses where it knows them itself, calibrated images where it has cameras.
+    """What the robot sees before it moves: object poses that it knows itself, and calibrated images of its cameras.
 
     Attributes:
-        objects, frames: given as one or as many, kept as tuples.
-        to_find: the names of objects that the service is to find in the images by the task's object models.
-        end_effector: where the arm is: the way to the first target begins there. Needed where the task bounds steps.
-        mask_ids: by object the ids that its pixels have in the frames' masks, where a detector of one's own makes some.
+        objects, frames: given as one or several, kept as tuples.
+        to_find: names of objects that the service shall find in the images, with the task's object models.
+        end_effector: the pose before the first action; needed where the task bounds steps.
+        mask_ids: by object name, the ids of its pixels in the frames' masks.
     """
 
     objects: tuple[ObjectPose, ...]
@@ -50,13 +50,13 @@ class Observation:
 
 
 def observation_from_file(field: str, path: Path) -> Observation:
-    """The objects of a JSON file.
+    """Return an observation with the objects of a JSON file.
 
     Args:
-        field: what an error names.
+        field: the field that an error names.
 
     Raises:
-        InvalidInputError: if it cannot be read, or is no list of objects.
+        InvalidInputError: if the file cannot be read, or is not a list of objects.
     """
     try:
         return Observation(map(object_from_json, json.loads(path.read_text())))
@@ -65,24 +65,24 @@ def observation_from_file(field: str, path: Path) -> Observation:
     except (OSError, ValueError) as error:
         raise InvalidInputError(field, f"{path} cannot be read: {error}", f"a file with {OBJECTS}") from error
     except (KeyError, TypeError, AttributeError) as error:
-        raise InvalidInputError(field, f"{path} is no list of objects", OBJECTS) from error
+        raise InvalidInputError(field, f"{path} is not a list of objects", OBJECTS) from error
 
 
 class Robot(Protocol):
     """An arm with a parallel gripper and calibrated cameras."""
 
     def observe(self) -> Observation:
-        """The scene as it is now; called while the arm rests."""
+        """Return the scene as it is now; called while the arm rests."""
         ...
 
     def execute(self, action: EndEffectorAction) -> None:
-        """Move the end effector to the action's pose, then set the gripper; returns when both are done.
+        """Move the end effector to the action's pose, then set the gripper; return when both are done.
 
         Raises:
-            MotionError: if the pose cannot be reached or the motion did not arrive.
+            MotionError: if the pose cannot be reached or was not reached.
         """
         ...
 
     def stop(self) -> None:
-        """Hold still where the arm is; safe to call at any time."""
+        """Stop the arm where it is; safe to call at any time and from any thread."""
         ...

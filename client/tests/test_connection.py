@@ -81,5 +81,5 @@ def test_an_answer_that_is_cut_off_is_none(rest):
     ],
 )
 def test_a_service_that_streams_something_else_is_none(kind, body):
-    with pytest.raises(ServiceUnreachableError, match=r"no JSON object|Expected response header Content-Type"):
+    with pytest.raises(ServiceUnreachableError, match=r"not a JSON object|Expected response header Content-Type"):
         list(streamed([body], kind))

@@ -85,14 +85,14 @@ def test_what_rests_is_not_led():
 
 def test_an_object_that_falls_off_stops_the_robot():
     belt = Belt(0.05 * ALONG_Y, sinks_after_s=ANSWER_S + 0.5 * ACTION_S)
-    with pytest.raises(ObjectLostError, match=r"left what carried it: -2\.0 cm"):
+    with pytest.raises(ObjectLostError, match=r"left its conveyor: -2\.0 cm"):
         run(belt)
     assert (len(belt.done), belt.stopped) == (1, 1)
 
 
 def test_an_object_that_falls_off_while_the_service_writes_is_never_reached_for():
     belt = Belt(0.05 * ALONG_Y, sinks_after_s=0.5 * ANSWER_S)
-    with pytest.raises(ObjectLostError, match="left what carried it"):
+    with pytest.raises(ObjectLostError, match="left its conveyor"):
         run(belt)
     assert (belt.done, belt.stopped) == ([], 1)
 

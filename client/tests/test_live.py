@@ -105,7 +105,7 @@ def test_lost_contact_stops_where_the_cell_says_so():
 def test_lost_contact_is_logged_once_where_the_run_goes_on(caplog):
     service, arm = Watching(lost), SlowArm(0.6)
     assert run(service, arm) is ANSWER
-    assert [record.message for record in caplog.records] == ["the service does not hear of this run: no route"]
+    assert [record.message for record in caplog.records] == ["contact with the service is lost: no route"]
 
 
 def test_another_error_of_the_motion_stays_what_it_is():

@@ -90,7 +90,7 @@ def assert_one_line(url, folder, expected):
 
 
 def test_another_server(stranger, tmp_path):
-    assert_one_line(stranger, tmp_path, "what answers there is no RoboPrompt service")
+    assert_one_line(stranger, tmp_path, "what answers there is not a RoboPrompt service")
 
 
 def test_nobody_listens(tmp_path):
@@ -100,7 +100,7 @@ def test_nobody_listens(tmp_path):
 
 @pytest.mark.parametrize("url", ["127.0.0.1:8000", "localhost", "ftp://localhost", "http://", "http://localhost:99999"])
 def test_addresses_that_are_none(url, tmp_path):
-    assert_one_line(url, tmp_path, f"{url!r} is no address of a service (valid: one like http://127.0.0.1:8000)")
+    assert_one_line(url, tmp_path, f"{url!r} is not the address of a service (valid: one like http://127.0.0.1:8000)")
 
 
 def run_script(monkeypatch, capsys, *words):
@@ -113,7 +113,10 @@ def test_the_robots_script_at_wrong_addresses(stranger, monkeypatch, capsys, tmp
     objects = tmp_path / "objects.json"
     objects.write_text('[{"name": "cube", "position": [0.1, 0.1, 0.8]}]')
     scene = ("--task", "x", "--instruction", "x", "--objects", str(objects))
-    for url, expected in ((stranger, "no RoboPrompt service"), ("localhost:8000", "is no address of a service")):
+    for url, expected in (
+        (stranger, "not a RoboPrompt service"),
+        ("localhost:8000", "is not the address of a service"),
+    ):
         code, errors = run_script(monkeypatch, capsys, "--url", url, "predict", *scene)
         assert (code, len(errors.splitlines())) == (1, 1)
         assert expected in errors
@@ -124,8 +127,8 @@ def test_the_robots_script_at_wrong_addresses(stranger, monkeypatch, capsys, tmp
     [
         (None, "No such file"),
         ("{", "cannot be read"),
-        ('{"cube": 1}', "is no list of objects"),
-        ('[{"position": [0, 0, 1]}]', "is no list of objects"),
+        ('{"cube": 1}', "is not a list of objects"),
+        ('[{"position": [0, 0, 1]}]', "is not a list of objects"),
         ('[{"name": "cube", "position": [0, 1]}]', "position"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What is known of an arm's joints: whether a straight way can be gone, and where they are at its end."""
+"""Whether an arm can follow a straight line within its joints' limits, and its joints at the end of the line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from roboprompt_client.arms.driver import pose_matrix
+from roboprompt_client.arms.driver import ArmState, pose_matrix, straight_way
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types import quaternions as rotations
@@ -21,7 +21,7 @@ DAMPING, MAX_ITERATIONS = 0.02, 60
 
 
 class Nearest(NamedTuple):
-    """The joint that is nearest to a limit of its own, counted from 1, and how far it is from it; below 0: beyond."""
+    """The joint nearest to its limit, counted from 1, and the angle left; below 0: beyond the limit."""
 
     joint: int
     margin_deg: float
@@ -31,15 +31,15 @@ class Geometry(Protocol):
     """An arm's joints, in its base frame."""
 
     def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
-        """The joints (J,) at the end of the straight way from joints (J,) to a pose.
+        """Return the joints (J,) at the end of the straight way from joints (J,) to a pose.
 
         Raises:
-            MotionError: if it is out of reach or beyond a joint's limit; says which.
+            MotionError: if the pose is out of reach, or the way leads beyond a joint's limit, which it names.
         """
         ...
 
     def nearest_limit(self, joints_rad: Array) -> Nearest:
-        """The joint that is nearest to its limit."""
+        """Return the joint that is nearest to its limit."""
         ...
 
 
@@ -48,39 +48,36 @@ class KnowsItsJoints(Protocol):
     """A driver whose arm's geometry is known."""
 
     def geometry(self) -> Geometry:
-        """With the tool that the arm has now; raises MotionError if the arm does not answer."""
+        """Return the geometry with the arm's present tool; raises MotionError if the arm does not answer."""
         ...
 
 
 def nearest_limit(joints_rad: Array, low_rad: Array, high_rad: Array) -> Nearest:
-    """Which of the joints (J,) is nearest to its bounds (J,)."""
+    """Return which of the joints (J,) is nearest to its bounds (J,)."""
     margins = np.minimum(joints_rad - low_rad, high_rad - joints_rad)
     index = int(margins.argmin())
     return Nearest(index + 1, float(np.degrees(margins[index])))
 
 
 def follow_line(forward: Forward, joints_rad: Array, goal: Array, low_rad: Array, high_rad: Array) -> Array:
-    """The joints (J,) at the end of the straight way to a pose.
+    """Return the joints (J,) at the end of the straight way to a pose.
 
     Args:
-        joints_rad: (J,) where the arm is.
-        goal: (4, 4) of the end effector.
+        joints_rad: (J,) at its beginning.
+        goal: (4, 4) the end effector's pose.
         low_rad, high_rad: (J,) the joints' limits.
 
     Raises:
-        MotionError: if the way ends before the goal, or leads to a joint's limit, naming it.
+        MotionError: if the goal is out of reach, or the way leads beyond a joint's limit, which it names.
     """
     start, _ = forward(joints_rad)
-    turn = rotations.to_rotation_vector(rotations.from_matrix(goal[:3, :3] @ start[:3, :3].T))
-    way_m, way_rad = float(np.linalg.norm(goal[:3, 3] - start[:3, 3])), float(np.linalg.norm(turn))
-    steps = max(1, int(np.ceil(max(way_m / STEP_M, way_rad / STEP_RAD))))
+    here = ArmState(start[:3, 3], rotations.from_matrix(start[:3, :3]))
+    poses = list(straight_way(here, goal[:3, 3], rotations.from_matrix(goal[:3, :3]), STEP_M, STEP_RAD))
     joints = np.array(joints_rad, float)
-    for part in np.arange(1, steps + 1) / steps:
-        between = np.eye(4)
-        between[:3, :3] = rotations.to_matrix(rotations.from_rotation_vector(part * turn)) @ start[:3, :3]
-        between[:3, 3] = start[:3, 3] + part * (goal[:3, 3] - start[:3, 3])
-        joints = _follow(forward, joints, between, float(part))
-        _check_limits(joints, low_rad + JOINT_MARGIN_RAD, high_rad - JOINT_MARGIN_RAD, float(part))
+    for number, pose in enumerate(poses, 1):
+        part = number / len(poses)
+        joints = _follow(forward, joints, pose_matrix(*pose), part)
+        _check_limits(joints, low_rad + JOINT_MARGIN_RAD, high_rad - JOINT_MARGIN_RAD, part)
     return joints
 
 
@@ -105,14 +102,14 @@ def _check_limits(joints_rad: Array, low_rad: Array, high_rad: Array, part: floa
 
 
 class UrdfGeometry:
-    """An arm's joints after its URDF; a `Geometry`.
+    """A `Geometry` that reads the arm's joints from its URDF.
 
     Args:
-        frame: of the file: the end effector whose pose the arm's driver reports.
+        frame: the name of the link whose pose the arm's driver reports.
 
     Raises:
-        InvalidInputError: if pinocchio is not installed, the file is none, has no such frame, or a joint that turns
-            without end or has no single coordinate.
+        InvalidInputError: if pinocchio is not installed, the file is not a URDF or lacks it, or a joint rotates
+            without limits or has several coordinates.
     """
 
     def __init__(self, path: Path, frame: str) -> None:
@@ -130,7 +127,7 @@ class UrdfGeometry:
 
     def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
         if len(joints_rad) != self._model.nq:
-            raise MotionError(f"the arm says {len(joints_rad)} joints, its URDF has {self._model.nq}")
+            raise MotionError(f"the arm reports {len(joints_rad)} joints, its URDF has {self._model.nq}")
         goal = pose_matrix(position_m, quaternion_xyzw)
         return follow_line(self._forward, joints_rad, goal, *self._limits_rad)
 

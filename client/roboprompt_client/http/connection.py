@@ -1,4 +1,4 @@
-"""HTTP with one service: requests as values, a JSON answer or event, or one of this package's errors."""
+"""HTTP with one service: requests as values, and answers read as JSON or raised as this package's errors."""
 
 import ipaddress
 import json
@@ -18,12 +18,12 @@ Other = TypeVar("Other")
 MAX_PORT = 65535
 EVENT_STREAM = "text/event-stream"
 DEFAULT_TIMEOUT_S = 60.0
-KEEPALIVE_S = 2.0  # idle connections: the service closes them after 5 s, and a request that crosses this is lost
-MAX_DETAIL_CHARS = 500  # of an error page that is no problem document
+KEEPALIVE_S = 2.0  # idle connections; the service closes them after 5 s, and a request sent at that moment is lost
+MAX_DETAIL_CHARS = 500  # of an error page that is not a problem document
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host, by name or address, is this machine, which no other machine can reach."""
+    """Return whether a host name or address is this machine's loopback, which no other machine can reach."""
     if host == "localhost" or host.endswith(".localhost"):
         return True
     try:
@@ -33,7 +33,7 @@ def is_loopback(host: str) -> bool:
 
 
 def is_own_machine(url: str) -> bool:
-    """Whether a URL names this machine: no proxy is for that, nor may one see what is sent there."""
+    """Return whether a URL names this machine; requests to it must not go through a proxy."""
     try:
         return is_loopback(urlsplit(url).hostname or "")
     except ValueError:
@@ -41,21 +41,21 @@ def is_own_machine(url: str) -> bool:
 
 
 def without_proxy(url: str) -> dict[str, None] | None:
-    """What httpx's `mounts` say so that proxies of the environment are not used for this machine; None for others.
+    """Return httpx's `mounts` that ignore the environment's proxies for this machine; None for other machines.
 
-    Certificates that the environment names are used all the same, which `trust_env=False` would not do.
+    Certificates of the environment are still used, unlike with `trust_env=False`.
     """
     return {"http://": None, "https://": None} if is_own_machine(url) else None
 
 
 def http_options(url: str, api_key: str) -> dict[str, Any]:
-    """The arguments of an HTTP client, blocking or not, for a service; an empty key is none.
+    """Return the arguments of an httpx client for a service; an empty key means no key.
 
     Raises:
         ServiceUnreachableError: for a URL without scheme or host.
     """
     headers = {"Authorization": f"Bearer {api_key}"} if api_key else {}
-    refusal = f"{url!r} is no address of a service (valid: one like http://127.0.0.1:8000)"
+    refusal = f"{url!r} is not the address of a service (valid: one like http://127.0.0.1:8000)"
     try:
         parsed = httpx.URL(url)
         if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
@@ -69,12 +69,12 @@ def http_options(url: str, api_key: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Request(Generic[Answer]):
-    """What is asked of a service, and how its answer is read.
+    """A request to a service, and the function that reads its answer.
 
     Attributes:
-        arguments: as of `httpx.Client.request`.
+        arguments: of `httpx.Client.request`.
         read: raises ServiceProblemError if the service refused or failed, and ServiceUnreachableError if what answers
-            is no RoboPrompt service.
+            is not a RoboPrompt service.
     """
 
     method: str
@@ -83,48 +83,48 @@ class Request(Generic[Answer]):
     read: Callable[[httpx.Response], Answer]
 
     def then(self, read: Callable[[Answer], Other]) -> "Request[Other]":
-        """The same, what was read being read further."""
+        """Return the same request whose answer is then read by `read`, too."""
         return Request(self.method, self.path, self.arguments, lambda response: read(self.read(response)))
 
     @property
     def streamed(self) -> dict[str, Any]:
-        """The arguments that ask for server-sent events instead."""
+        """The arguments with which the answer comes as server-sent events."""
         return {**self.arguments, "headers": {**self.arguments.get("headers", {}), "Accept": EVENT_STREAM}}
 
     @contextmanager
     def transport_errors(self, base_url: httpx.URL) -> Iterator[None]:
-        """Raise ServiceUnreachableError, naming the request, where it is not answered."""
+        """Raise ServiceUnreachableError, naming the request, if it is not answered."""
         try:
             yield
-        except httpx.TransportError as error:  # httpx-sse's SSEError, too
+        except httpx.TransportError as error:  # also httpx-sse's SSEError
             address = f"{str(base_url).rstrip('/')}/{self.path.lstrip('/')}"
             what = f"{self.method} {address}: {error or type(error).__name__}"
             raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 
 def require_success(response: httpx.Response) -> httpx.Response:
-    """The same response; raises ServiceProblemError if the service refused or failed."""
+    """Return the response; raises ServiceProblemError if the service refused or failed."""
     if not response.is_error:
         return response
     problem = _json(response.content)
-    if not isinstance(problem, dict):  # no problem document: made of its text
+    if not isinstance(problem, dict):  # not a problem document
         problem = {"title": response.reason_phrase, "detail": response.text[:MAX_DETAIL_CHARS]}
     raise ServiceProblemError(response.status_code, problem)
 
 
 def document_in(response: httpx.Response) -> dict[str, Any]:
-    """The JSON object that was answered; raises as `Request.read`."""
+    """Return the JSON object of a response; raises as `Request.read`."""
     document = _json(require_success(response).content)
     if not isinstance(document, dict):
-        raise ServiceUnreachableError(f"{_asked(response)}: what answers there is no RoboPrompt service")
+        raise ServiceUnreachableError(f"{_asked(response)}: what answers there is not a RoboPrompt service")
     return document
 
 
 def event_document(event: ServerSentEvent, response: httpx.Response) -> dict[str, Any]:
-    """The JSON object of an event; raises ServiceUnreachableError for other data."""
+    """Return the JSON object of an event; raises ServiceUnreachableError for other data."""
     document = _json(event.data)
     if not isinstance(document, dict):
-        what = f"the data of the event {event.event!r:.40} are no JSON object: {event.data!r:.80}"
+        what = f"the data of the event {event.event!r:.40} are not a JSON object: {event.data!r:.80}"
         raise ServiceUnreachableError(f"{_asked(response)}: {what}")
     return document
 
@@ -134,7 +134,7 @@ def _asked(response: httpx.Response) -> str:
 
 
 def _json(data: str | bytes) -> object:
-    """None where it is no JSON."""
+    """Return the decoded JSON, or None if it is not JSON."""
     try:
         return json.loads(data)
     except ValueError:

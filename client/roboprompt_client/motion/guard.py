@@ -1,6 +1,6 @@
-"""Holds actions against bounds of motion, one after the other.
+"""Checks actions against limits of motion, one after the other.
 
-The server checks every predicted action before it leaves, and the robot's side checks it again.
+The server checks every predicted action before it sends it, and the robot's side checks it again before it moves.
 """
 
 import math
@@ -14,7 +14,7 @@ from roboprompt_client.motion.limits import MAX_ACTIONS, Box, MotionLimits
 from roboprompt_client.types.arrays import QUATERNION_NORM_TOLERANCE
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
-POSITION_ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
+POSITION_ROUNDING_M = 1e-9  # a position on a bound may be beyond it by the rounding of floats
 ANGLE_ROUNDING_DEG = 1e-6
 AXES = "xyz"
 Point = Sequence[float]  # (3) m
@@ -24,12 +24,12 @@ class MotionGuard:
     """Checks the actions of one prediction in their order.
 
     Args:
-        max_actions: one more is a breach.
-        before: where the end effector is before the first action; None where that is not known: then the way to the
-            first target is not checked, and where steps are bounded every first action is a breach.
+        max_actions: how many actions may pass.
+        before: the end effector's pose before the first action. None: not known; then the way to the first target is
+            not checked, and where steps are bounded the first action is refused.
 
     Raises:
-        InvalidInputError: if `before` is no pose.
+        InvalidInputError: if `before` is not finite or its quaternion is not of unit length.
     """
 
     def __init__(self, limits: MotionLimits, max_actions: int = MAX_ACTIONS, before: Pose | None = None) -> None:
@@ -41,7 +41,7 @@ class MotionGuard:
         self._index = 0
 
     def check(self, action: EndEffectorAction) -> None:
-        """Let the next action pass; raises UnsafeActionError naming its index, the value and the bound."""
+        """Let the next action pass, or raise UnsafeActionError with its index, the value and the bound."""
         index, pose = self._index, Pose.of(action)
         if index >= self._max_actions:
             raise UnsafeActionError(index, "index", f"is {index}", f"at most {self._max_actions} actions")
@@ -51,7 +51,7 @@ class MotionGuard:
         if self._before is not None:
             self._check_step(index, self._before, pose)
         elif self._limits.bounds_steps:
-            bound = "a step whose length is known: tell where the end effector is (end_effector)"
+            bound = "a step whose length is known: give the end effector's pose (end_effector)"
             raise UnsafeActionError(index, "position", "is reached from an unknown place", bound)
         self._before, self._index = pose, index + 1
 
@@ -93,10 +93,10 @@ class MotionGuard:
 
 
 def action_from_json(index: int, value: object) -> EndEffectorAction:
-    """An action as the service sends it, nothing about it taken on trust.
+    """Return an action of the service's answer, with every member checked.
 
     Raises:
-        UnsafeActionError: if a member is missing, not finite, no unit quaternion or no boolean.
+        UnsafeActionError: if a member is missing, not finite, not a unit quaternion or not a boolean.
     """
     document: Mapping[str, Any] = value if isinstance(value, Mapping) else {}
     pose = Pose(_numbers(index, document, "position", 3), _numbers(index, document, "quaternion_xyzw", 4))
@@ -106,14 +106,14 @@ def action_from_json(index: int, value: object) -> EndEffectorAction:
 
 
 def angle_deg(first_xyzw: tuple[float, ...], second_xyzw: tuple[float, ...]) -> float:
-    """The angle (0..180) between the rotations of two unit quaternions."""
-    alike = sum(a * b for a, b in zip(first_xyzw, second_xyzw, strict=True)) >= 0  # q and -q are one rotation
-    chord = math.dist(first_xyzw, second_xyzw if alike else [-value for value in second_xyzw])
+    """Return the angle (0..180) between the rotations of two unit quaternions."""
+    same_sign = sum(a * b for a, b in zip(first_xyzw, second_xyzw, strict=True)) >= 0  # q and -q are one rotation
+    chord = math.dist(first_xyzw, second_xyzw if same_sign else [-value for value in second_xyzw])
     return math.degrees(4 * math.asin(min(1.0, chord / 2)))
 
 
 def _far(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
-    """Whether a plane of one of the box's faces keeps a sphere on its way outside; quick, for most boxes are far."""
+    """Return whether the plane of one face separates the sphere's way from the box; a quick test for most boxes."""
     return any(
         min(start, end) >= high + radius_m or max(start, end) <= low - radius_m
         for start, end, low, high in zip(start_m, end_m, *box, strict=True)
@@ -121,9 +121,9 @@ def _far(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
 
 
 def enters(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
-    """Whether a sphere enters the box on its way, by more than rounding does."""
+    """Return whether a sphere that moves straight from start to end enters the box by more than rounding."""
     far = clearance_m(start_m, end_m, *box) >= radius_m - POSITION_ROUNDING_M
-    if not far:  # nor does NaN pass, of a way beyond all measure
+    if not far:  # also for NaN, which a way of infinite length gives
         return True
     smaller = [low + POSITION_ROUNDING_M for low in box.min_m], [high - POSITION_ROUNDING_M for high in box.max_m]
     return passes_through(start_m, end_m, *smaller)
@@ -167,7 +167,7 @@ def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) ->
 
 
 def passes_through(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> bool:
-    """Whether any point of the way from `start_m` to `end_m`, both (3), lies inside the box; its faces do not count.
+    """Return whether a point of the straight way from `start_m` to `end_m`, both (3,), is inside the box.
 
     Args:
         min_m, max_m: (3) opposite corners of the box.
@@ -184,10 +184,10 @@ def passes_through(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> 
 
 
 def clearance_m(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> float:
-    """The least distance between the way from `start_m` to `end_m`, both (3), and the box; 0 if they touch.
+    """Return the least distance between the straight way from `start_m` to `end_m`, both (3,), and the box.
 
-    The squared distance along the way is convex and consists of parabolas that meet where the way crosses the planes of
-    the box's faces, so that its minimum is exact.
+    The squared distance along the way is convex. It is a parabola between the points at which the way crosses the
+    planes of the box's faces, so the minimum is found exactly.
     """
     steps = [end - start for start, end in zip(start_m, end_m, strict=True)]
     axes = list(zip(start_m, steps, min_m, max_m, strict=True))
@@ -211,6 +211,6 @@ def clearance_m(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> flo
 
 
 def _crossings(axes: list[tuple[float, float, float, float]]) -> list[float]:
-    """Which parts (0..1] of the way end at the planes of the box's faces, and the whole; ascending."""
+    """Return the parts (0..1] of the way at which it crosses planes of the box's faces, ascending, and 1."""
     parts = [(face - start) / step for start, step, *faces in axes if step != 0 for face in faces]
     return [*sorted(part for part in parts if 0 < part < 1), 1.0]

@@ -1,4 +1,4 @@
-"""What an action must satisfy before a robot carries it out; a breach is an error, never clipped."""
+"""The bounds that an action must keep before a robot carries it out; one beyond them is an error, never clipped."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,12 +10,13 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import Pose
 
 HAND_RADIUS_M = 0.05
-MAX_ACTIONS = 25  # of one prediction: the steps that an episode may take (RoboPrompt, section IV-B)
+MAX_ACTIONS = 25  # of one prediction (RoboPrompt, section IV-B: the steps of an episode)
 STEP_BOUNDS = ("max_step_m", "max_step_rotation_deg")
+BOUNDS = ("keep_out", *STEP_BOUNDS, "hand_radius_m")
 
 
 class Box(NamedTuple):
-    """An axis-aligned box, in meters in the world frame: (3) opposite corners."""
+    """An axis-aligned box in the world frame: corners (3,) of the smallest and the largest coordinates, meters."""
 
     min_m: tuple[float, ...]
     max_m: tuple[float, ...]
@@ -23,17 +24,17 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Bounds of what a robot may be asked to do.
+    """The bounds of a robot's motion.
 
     Attributes:
-        workspace: every target lies inside; None: no such bound.
-        keep_out: no target lies inside any of them, and on the straight way from one target to the next a sphere around
-            the end effector keeps out of them, too.
-        max_step_m, max_step_rotation_deg: between consecutive targets; None: no such bound.
-        hand_radius_m: of that sphere; 0: only the end effector's own position keeps out.
+        workspace: the box in which every target must lie; None: unbounded.
+        keep_out: boxes that a sphere around the end effector must not enter, neither at a target nor on the straight
+            way between targets.
+        max_step_m, max_step_rotation_deg: the largest step between consecutive targets; None: unbounded.
+        hand_radius_m: the radius of that sphere; 0: only the end effector's own position must keep out.
 
     Raises:
-        InvalidInputError: if a bound is not a finite number, or a box has no room.
+        InvalidInputError: if a bound is not a finite number, or a box is empty.
     """
 
     workspace: Box | None = None
@@ -55,51 +56,50 @@ class MotionLimits:
 
     @classmethod
     def from_task(cls, document: object) -> "MotionLimits":
-        """The limits in a task's document (`GET /tasks/{name}`), every value checked.
+        """Return the limits of a task's document (`GET /tasks/{name}`), which must have all of them.
 
         Raises:
-            InvalidInputError: naming a bound that is missing or can bound nothing, such as NaN.
+            InvalidInputError: naming a bound that is missing or cannot hold, such as NaN.
         """
         bounds = _member(document, "", "motion_limits")
-        named = {name: _member(bounds, "motion_limits", name) for name in ("keep_out", *STEP_BOUNDS)}
-        if "hand_radius_m" in bounds:
-            named["hand_radius_m"] = bounds["hand_radius_m"]
-        return cls(_box("workspace", _member(document, "", "workspace")), **{**named, "keep_out": _boxes(named)})
+        for name in ("keep_out", *STEP_BOUNDS):
+            _member(bounds, "motion_limits", name)
+        known = {name: bounds[name] for name in BOUNDS if name in bounds}
+        return cls(_box("workspace", _member(document, "", "workspace")), **{**known, "keep_out": _boxes(bounds)})
 
     @classmethod
     def from_file(cls, document: object) -> "MotionLimits":
-        """Limits in the form of a task's document, of which only those that are named are bounds.
+        """Return limits written like a task's document, in which any bound may be left out.
 
         Raises:
-            InvalidInputError: as `from_task`; also for a bound that does not exist, or if there is none.
+            InvalidInputError: as `from_task`; also for an unknown bound, or if there is none.
         """
         if not isinstance(document, Mapping) or not {"workspace", "motion_limits"} & set(document):
             valid = "an object with workspace, motion_limits or both"
             raise InvalidInputError("limits", f"are {document!r:.80}", valid)
         bounds = document.get("motion_limits", {})
-        known = ("keep_out", *STEP_BOUNDS, "hand_radius_m")
-        if not isinstance(bounds, Mapping) or not set(bounds) <= set(known):
-            raise InvalidInputError("motion_limits", f"is {bounds!r:.80}", f"an object with {', '.join(known)}")
+        if not isinstance(bounds, Mapping) or not set(bounds) <= set(BOUNDS):
+            raise InvalidInputError("motion_limits", f"is {bounds!r:.80}", f"an object with {', '.join(BOUNDS)}")
         workspace = _box("workspace", document["workspace"]) if "workspace" in document else None
         return cls(workspace, **{**bounds, "keep_out": _boxes(bounds)})
 
     @property
     def bounds_steps(self) -> bool:
-        """Whether it matters where a step begins."""
+        """Whether steps are bounded, so that the pose before the first action must be known."""
         return self.max_step_m is not None or self.max_step_rotation_deg is not None
 
     def require_start(self, end_effector: Pose | None) -> None:
-        """Raise InvalidInputError if steps are bounded and the place of the end effector is not known."""
+        """Raise InvalidInputError if steps are bounded and the end effector's pose is not known."""
         if end_effector is None and self.bounds_steps:
             bounds = " and ".join(name for name in STEP_BOUNDS if getattr(self, name) is not None)
             message = f"is left out, but {bounds} must hold for the step to the first target, too"
             raise InvalidInputError("end_effector", message, "where the end effector is: position and quaternion_xyzw")
 
     def intersection(self, other: "MotionLimits") -> "MotionLimits":
-        """Bounds that hold where both hold: the common workspace, all boxes, the shorter steps, the larger hand.
+        """Return limits that keep both: the common workspace, all boxes, the shorter steps, the larger hand radius.
 
         Raises:
-            InvalidInputError: if the workspaces have no room in common.
+            InvalidInputError: if the workspaces do not overlap.
         """
         return MotionLimits(
             _common(self.workspace, other.workspace),
@@ -111,7 +111,7 @@ class MotionLimits:
 
 
 def _member(document: object, field: str, name: str) -> Any:  # noqa: ANN401
-    """A member of the JSON object at a path, which is empty for the whole document."""
+    """Return the member `name` of the JSON object at the path `field` ("" for the whole document)."""
     if not isinstance(document, Mapping):
         raise InvalidInputError(field or "limits", f"is {document!r:.80}", "a JSON object")
     if name not in document:
@@ -121,7 +121,7 @@ def _member(document: object, field: str, name: str) -> Any:  # noqa: ANN401
 
 
 def _checked_box(field: str, low: object, high: object) -> Box:
-    """Opposite corners: (3) finite numbers each, the first below the second on every axis."""
+    """Return the box between two corners (3,); raise InvalidInputError unless the first is below the second."""
     box = Box(_point(f"{field}.min", low), _point(f"{field}.max", high))
     if not all(a < b for a, b in zip(*box, strict=True)):
         raise InvalidInputError(field, f"has min {list(box.min_m)} and max {list(box.max_m)}", "min below max")
@@ -129,7 +129,7 @@ def _checked_box(field: str, low: object, high: object) -> Box:
 
 
 def checked_bound(field: str, value: object, most: float = math.inf, *, zero: bool = False) -> float:
-    """A finite number above 0, or with `zero` at least 0, and at most `most`; raises InvalidInputError."""
+    """Return a finite number above 0 (with `zero`: or 0) and at most `most`, else raise InvalidInputError."""
     number = _number(value)
     if number is None or not (number >= 0 if zero else number > 0) or number > most:
         least = "at least 0" if zero else "above 0"
@@ -147,7 +147,7 @@ def _point(field: str, value: object) -> tuple[float, ...]:
 
 
 def _number(value: object) -> float | None:
-    """As a float, if it is a finite number."""
+    """Return the value as a float, or None if it is not a finite number."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:

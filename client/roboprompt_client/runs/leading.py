@@ -1,6 +1,6 @@
-"""Objects that move by themselves, e.g. on a belt: their velocity from two observations, and where they will be.
+"""Predict where objects will be that move by themselves, e.g. on a conveyor belt, from two observations.
 
-The velocity is taken as constant and horizontal until contact; rotation is not extrapolated.
+The velocity is assumed to be constant and horizontal until contact; rotation is not extrapolated.
 """
 
 import math
@@ -14,10 +14,10 @@ from roboprompt_client.errors import InvalidInputError, ObjectLostError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-MIN_LOOK_INTERVAL_S = 0.2  # between two observations: an estimator's noise of 1 cm would be 5 cm/s
-MAX_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends at rest
+MIN_LOOK_INTERVAL_S = 0.2  # between two observations; a noise of 1 cm would else give more than 5 cm/s
+MAX_SPEED_M_S = 0.15  # faster objects cannot be grasped by a motion that ends at rest
 RESTING_M_S = 0.003
-MAX_HEIGHT_CHANGE_M = 0.01  # an object that rises or sinks by more has left what carried it
+MAX_HEIGHT_CHANGE_M = 0.01  # an object that rises or sinks by more has left its conveyor
 MAX_LEAD_S = 10.0
 
 
@@ -25,25 +25,25 @@ class Leading:
     """Estimates objects' velocities, and where they will be `lead_s` after an observation.
 
     Args:
-        lead_s: how long the robot takes from an observation until its fingers close.
-        clock: seconds from any beginning; for simulations, whose time passes otherwise.
+        lead_s: the time from an observation until the fingers close.
+        clock: returns seconds; for simulations, which have their own time.
 
     Raises:
-        InvalidInputError: if `lead_s` is no time above 0, or longer than 10 s.
+        InvalidInputError: if `lead_s` is not above 0 and at most 10 s.
     """
 
     def __init__(self, lead_s: float, clock: Callable[[], float] = monotonic) -> None:
         if not (math.isfinite(lead_s) and 0 < lead_s <= MAX_LEAD_S):
             raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MAX_LEAD_S:g} at most")
         self._lead_s, self.clock = lead_s, clock
-        self._seen: dict[str, tuple[ObjectPose, float]] = {}  # and when
+        self._seen: dict[str, tuple[ObjectPose, float]] = {}  # pose and time, s
         self._velocities_m_s: dict[str, Array] = {}
 
     def saw(self, poses: Mapping[str, ObjectPose], at_s: float) -> None:
-        """Note an observation; one that follows another too closely is not used for the velocity.
+        """Note an observation; one that follows another too closely does not update the velocity.
 
         Raises:
-            ObjectLostError: if an object has left what carried it, or is too fast.
+            ObjectLostError: if an object changed its height, or is too fast.
         """
         for name, pose in poses.items():
             before, before_s = self._seen.get(name, (None, at_s))
@@ -52,7 +52,7 @@ class Leading:
                 continue
             along_x_m, along_y_m, up_m = pose.position_m - before.position_m
             if abs(up_m) > MAX_HEIGHT_CHANGE_M:
-                raise ObjectLostError(name, f"it left what carried it: {100 * up_m:+.1f} cm in height")
+                raise ObjectLostError(name, f"its height changed by {100 * up_m:+.1f} cm: it left its conveyor")
             if at_s - before_s < MIN_LOOK_INTERVAL_S:
                 continue
             velocity_m_s = np.array([along_x_m, along_y_m, 0.0]) / (at_s - before_s)
@@ -62,7 +62,7 @@ class Leading:
                 raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
 
     def led(self, name: str, pose: ObjectPose) -> ObjectPose:
-        """The pose where the object will be when the fingers close; one that rests stays."""
+        """Return the pose that the object will have when the fingers close; an object at rest stays."""
         velocity_m_s = self._velocities_m_s.get(name)
         if velocity_m_s is None or float(np.linalg.norm(velocity_m_s)) < RESTING_M_S:
             return pose

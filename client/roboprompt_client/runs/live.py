@@ -1,9 +1,9 @@
-"""A robot that is watched: while it works the service hears where it is, and may stop it.
+"""Report a run to the service while the robot works, so that people can watch it and stop it there.
 
     run_task(client, robot, "pick", "pick up the cube", watch=partial(Live, client, robot, on_lost="stop"))
 
-Where a person presses Stop on the service's page `Now` the answer to the next report says so, at most 0.2 s later on a
-machine and a network that are not busy. This replaces no emergency stop.
+If a person presses Stop on the service's page `Now`, the answer to the next report says so: within 0.2 s if machine and
+network are not busy. This does not replace an emergency stop.
 """
 
 import logging
@@ -30,22 +30,22 @@ log = logging.getLogger(__name__)
 OnLost = Literal["continue", "stop"]
 PERIOD_S = 0.2
 BY_A_PERSON = "a person stopped the robot from the service's page"
-LOST_S = 1.0  # without an answer; also how long one request may take
+LOST_S = 1.0  # without an answer contact counts as lost; also the timeout of one request
 
 
 def checked_on_lost(value: object) -> OnLost:
-    """What a robot does without contact; raises InvalidInputError for what is none of both."""
+    """Return what the robot does when contact is lost; raises InvalidInputError for another value."""
     if value not in ("continue", "stop"):
         raise InvalidInputError("lost_contact", f"is {value!r:.40}", "continue or stop")
     return value
 
 
 class Live:
-    """Reports a run five times a second from a thread of its own, and stops the robot from there.
+    """Report a run five times a second from a thread, and stop the robot from that thread.
 
     Args:
-        robot: its `stop` is called from that thread, and so is its `state`, if it has one as `Arm` has.
-        on_lost: what the robot does where the service has not answered for a second.
+        robot: its `stop` is called from that thread; also its `state`, if it has one as `Arm` does.
+        on_lost: what the robot does when the service has not answered for a second.
     """
 
     def __init__(
@@ -63,10 +63,10 @@ class Live:
         return self._carrying_out
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Raises StoppedError if somebody stopped the run after its last motion: there may be more to come."""
+        """Raise StoppedError if a person stopped the run after its last motion, so that no further run begins."""
         self._ended.set()
         self._thread.join()
-        with suppress(ServiceProblemError, ServiceUnreachableError):  # then it is forgotten by itself
+        with suppress(ServiceProblemError, ServiceUnreachableError):  # the service forgets the run by itself
             if self._client.end_run(self.id, LOST_S):
                 self._stopped_by = self._stopped_by or BY_A_PERSON
         if kind is None:
@@ -74,7 +74,7 @@ class Live:
 
     @contextmanager
     def _carrying_out(self, index: int, action: EndEffectorAction, prediction_id: str | None) -> Iterator[None]:
-        """Around the motion of an action; raises StoppedError before it or after it, if the run was stopped."""
+        """Wrap the motion of an action; raise StoppedError before or after it if the run was stopped."""
         target = {"position": action.position_m.tolist(), "quaternion_xyzw": action.quaternion_xyzw.tolist()}
         known = {} if prediction_id is None else {"prediction_id": prediction_id}
         self._said = {**self._said, **known, "action": index + 1, "target": target}
@@ -94,16 +94,16 @@ class Live:
         heard_s, warned = time.monotonic(), False
         while not self._ended.is_set():
             begun_s = time.monotonic()
-            if self._stopped_by:  # again: a motion may have begun between a check and the first stop
+            if self._stopped_by:  # again, because a motion may have begun just before the first stop
                 self._stop(self._stopped_by)
             try:
                 if self._client.report_run(self.id, {**self._said, **self._state()}, LOST_S):
                     self._stop(BY_A_PERSON)
                 heard_s, warned = time.monotonic(), False
-            except Exception as error:  # whatever it is, the thread that can stop the robot goes on
+            except Exception as error:  # no error may end the thread that can stop the robot
                 if time.monotonic() - heard_s >= LOST_S and not warned:
                     warned = True
-                    log.warning("the service does not hear of this run: %s", error)
+                    log.warning("contact with the service is lost: %s", error)
                     if self._on_lost == "stop":
                         self._stop(f"no contact with the service for {LOST_S:g} s: {error}")
             self._ended.wait(max(0.0, begun_s + PERIOD_S - time.monotonic()))
@@ -112,16 +112,16 @@ class Live:
         self._stopped_by = why
         try:
             self._robot.stop()
-        except Exception as error:  # the next turn tries again
+        except Exception as error:  # tried again at the next report
             log.warning("the robot does not stop: %s", error)
 
     def _state(self) -> Mapping[str, Any]:
-        """Where the robot is, if it says so."""
+        """Return the robot's pose and joints for the report; empty if it has no `state` or it fails."""
         if not callable(state := getattr(self._robot, "state", None)):
             return {}
         try:
             now = state()
-        except Exception as error:  # whatever an arm's interface raises must not end the thread that can stop it
+        except Exception as error:  # no error may end the thread that can stop the robot
             log.debug("the robot's state is not known: %s", error)
             return {}
         joints = now.joint_positions_rad

@@ -1,14 +1,13 @@
-"""Looking again before contact: the remaining actions follow the objects that were moved since they were predicted.
+"""Look again before contact, so that the remaining actions follow objects that were moved since the prediction.
 
-When the robot looks:
+The robot looks before every action that refers to an object that it has not touched yet, and only then:
 
-- before every action that refers to an object, while that object is untouched, and never otherwise;
-- the object at which the gripper closes is in the hand, and touched, until the gripper opens again;
-- an object at which the gripper neither closes nor opens is pushed or pressed: it is touched once two actions that
-  refer to it have been carried out, the way to it and the contact;
-- the action that leaves an object after the gripper has closed or opened at it goes as it was.
+- The object at which the gripper closes counts as touched until the gripper opens again.
+- An object at which the gripper neither closes nor opens is pushed or pressed: it counts as touched after two actions
+  that refer to it, the approach and the contact.
+- The action that retreats from an object after the gripper closed or opened at it stays as it was predicted.
 
-What the robot itself moved is not followed: after a release the object's next pose is where it belongs.
+Objects that the robot itself moved are not followed: after a release, the next observed pose is the one to start from.
 """
 
 from collections import Counter
@@ -19,7 +18,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.runs.leading import Leading
-from roboprompt_client.runs.reanchoring import MOVED, Moved, has_moved, reanchored
+from roboprompt_client.runs.reanchoring import has_moved, reanchored
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 Poses = Mapping[str, ObjectPose]
@@ -27,10 +26,10 @@ Check = Callable[[tuple[EndEffectorAction, ...]], None]
 
 
 class ObjectFinder:
-    """Where objects are now: as the robot says, or, where it has images only, as `POST /poses` finds them.
+    """Finds objects again: by the robot's own poses, or, if it has images only, by the service's `POST /poses`.
 
     Raises:
-        InvalidInputError: if neither can be, before anything has moved.
+        InvalidInputError: if neither is possible; nothing has moved by then.
     """
 
     def __init__(self, client: RoboPromptClient, robot: Robot, task: str, first: Observation) -> None:
@@ -42,11 +41,11 @@ class ObjectFinder:
             self._check_images(first)
 
     def look_for(self, name: str) -> Poses:
-        """The poses of the objects in sight, that of `name` among them.
+        """Return the poses of the objects in sight by name, among them that of `name`.
 
         Raises:
-            ObjectLostError: if it is not.
-            ServiceUnreachableError: if the service was to find it and does not answer.
+            ObjectLostError: if `name` is not in sight.
+            ServiceUnreachableError: if the service is needed and does not answer.
         """
         try:
             seen = self._robot.observe()
@@ -64,7 +63,7 @@ class ObjectFinder:
         return by_name
 
     def _check_images(self, first: Observation) -> None:
-        """Masks are made by hand or by the robot, so that `POST /poses` needs object models, and no further server."""
+        """Refuse what `POST /poses` cannot find: it needs images, and object models without masks or a server."""
         if not first.frames or not first.to_find:
             valid = "an observation with the objects' poses, or with images and `to_find`"
             raise InvalidInputError("look_again", "the robot's observation names no objects to look for", valid)
@@ -76,15 +75,15 @@ class ObjectFinder:
 
 
 class Follower:
-    """The actions of a prediction, which follow their objects while they are carried out.
+    """Moves the remaining actions of a prediction along with their objects while the robot carries them out.
 
     Args:
         first: what the robot saw when it asked.
-        check: raises if the actions, all of them in their order, may not be carried out.
-        leading: where objects move by themselves, so that actions go where they will be; knows the first look.
+        check: raises if the actions, all of them in their order, are beyond the limits.
+        leading: predicts where objects will be that move by themselves; it has noted the first observation.
 
     Attributes:
-        actions: as they were carried out and as they are to be.
+        actions: all actions: the past ones as they were carried out, the others as they are planned now.
     """
 
     def __init__(
@@ -93,7 +92,6 @@ class Follower:
         predicted: PredictedActions,
         first: Observation,
         check: Check,
-        moved: Moved = MOVED,
         leading: Leading | None = None,
     ) -> None:
         if predicted.actions and not any(predicted.anchors):
@@ -103,16 +101,16 @@ class Follower:
         self._anchors = predicted.anchors
         self._names = [None if anchor is None else anchor.object_name for anchor in predicted.anchors]
         self._known = {pose.name: pose for pose in first.objects or predicted.objects}
-        self._finder, self._check, self._threshold, self._leading = finder, check, moved, leading
+        self._finder, self._check, self._leading = finder, check, leading
         self._touched: set[str] = set()
         self._visits: Counter[str] = Counter()
 
     def before(self, index: int) -> EndEffectorAction:
-        """The action, after observing the object that it refers to where that is due.
+        """Return the action; look for the object that it refers to first, if the rules above say so.
 
         Raises:
             ObjectLostError, ServiceUnreachableError: see `ObjectFinder.look_for`.
-            UnsafeActionError: if an action that follows its object leaves the limits of motion.
+            UnsafeActionError: if an action that follows its object would be beyond the limits of motion.
         """
         name = self._names[index]
         leaves = index > 0 and self._names[index - 1] == name and self._switches(index - 1)
@@ -135,12 +133,12 @@ class Follower:
                 self._touched.add(name)
 
     def _switches(self, index: int) -> bool:
-        """Whether the gripper opens or closes at the end of an action; it counts as open before the first."""
+        """Return whether the gripper opens or closes after an action; before the first it counts as open."""
         was_open = index == 0 or self.actions[index - 1].gripper_open
         return self.actions[index].gripper_open != was_open
 
     def _look_for(self, name: str) -> Poses:
-        """The poses of untouched objects to follow; where they move by themselves, those at contact."""
+        """Return the poses to follow; with `leading`, those that untouched objects will have at contact."""
         at_s = 0.0 if self._leading is None else self._leading.clock()
         seen = self._finder.look_for(name)
         if self._leading is None:
@@ -153,11 +151,11 @@ class Follower:
         now = {name: pose for name, pose in seen.items() if name not in self._touched}
         symmetry_deg = self._finder.yaw_symmetry_deg
         done, ahead = self.actions[:index], self.actions[index:]
-        followed = reanchored(ahead, self._anchors[index:], self._known, now, symmetry_deg, self._threshold)
+        followed = reanchored(ahead, self._anchors[index:], self._known, now, symmetry_deg)
         if any(new is not old for new, old in zip(followed, ahead, strict=True)):
             self._check((*done, *followed))
         self.actions = (*done, *followed)
         for name, pose in now.items():
             known = self._known.get(name)
-            if known is None or has_moved(known, pose, symmetry_deg.get(name), self._threshold):
+            if known is None or has_moved(known, pose, symmetry_deg.get(name)):
                 self._known[name] = pose

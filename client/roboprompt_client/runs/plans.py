@@ -1,4 +1,4 @@
-"""A sentence about several tasks, carried out step by step; the first doubt ends it."""
+"""Carry out a sentence over several tasks step by step; the first failure ends it."""
 
 import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -25,21 +25,21 @@ def run_plan(
     on_outcome: OnOutcome | None = None,
     **how: Any,  # noqa: ANN401
 ) -> list[PredictedActions]:
-    """Let the robot carry out a sentence over tasks that were taught apart; returns what was predicted for each step.
+    """Let the robot carry out a sentence over several tasks; return the prediction of each step.
 
-    Before each step the robot observes all objects of the scene again; a task is asked about its own of them. The first
-    refusal, danger, motion that fails or outcome that is no success ends the plan; the robot is stopped.
+    Before each step the robot observes the scene again; each task is asked with its own objects only. The first
+    refusal, danger, failed motion or outcome other than success ends the plan and stops the robot.
 
     Args:
         confirm_steps: asked once before anything moves.
-        on_outcome: called after each step; the plan goes on only where it returns a success. None: each step whose
-            actions were carried out counts as done.
-        how: as for `run_task`, for each step.
+        on_outcome: called after each step; the plan goes on only if it returns a success. None: a step whose actions
+            were carried out counts as done.
+        how: arguments of `run_task`, for each step.
 
     Raises:
-        RoboPromptError: as of `RoboPromptClient.plan` and `run_task`.
-        NotConfirmedError: if `confirm_steps` said no; nothing was moved.
-        StepFailedError: if a step has no actions, or its outcome is not known to be a success.
+        RoboPromptError: as `RoboPromptClient.plan` and `run_task`.
+        NotConfirmedError: if `confirm_steps` returned False; nothing was moved.
+        StepFailedError: if a step has no actions, or its outcome is not a success.
     """
     seen = robot.observe()
     steps = client.plan(text, (*seen.objects, *seen.to_find))
@@ -70,7 +70,7 @@ def _run_step(
     asked = {**how, "on_outcome": judge} if on_outcome else how
     predicted = run_task(client, _OnlyObjects(robot, names), step.task, step.instruction, **asked)
     if not predicted.actions:
-        raise StepFailedError("the service answered no actions")
+        raise StepFailedError("the service's answer has no actions")
     if outcome is None:
         raise StepFailedError("it is not known whether it worked")
     if not outcome.success:
@@ -80,7 +80,7 @@ def _run_step(
 
 @dataclass(frozen=True)
 class _OnlyObjects:
-    """The robot with eyes for some objects only: a task is asked about its own."""
+    """The robot, whose observations have some objects only."""
 
     robot: Robot
     names: Collection[str]

@@ -1,4 +1,4 @@
-"""Arrays of numbers, checked, and values that are checked when they are constructed."""
+"""Checks of arrays of numbers, for values that are checked when they are constructed."""
 
 import math
 
@@ -9,22 +9,22 @@ from roboprompt_client.errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
 
-MAX_M = 10_000.0  # a position in the world frame: no robot is farther, and arithmetic stays finite
+MAX_M = 10_000.0  # the largest coordinate in the world frame: no robot is farther away, and arithmetic stays finite
 QUATERNION_NORM_TOLERANCE = 1e-3
 UNIT_NORM_ROUNDING = 1e-15
 
 
 def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    """`value` as a read-only float64 array of `shape` (None: any length), every element finite.
+    """Return `value` as a read-only float64 array of `shape` (None: any length) with finite elements.
 
     Raises:
-        InvalidInputError: naming `name`, the offending shape or the index of the first element that is not finite.
+        InvalidInputError: naming `name`, and the wrong shape or the index of the first element that is not finite.
     """
     try:
         array = np.array(value)
     except ValueError as error:
         raise InvalidInputError(name, "is not an array of numbers", _in_words(shape)) from error
-    if array.dtype.kind not in "biuf":  # text and complex numbers would convert, too
+    if array.dtype.kind not in "biuf":  # text and complex numbers would be converted
         raise InvalidInputError(name, f"is not an array of numbers but of {array.dtype}", _in_words(shape))
     array = array.astype(np.float64, copy=False)
     if array.shape != shape and (
@@ -39,10 +39,10 @@ def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...])
 
 
 def bounded_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], most: float, unit: str) -> Array:
-    """As `finite_array`, every element between `-most` and `most`.
+    """Return what `finite_array` does, with every element between `-most` and `most`.
 
     Raises:
-        InvalidInputError: as `finite_array`; also for the first element beyond the bound, which it names with the unit.
+        InvalidInputError: as `finite_array`; also naming the first element beyond the bound, with the unit.
     """
     array = finite_array(name, value, shape)
     if (beyond := np.abs(array) > most).any():
@@ -52,7 +52,7 @@ def bounded_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]
 
 
 def positions_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    """As `bounded_array`, of positions in meters."""
+    """Return what `bounded_array` does, for positions in meters."""
     return bounded_array(name, value, shape, MAX_M, "m")
 
 
@@ -62,23 +62,23 @@ def _in_words(shape: tuple[int | None, ...]) -> str:
 
 
 def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalized away, a larger one refused."""
+    """Return quaternions xyzw of unit length: norms within 1e-3 of 1 are normalized, others raise InvalidInputError."""
     quaternions = finite_array(name, value, shape)
     if quaternions.ndim == 1 and abs(math.hypot(*quaternions.tolist()) - 1) <= UNIT_NORM_ROUNDING / 2:
-        return quaternions  # as below, at a tenth of the cost for a single one
-    with np.errstate(over="ignore"):  # an infinite norm is refused like any other
+        return quaternions  # the same result as below at a tenth of the time
+    with np.errstate(over="ignore"):  # an infinite norm is refused below
         norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     deviations = np.abs(norms - 1)
     if (worst := float(deviations.max(initial=0))) > QUATERNION_NORM_TOLERANCE:
         message = f"has a norm that differs from 1 by {worst:.3g}"
         raise InvalidInputError(name, message, "unit quaternions, order x y z w")
-    # What is a unit quaternion already stays as it is, bit by bit: dividing again would change the last one.
+    # A quaternion that is already of unit length stays the same bit by bit: dividing could change its last bit.
     unit: Array = np.where(deviations <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
     unit.flags.writeable = False
     return unit
 
 
 def settle(instance: object, **checked: object) -> None:
-    """Put checked values into a frozen dataclass while it is constructed."""
+    """Set checked values of a frozen dataclass while it is constructed."""
     for name, value in checked.items():
         object.__setattr__(instance, name, value)

@@ -1,6 +1,6 @@
-"""Calibrated cameras and their images of one moment, checked when they are constructed.
+"""Calibrated cameras and the images that one of them took at one moment.
 
-`camera_to_world` takes OpenCV camera coordinates (x right, y down, z forward) to the world frame.
+`camera_to_world` transforms OpenCV camera coordinates (x right, y down, z forward) to the world frame.
 """
 
 from collections.abc import Mapping
@@ -18,8 +18,8 @@ ROTATION_MATRIX_TOLERANCE = 1e-3
 MAX_PX = 1e6  # of a focal length or an optical center
 MIN_FOCAL_PX = 0.1
 MIN_DEPTH_SCALE_M, MAX_DEPTH_SCALE_M = 1e-7, 1.0  # per unit of a 16-bit image
-MAX_AWAY_M = 50.0  # of a camera from the world's origin; in millimeters even a camera on a tripod is farther
-OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-center, other image sizes are
+MAX_AWAY_M = 50.0  # of a camera from the world's origin; given in millimeters every camera is farther away
+OPTICAL_CENTER_TOLERANCE = 0.25  # share of the image's size; larger offsets mean intrinsics of another image size
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +55,15 @@ class Camera:
         settle(self, camera_to_world=checked_camera_pose(f"{where}.camera_to_world", self.camera_to_world))
 
     def project(self, points_world_m: npt.ArrayLike) -> tuple[Array, Array]:
-        """Where points of the world appear in the image.
+        """Return where points of the world appear in the image.
 
         Args:
             points_world_m: (..., 3) meters in the world frame.
 
         Returns:
             pixels: (..., 2) as (u, v) = (column, row), not rounded; they may lie outside the image.
-            depth_m: (...) meters along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
-                nothing (infinite or NaN at depth 0): the caller decides.
+            depth_m: (...) meters along the optical axis. A point behind the camera has a depth <= 0; its pixel has no
+                meaning (infinite or NaN at depth 0).
         """
         points = np.asarray(points_world_m, np.float64)
         in_camera = (points - self.camera_to_world[:3, 3]) @ self.camera_to_world[:3, :3]
@@ -73,7 +73,7 @@ class Camera:
         return pixels, depth_m
 
     def deproject(self, rows: npt.ArrayLike, columns: npt.ArrayLike, depth_m: npt.ArrayLike) -> Array:
-        """World points (N, 3) in meters of pixels at rows, columns (N,), whole or not, and depths (N,)."""
+        """Return the world points (N, 3), meters, of pixels at fractional rows and columns (N,) and depths (N,)."""
         z = np.asarray(depth_m, np.float64)
         x = (np.asarray(columns) - self.cx_px) * z / self.fx_px
         y = (np.asarray(rows) - self.cy_px) * z / self.fy_px
@@ -82,10 +82,10 @@ class Camera:
 
 
 def checked_camera_pose(field: str, value: npt.ArrayLike) -> Array:
-    """A camera's pose (4, 4), in meters.
+    """Return a camera's pose (4, 4) in meters.
 
     Raises:
-        InvalidInputError: naming `field`, for anything else, and for a camera so far away that the unit is another.
+        InvalidInputError: naming `field`, if it is not a rigid transform, or so far away that its unit must be another.
     """
     transform = positions_array(field, value, (4, 4))
     if not _is_rigid(transform):
@@ -99,7 +99,7 @@ def checked_camera_pose(field: str, value: npt.ArrayLike) -> Array:
 
 def _is_rigid(transform: Array) -> bool:
     rotation = transform[:3, :3]
-    if np.abs(rotation).max() > 1 + ROTATION_MATRIX_TOLERANCE:  # huge elements would make what follows infinite
+    if np.abs(rotation).max() > 1 + ROTATION_MATRIX_TOLERANCE:  # huge elements would overflow below
         return False
     off = np.abs(rotation.T @ rotation - np.eye(3)).max()
     last_row = (transform[3] == (0, 0, 0, 1)).all()
@@ -107,7 +107,7 @@ def _is_rigid(transform: Array) -> bool:
 
 
 def camera_json(camera: Camera) -> dict[str, Any]:
-    """A camera's calibration."""
+    """Return a camera's calibration as a JSON object."""
     intrinsics = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
     if camera.image_size_px is not None:
         intrinsics["width"], intrinsics["height"] = camera.image_size_px
@@ -135,7 +135,7 @@ def camera_from_json(value: Mapping[str, Any]) -> Camera:
 
 @dataclass(frozen=True, eq=False)
 class RgbdFrame:
-    """One camera's images of the first frame.
+    """The images of one camera at one moment.
 
     Attributes:
         rgb: (H, W, 3) uint8, or None.
@@ -167,7 +167,7 @@ def _check_image_size(camera: Camera, part: str, width: int, height: int) -> Non
             raise InvalidInputError(part, f"is {width}x{height}, but the camera's images are {expected}", remedy)
         return
     off = max(abs(camera.cx_px / width - 0.5), abs(camera.cy_px / height - 0.5))
-    if off > OPTICAL_CENTRE_TOLERANCE:
+    if off > OPTICAL_CENTER_TOLERANCE:
         center = f"({camera.cx_px:g}, {camera.cy_px:g})"
         message = f"is {width}x{height}, but the intrinsics put the optical center at {center}"
         raise InvalidInputError(part, message, f"{remedy}; for a cropped image give the camera's width and height")

@@ -1,16 +1,17 @@
-"""Names and instructions: what people say, and prompts repeat."""
+"""Which names and instructions are valid: both become part of a prompt."""
 
 import re
 
 from roboprompt_client.errors import InvalidInputError
 
-# Names and instructions become part of the prompt: the characters that give the prompt its structure stay out of them.
+# The characters that structure a prompt are not allowed in names and instructions.
 NAME_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 _.\-]{0,62}[A-Za-z0-9])?")
 MAX_NAME_CHARS = 64  # as the pattern and the store have it
 MAX_INSTRUCTION_CHARS = 500
 NAME_RULE = "1 to 64 letters, digits, spaces, '_', '-' or '.', beginning and ending with a letter or digit"
-# Besides: control characters, line separators, surrogates, and what is invisible or turns the direction of writing, in
-# which a reader would not see what the LLM reads. The joiners U+200C and U+200D belong to the spelling of languages.
+# Also forbidden: control characters, line separators, surrogates, and characters that are invisible or change the
+# direction of writing, so that a person would see another text than the LLM reads. The joiners U+200C and U+200D are
+# allowed, because some languages need them.
 INSTRUCTION_FORBIDDEN = re.compile(
     r"[\x00-\x1f\x7f-\x9f{}\[\]<>;\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff"
     r"\ufeff\ufff9-\uffff\U000e0000-\U000e0fff]"
@@ -19,14 +20,14 @@ INSTRUCTION_RULE = "1 to 500 visible characters on one line, without { } [ ] < >
 
 
 def checked_name(name: str, value: str) -> str:
-    """`value` if it may stand in a prompt as an object's, camera's or task's name."""
+    """Return `value` if it is a valid name of an object, camera or task, else raise InvalidInputError naming `name`."""
     if not NAME_PATTERN.fullmatch(value):
         raise InvalidInputError(name, f"{value[:80]!r} is not a valid name", NAME_RULE)
     return value
 
 
 def checked_instruction(name: str, value: str) -> str:
-    """`value` stripped, if it may stand in a prompt as an instruction."""
+    """Return `value` without surrounding spaces if it is a valid instruction, else raise InvalidInputError."""
     text = value.strip()
     if not 1 <= len(text) <= MAX_INSTRUCTION_CHARS or INSTRUCTION_FORBIDDEN.search(text):
         raise InvalidInputError(name, f"{text[:80]!r} is not a valid instruction", INSTRUCTION_RULE)

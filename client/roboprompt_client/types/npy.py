@@ -18,14 +18,14 @@ _READ_HEADER = {
 
 
 def array_from_npy(field: str, data: bytes, valid: str) -> npt.NDArray[np.generic]:
-    """The array in `data`, of any shape and type but objects; read-only, because it is a view of `data`.
+    """Return the array in `data`, of any shape and type but objects; read-only, because it is a view of `data`.
 
     Args:
-        field: what an error names.
+        field: the field that an error names.
         valid: what an error says would be accepted.
 
     Raises:
-        InvalidInputError: if it is damaged, contains a pickle, or its header claims another size than it has.
+        InvalidInputError: if the file is damaged, contains a pickle, or has another size than its header says.
     """
     stream = io.BytesIO(data)
     try:
@@ -34,13 +34,13 @@ def array_from_npy(field: str, data: bytes, valid: str) -> npt.NDArray[np.generi
         if dtype.hasobject:
             raise InvalidInputError(field, "contains a pickle, which is never loaded", valid)
         claimed, size = math.prod(shape) * dtype.itemsize, len(data) - stream.tell()
-        if claimed != size:  # before numpy makes room for what is claimed
+        if claimed != size:  # before numpy allocates what is claimed
             raise InvalidInputError(field, f"claims {claimed} bytes of numbers, has {size}", valid)
         flat = np.frombuffer(data, dtype, offset=stream.tell())
         array: npt.NDArray[np.generic] = flat.reshape(shape, order="F" if by_columns else "C")
     except InvalidInputError:
         raise
-    except Exception as error:  # on a hostile header numpy raises whatever Python's own parser does
-        said = re.sub(r" at 0x[0-9a-f]+", "", str(error))[:200]  # without the addresses of Python's objects
+    except Exception as error:  # for a hostile header numpy raises any error of Python's parser
+        said = re.sub(r" at 0x[0-9a-f]+", "", str(error))[:200]  # without memory addresses
         raise InvalidInputError(field, f"is a damaged .npy array: {said}", valid) from None
     return array

@@ -28,7 +28,7 @@ class EndEffectorAction:
     def many(
         cls, positions_m: npt.ArrayLike, quaternions_xyzw: npt.ArrayLike, gripper_open: Sequence[bool]
     ) -> list["EndEffectorAction"]:
-        """N actions from (N, 3) and (N, 4), checked together: numpy takes as long for one as for all."""
+        """Return N actions from (N, 3) and (N, 4), checked together: numpy takes as long for all as for one."""
         positions = finite_array("actions.position", positions_m, (None, 3))
         quaternions = unit_quaternions("actions.quaternion_xyzw", quaternions_xyzw, (None, 4))
         return [cls._checked(*fields) for fields in zip(positions, quaternions, gripper_open, strict=True)]
@@ -41,14 +41,14 @@ class EndEffectorAction:
 
 
 class Pose(NamedTuple):
-    """Where the end effector is: (3) m and (4) xyzw, in the world frame."""
+    """The end effector's pose: (3,) m and (4,) xyzw, in the world frame."""
 
     position_m: tuple[float, ...]
     quaternion_xyzw: tuple[float, ...]
 
     @classmethod
     def of(cls, action: EndEffectorAction) -> "Pose":
-        """The pose that an action goes to."""
+        """Return the pose that an action goes to."""
         return cls(tuple(action.position_m.tolist()), tuple(action.quaternion_xyzw.tolist()))
 
 
@@ -59,10 +59,10 @@ class ObjectPose:
     Attributes:
         position_m: (3,).
         quaternion_xyzw: (4,), or None where the estimator gives no rotation.
-        estimator: which estimator found it.
-        cameras: the cameras that saw it.
-        confidence: 0..1, as the estimator judges its own result.
-        reason: what lowered the confidence or deserves a look, in words; empty if nothing.
+        estimator: name of the estimator that found it.
+        cameras: names of the cameras that saw it.
+        confidence: 0..1, the estimator's own.
+        reason: why the confidence is low, in words; else empty.
     """
 
     name: str
@@ -84,16 +84,16 @@ class ObjectPose:
 
 
 def object_json(pose: ObjectPose) -> dict[str, Any]:
-    """An object with the pose that the robot knows, as a request has it."""
+    """Return an object with its pose as requests have it."""
     quaternion = None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist()
     return {"name": pose.name, "position": pose.position_m.tolist(), "quaternion_xyzw": quaternion}
 
 
 def object_from_json(item: Mapping[str, Any]) -> ObjectPose:
-    """An object as an answer or a file has it: `name`, `position`, and the other members where they are known.
+    """Return an object of an answer or a file: `name` and `position` are needed, the other members may be missing.
 
     Raises:
-        InvalidInputError: for what ObjectPose refuses.
+        InvalidInputError: for values that ObjectPose refuses.
         KeyError, TypeError, AttributeError: for a document of another form.
     """
     names = ("quaternion_xyzw", "estimator", "confidence", "reason")

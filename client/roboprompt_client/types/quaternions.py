@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions (4,) in the order x y z w, as far as the robot's side needs them."""
+"""Rotations as unit quaternions (4,) in the order x y z w: what the robot's side and the service need of them."""
 
 import math
 
@@ -12,7 +12,7 @@ SMALL_RAD = 1e-8  # below it a rotation's axis is lost in rounding, and sin(x) i
 
 
 def product(after: npt.ArrayLike, first: npt.ArrayLike) -> Array:
-    """The rotation `first`, and then `after`: as matrices multiply."""
+    """Return the rotation `first` followed by `after`; the order is that of a matrix product."""
     (a, b, c, d), (x, y, z, w) = np.asarray(after, float).tolist(), np.asarray(first, float).tolist()
     return np.array(
         [
@@ -25,21 +25,21 @@ def product(after: npt.ArrayLike, first: npt.ArrayLike) -> Array:
 
 
 def inverse(rotation: npt.ArrayLike) -> Array:
-    """The way back."""
+    """Return the inverse rotation."""
     return np.asarray(rotation, float) * (-1.0, -1.0, -1.0, 1.0)
 
 
 def rotated(rotation: npt.ArrayLike, vector: npt.ArrayLike) -> Array:
-    """A vector (3,) turned."""
+    """Return a vector (3,) rotated."""
     x, y, z, w = np.asarray(rotation, float).tolist()
     a, b, c = np.asarray(vector, float).tolist()
-    # twice the cross product of the quaternion's vector and this one; of so few numbers floats are faster than arrays
+    # twice the cross product of the quaternion's vector part and `vector`; for so few numbers floats beat arrays
     i, j, k = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     return np.array([a + w * i + y * k - z * j, b + w * j + z * i - x * k, c + w * k + x * j - y * i])
 
 
 def canonical(rotation: npt.ArrayLike) -> Array:
-    """Of a quaternion and its negative, which are one rotation, the one whose w, or else x, y or z, is positive."""
+    """Return q or -q, which are the same rotation: the one whose first non-zero number of w, x, y, z is positive."""
     q = np.asarray(rotation, float)
     w, x, y, z = q[3], *q[:3]
     leading = next((part for part in (w, x, y, z) if part != 0), 1.0)
@@ -47,34 +47,34 @@ def canonical(rotation: npt.ArrayLike) -> Array:
 
 
 def angle_rad(rotation: npt.ArrayLike) -> float:
-    """By how much it turns, 0 to pi."""
+    """Return the rotation's angle, 0 to pi."""
     q = np.asarray(rotation, float)
     return 2.0 * math.atan2(float(np.linalg.norm(q[:3])), abs(float(q[3])))
 
 
 def angle_between_rad(first: npt.ArrayLike, second: npt.ArrayLike) -> float:
-    """By how much one rotation must be turned to be the other, 0 to pi."""
+    """Return the angle between two rotations, 0 to pi."""
     return angle_rad(product(inverse(first), second))
 
 
 def about_z(angle_rad: float) -> Array:
-    """The turn about the vertical."""
+    """Return the rotation about the z axis."""
     return np.array([0.0, 0.0, math.sin(angle_rad / 2), math.cos(angle_rad / 2)])
 
 
 def yaw_rad(rotation: npt.ArrayLike) -> float:
-    """The heading of the rotated x axis in the horizontal plane."""
+    """Return the angle of the rotated x axis in the horizontal plane."""
     x_axis = rotated(rotation, (1.0, 0.0, 0.0))
     return math.atan2(x_axis[1], x_axis[0])
 
 
 def tilt_rad(rotation: npt.ArrayLike) -> float:
-    """The angle between the rotated z axis and the vertical."""
+    """Return the angle between the rotated z axis and the vertical."""
     return math.acos(min(1.0, max(-1.0, float(rotated(rotation, (0.0, 0.0, 1.0))[2]))))
 
 
 def from_rotation_vector(vector_rad: npt.ArrayLike) -> Array:
-    """Of the axis (3,) whose length is the angle in rad: UR, LeRobot."""
+    """Return the rotation of a rotation vector (3,): its direction is the axis, its length the angle (UR, LeRobot)."""
     vector = np.asarray(vector_rad, float)
     angle = float(np.linalg.norm(vector))
     per_length = 0.5 if angle < SMALL_RAD else math.sin(angle / 2) / angle
@@ -82,7 +82,7 @@ def from_rotation_vector(vector_rad: npt.ArrayLike) -> Array:
 
 
 def to_rotation_vector(rotation: npt.ArrayLike) -> Array:
-    """The inverse of `from_rotation_vector`, of a length up to pi."""
+    """Return the rotation vector (3,), of a length up to pi."""
     q = np.asarray(rotation, float)
     q = -q if q[3] < 0 else q
     angle, sine = angle_rad(q), float(np.linalg.norm(q[:3]))
@@ -91,14 +91,14 @@ def to_rotation_vector(rotation: npt.ArrayLike) -> Array:
 
 
 def from_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
-    """Turned about the fixed x, then y, then z axis: xArm, ROS."""
+    """Return the rotation about the fixed x, then y, then z axis (xArm, ROS)."""
     about_x = np.array([math.sin(roll_rad / 2), 0.0, 0.0, math.cos(roll_rad / 2)])
     about_y = np.array([0.0, math.sin(pitch_rad / 2), 0.0, math.cos(pitch_rad / 2)])
     return product(about_z(yaw_rad), product(about_y, about_x))
 
 
 def to_roll_pitch_yaw(rotation: npt.ArrayLike) -> tuple[float, float, float]:
-    """The inverse of `from_roll_pitch_yaw`; at a pitch of 90 degrees one of many."""
+    """Return roll, pitch, yaw; at a pitch of 90 degrees one of many solutions, with yaw 0."""
     (xx, _, _), (yx, yy, yz), (zx, zy, zz) = to_matrix(rotation)
     across = math.hypot(xx, yx)
     if across < 1e-9:
@@ -107,12 +107,12 @@ def to_roll_pitch_yaw(rotation: npt.ArrayLike) -> tuple[float, float, float]:
 
 
 def to_matrix(rotation: npt.ArrayLike) -> Array:
-    """(3, 3), its columns the turned axes."""
+    """Return the rotation matrix (3, 3)."""
     return np.stack([rotated(rotation, axis) for axis in np.eye(3)], axis=1)
 
 
 def from_matrix(matrix: npt.ArrayLike) -> Array:
-    """The rotation of a proper (3, 3) rotation matrix."""
+    """Return the quaternion of a rotation matrix (3, 3)."""
     m = np.asarray(matrix, float)
     x, y, z = (
         math.sqrt(max(0.0, 1 + sign @ np.diag(m))) / 2 for sign in np.array([[1, -1, -1], [-1, 1, -1], [-1, -1, 1]])

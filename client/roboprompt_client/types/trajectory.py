@@ -1,7 +1,4 @@
-"""What a robot records, where objects are, and where the end effector is to go.
-
-Every value is checked when it is constructed. Positions are in meters in the world frame; quaternions are xyzw.
-"""
+"""What a robot records: a `Trajectory`. Positions are in meters in the world frame; quaternions are xyzw."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,28 +11,28 @@ from roboprompt_client.types.arrays import Array, bounded_array, finite_array, p
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_JOINTS = 16
-MAX_RAD = MAX_RAD_S = 1e5  # of a joint: what is more is no angle in any unit
-MAX_N_NM = 1e5  # on a hand: what is more is no force in any unit
-MAX_S = 1e11  # of a clock, in seconds since whenever: three thousand years
-MAX_GRIPPER_WIDTH_M = 0.2  # that a gripper opens
-WIDTH_ROUNDING_M = 0.002  # closed fingers are measured a little below 0
+MAX_RAD = MAX_RAD_S = 1e5  # of a joint: larger numbers are no angles in any unit
+MAX_N_NM = 1e5  # on a hand: larger numbers are no forces in any unit
+MAX_S = 1e11  # of a clock: 3,000 years
+MAX_GRIPPER_WIDTH_M = 0.2  # between the fingers of an open gripper
+WIDTH_ROUNDING_M = 0.002  # closed fingers may measure a little below 0
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The robot's motion over T frames.
+    """The robot's motion over T frames, checked when it is constructed.
 
     Attributes:
-        joint_velocities_rad_s: (T, J) of 1 to 16 joints; (T, 0) where they are not known.
+        joint_velocities_rad_s: (T, J) of J = 1 to 16 joints; (T, 0) where the joints are not known.
         positions_m: (T, 3) end effector in the world frame.
         quaternions_xyzw: (T, 4) end effector in the world frame.
-        gripper_open: (T,) bool, what the fingers have done.
+        gripper_open: (T,) bool, whether the fingers were open (not whether they were commanded to open).
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, J), or None.
         object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
-        object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only beside positions.
+        object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only together with their positions.
         gripper_width_m: (T,) measured between the fingers, or None.
-        wrenches_n_nm: (T, 6) force and torque that act on the hand, along the world's axes, or None.
+        wrenches_n_nm: (T, 6) force and torque on the hand, along the world's axes, or None.
     """
 
     joint_velocities_rad_s: Array
@@ -86,7 +83,7 @@ class Trajectory:
         gripper_open: npt.ArrayLike,
         timestamps_s: npt.ArrayLike | None = None,
     ) -> "Trajectory":
-        """The motion of an end effector whose joints are not known.
+        """Return the trajectory of an end effector whose joints are not known.
 
         Args:
             positions_m: (T, 3) in the world frame.
@@ -114,19 +111,19 @@ class Trajectory:
 
     @property
     def num_joints(self) -> int:
-        """How many joints were recorded."""
+        """The number of recorded joints."""
         return int(self.joint_velocities_rad_s.shape[1])
 
     @property
     def num_objects(self) -> int:
-        """How many objects were tracked."""
+        """The number of tracked objects."""
         return 0 if self.object_positions_m is None else self.object_positions_m.shape[1]
 
     def objects_at(self, frame: int, names: Sequence[str]) -> tuple[ObjectPose, ...]:
-        """The tracked objects' poses at `frame`; none if no objects were tracked.
+        """Return the tracked objects' poses at `frame`; empty if no objects were tracked.
 
         Args:
-            names: of the objects, in the tracks' order.
+            names: of the objects, in the order of `object_positions_m`.
         """
         if self.object_positions_m is None:
             return ()
@@ -140,13 +137,13 @@ class Trajectory:
         return len(self.joint_velocities_rad_s)
 
     def with_gripper_open_above(self, width_m: float | None) -> "Trajectory":
-        """The same, the gripper open where its measured width is larger; as it is where there is no such number."""
+        """Return a copy whose gripper is open where its measured width is larger; unchanged if either is None."""
         if width_m is None or self.gripper_width_m is None:
             return self
         return replace(self, gripper_open=self.gripper_width_m > width_m)
 
     def action_at(self, frame: int, *, gripper_open: bool | None = None) -> EndEffectorAction:
-        """The end effector's pose at `frame`, and the gripper's state there unless another is given."""
+        """Return the action to the pose at `frame`, with the gripper's state there unless one is given."""
         is_open = bool(self.gripper_open[frame]) if gripper_open is None else gripper_open
         return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], is_open)
 
@@ -155,9 +152,9 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
     numbers = finite_array(name, value, (length,))
     if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
         index = int(np.flatnonzero(bad)[0])
-        remedy = "0 (closed) or 1 (open), what the fingers have done"
+        remedy = "0 (closed) or 1 (open)"
         if numbers.min() >= 0 and numbers.max() <= MAX_GRIPPER_WIDTH_M:
-            remedy += "; widths in meters are gripper_width"
+            remedy += "; for widths in meters use gripper_width"
         raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
     booleans = numbers.astype(np.bool_)
     booleans.flags.writeable = False

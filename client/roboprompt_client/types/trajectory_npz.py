@@ -1,4 +1,4 @@
-"""Trajectory <-> the .npz file that robots upload, and its JSON twin: named arrays, never a pickle."""
+"""A trajectory as the .npz file that robots upload, or as the same arrays in JSON; a pickle is never loaded."""
 
 import io
 import lzma
@@ -17,7 +17,7 @@ from roboprompt_client.types.npy import array_from_npy
 from roboprompt_client.types.trajectory import MAX_RAD, MAX_S, Trajectory
 
 REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
-_FIELDS = {  # in the file's order
+_FIELDS = {  # array in the file -> field of Trajectory, in the file's order
     "joint_velocities": "joint_velocities_rad_s",
     "end_effector_positions": "positions_m",
     "end_effector_quaternions_xyzw": "quaternions_xyzw",
@@ -30,17 +30,17 @@ _FIELDS = {  # in the file's order
     "wrenches": "wrenches_n_nm",
 }
 OPTIONAL = tuple(name for name in _FIELDS if name not in REQUIRED)
-MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less have neither opened nor closed
+MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less neither opened nor closed
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
-MAX_DIRECTORY_BYTES = 131_072  # of the archive; 64 kB of them may be its comment
+MAX_DIRECTORY_BYTES = 131_072  # of the archive's directory, whose comment alone may have 64 kB
 _VALID = f"a .npz file with the arrays {', '.join(REQUIRED)} (or gripper_width), and optionally {', '.join(OPTIONAL)}"
 
 
 def trajectory_from_npz(
     data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES, max_frames: int = MAX_FRAMES
 ) -> Trajectory:
-    """The trajectory of a .npz file; pickles are never loaded.
+    """Return the trajectory of a .npz file.
 
     Raises:
         InvalidInputError: naming the array and what is wrong with it.
@@ -67,12 +67,12 @@ _UNREADABLE = (*_OF_ZIPFILE, EOFError, OSError, RuntimeError, ValueError, Overfl
 
 
 class _ShortDirectory(io.BytesIO):
-    """A file that `zipfile` cannot open if its directory is long: it would make an object of every entry first."""
+    """A file that cannot be opened as an archive with a long directory: `zipfile` would read every entry at once."""
 
     opened = False
 
     def read(self, size: int | None = -1) -> bytes:
-        """The next bytes; while the file is being opened, not many at once."""
+        """Return the next bytes; raises BadZipFile for many at once while the archive is being opened."""
         if not self.opened and size is not None and size > MAX_DIRECTORY_BYTES:
             raise zipfile.BadZipFile(f"its directory has {size} bytes, at most {MAX_DIRECTORY_BYTES} are read")
         return super().read(size)
@@ -80,7 +80,7 @@ class _ShortDirectory(io.BytesIO):
 
 def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
     members = archive.infolist()
-    # each is unpacked as often as it is listed
+    # an archive may list one array many times, and each entry is unpacked
     if len(members) > len(_FIELDS):
         raise InvalidInputError("trajectory", f"has {len(members)} arrays", _VALID)
     unpacked = sum(member.file_size for member in members)
@@ -90,10 +90,10 @@ def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, byte
 
 
 def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
-    """The trajectory of named arrays.
+    """Return the trajectory of arrays by name.
 
     Raises:
-        InvalidInputError: for missing or unknown names, or what Trajectory refuses.
+        InvalidInputError: for missing or unknown names, or arrays that Trajectory refuses.
     """
     given = {name: array for name, array in arrays.items() if array is not None}
     inferred = {"gripper_open"} if "gripper_width" in given else set()
@@ -113,12 +113,12 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
 
 
 def npz_from_trajectory(trajectory: Trajectory) -> bytes:
-    """The inverse of `trajectory_from_npz`; the same trajectory gives the same bytes."""
+    """Return the .npz file of a trajectory; the same trajectory gives the same bytes."""
     arrays: dict[str, Any] = {name: getattr(trajectory, field) for name, field in _FIELDS.items()}
     if trajectory.num_joints == 0:
         del arrays["joint_velocities"]
     stream = io.BytesIO()
-    # in one order of memory, which the file would tell
+    # in C order: the file of an array in Fortran order would differ
     ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
     np.savez_compressed(stream, **ordered)
     return stream.getvalue()
@@ -127,12 +127,12 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
 def _joint_velocities(
     num_frames: int, joint_positions_rad: npt.ArrayLike | None, timestamps_s: npt.ArrayLike | None
 ) -> Array:
-    """(T, J) rad/s, central differences of the positions; (T, 0) where there are none."""
+    """Return (T, J) rad/s, the central differences of the positions; (T, 0) without positions."""
     if joint_positions_rad is None:
         return np.zeros((num_frames, 0))
     positions = bounded_array("trajectory.joint_positions", joint_positions_rad, (num_frames, None), MAX_RAD, "rad")
     if timestamps_s is None:
-        message = "is missing, and joint_positions have no timestamps from which it would follow"
+        message = "is missing and cannot be computed: joint_positions have no timestamps"
         raise InvalidInputError("trajectory.joint_velocities", message, "(T, J) rad/s, or timestamps (T,) s")
     if num_frames < 2:
         return np.zeros_like(positions)
@@ -144,11 +144,11 @@ def _joint_velocities(
 
 
 def _gripper_open(widths_m: npt.ArrayLike, num_frames: int) -> npt.NDArray[np.bool_]:
-    """(T,) whether the fingers are further apart than the middle between their extremes, which must be apart."""
+    """Return (T,) whether the fingers are wider apart than the mean of their least and largest width."""
     widths = finite_array("trajectory.gripper_width", widths_m, (num_frames,))
     low, high = float(widths.min(initial=np.inf)), float(widths.max(initial=-np.inf))
     if high - low < MIN_GRIPPER_TRAVEL_M:
-        message = f"stays at {low:.4f} to {high:.4f} m, and nothing says whether that is open"
+        message = f"stays at {low:.4f} to {high:.4f} m, which may be open or closed"
         raise InvalidInputError("trajectory.gripper_width", message, "gripper_open (T,) beside it")
     opened: npt.NDArray[np.bool_] = widths > (low + high) / 2
     return opened
