@@ -1,4 +1,4 @@
-"""An arm as a Robot: checked before it moves, compared afterwards, and still once it was stopped."""
+"""An arm as a `Robot`: limits are checked before each motion, the pose after it, and a stop holds until `recover`."""
 
 import logging
 import threading
@@ -32,24 +32,24 @@ TOLERANCE = Tolerance()
 
 
 class Arm:
-    """An arm behind the Robot Protocol; once it was stopped, or a motion failed, it moves no more until `recover`.
+    """An arm that implements the Robot Protocol. After a stop or a failed motion it does not move until `recover`.
 
     Args:
-        observe_scene: what there is to see, in the world frame; None: nothing.
-        limits: of the cell, in the world frame: held before every motion, whatever the service says.
-        open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
-        geometry: of its joints, for the preview; None: the driver's own, if it has one.
-        reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
-        cameras: whose pictures `observe` takes.
-        viewpoints: to which the hand goes for the pictures of cameras that it carries.
-        on_lost: what a watched run does without the service (`Live`).
+        observe_scene: returns the objects in the world frame; None: there are none.
+        limits: of the cell, in the world frame; checked before every motion, whatever the service allows.
+        open_width_m: the measured width of open fingers; None: the largest width measured so far.
+        geometry: of the joints, for the preview; None: the driver's own, if it has one.
+        reach_m: how far the hand reaches from the base, for the preview of an arm without geometry.
+        cameras: take the pictures of `observe`.
+        viewpoints: poses from which cameras in the hand take their pictures.
+        on_lost: what a watched run does when contact with the service is lost (`Live`).
 
     Raises:
-        InvalidInputError: for a bound of forces where the driver reports none.
+        InvalidInputError: for a bound of forces if the driver reports no forces.
 
     Attributes:
-        to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
-        confirm_viewpoint: asked before the hand goes to a viewpoint, with its number from 1; None: nothing is asked.
+        to_find: names of objects that the service shall find in the pictures, as in `Observation`.
+        confirm_viewpoint: asked before the hand goes to a viewpoint, with its number from 1; None: go without asking.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Arm:
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
         self._observe_scene, self._tolerance = observe_scene, tolerance
         self._stopped, self._moving = threading.Event(), threading.Lock()
-        self._starting = threading.Lock()  # a stop comes before a motion begins or after it, never in between
+        self._starting = threading.Lock()  # a stop comes either before the start of a motion or after it
         self._open_width_m = open_width_m
         self._geometry, self._reach_m = geometry, reach_m
         if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
@@ -91,26 +91,27 @@ class Arm:
         self.close()
 
     def close(self) -> None:
-        """Stop, and leave the arm."""
+        """Stop the arm, and disconnect from it and its cameras."""
         self.stop()
         self.driver.close()
         if self.cameras is not None:
             self.cameras.close()
 
     def hand_to_world(self) -> Array:
-        """The hand's pose (4, 4) in the world now."""
+        """Return the hand's present pose (4, 4) in the world frame."""
         return self.state().matrix()
 
     def state(self) -> ArmState:
-        """The arm as it is now, in the world frame; safe to call from another thread."""
+        """Return the arm's present state in the world frame; safe to call from another thread."""
         return self._calibration.state_to_world(self.driver.state())
 
     def look_around(self) -> tuple[RgbdFrame, ...]:
-        """The frames of all cameras (`Rig.look_around`); the hand goes to the viewpoints.
+        """Move the hand to the viewpoints, and return the frames of all cameras (`Rig.look_around`).
 
         Raises:
             CameraError: naming the camera whose picture cannot be used.
-            NotConfirmedError: if a person did not let the hand go to a viewpoint; else as `execute`.
+            NotConfirmedError: if a person did not allow a viewpoint.
+            MotionError, UnsafeActionError: as `execute`.
         """
         if self.cameras is None:
             return ()
@@ -123,7 +124,7 @@ class Arm:
         time.sleep(SETTLE_S)
 
     def observe(self) -> Observation:
-        """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
+        """Return the scene as it is now, after moving to the viewpoints; raises as `look_around`."""
         frames = self.look_around()
         if self.cameras is not None and self.cameras.table is not None:
             self.cameras.table.check(frames)
@@ -133,10 +134,13 @@ class Arm:
         return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose(), seen.mask_ids)
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
-        """What a plan asks of the arm from where it is; nothing moves. Raises MotionError if the arm does not answer.
+        """Return what a plan requires of the arm from its present pose; nothing moves.
 
         Args:
             limits: of the task; the way is checked against its boxes and the cell's.
+
+        Raises:
+            MotionError: if the arm does not answer.
         """
         state, geometry = self.state(), self._geometry
         if geometry is None and isinstance(self.driver, KnowsItsJoints):
@@ -153,18 +157,18 @@ class Arm:
         )
 
     def _check_reach(self, action: EndEffectorAction) -> tuple[Array, Array]:
-        """The action's pose in the base frame; raises MotionError if it is out of reach."""
+        """Return the action's pose in the base frame; raises MotionError if it is out of reach."""
         pose = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
         self.driver.check(*pose)
         return pose
 
     def execute(self, action: EndEffectorAction) -> None:
-        """Move, and set the gripper.
+        """Move to the action's pose, then set the gripper. The arm is stopped before any error is raised.
 
         Raises:
             UnsafeActionError: if the action is beyond the cell's limits; nothing moved.
-            MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if arm or
-                gripper did not do as commanded. The arm is stopped.
+            MotionError: before any motion if the pose is out of reach or the arm was stopped; after it if arm or
+                gripper did not do as commanded.
         """
         with self._alone():
             before_m = self._move(action).gripper_width_m
@@ -176,12 +180,12 @@ class Arm:
                 self._tolerance.check_gripper(width_m, self._open_width_m, is_open=action.gripper_open)
 
     def go_to(self, pose: Pose) -> None:
-        """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
+        """Move as `execute` does without changing the gripper; raises as `execute`."""
         with self._alone():
             self._move(_at(pose))
 
     def problem_with(self, pose: Pose) -> str:
-        """Why the hand cannot go to a pose; empty: nothing is known."""
+        """Return why the hand cannot go to a pose; empty if no reason is known."""
         there = _at(pose)
         try:
             MotionGuard(self._limits, before=self.state().pose()).check(there)
@@ -192,11 +196,11 @@ class Arm:
 
     @contextmanager
     def guided(self) -> Iterator[None]:
-        """While it lasts a person moves the arm by hand; it holds still afterwards.
+        """Let a person move the arm by hand within the context; it holds still afterwards.
 
         Raises:
-            InvalidInputError: if the driver cannot do so.
-            MotionError: if the arm moves, was stopped, or refuses; the arm is stopped.
+            InvalidInputError: if the driver does not support it.
+            MotionError: if the arm is moving, was stopped, or refuses; it is stopped then.
         """
         if not isinstance(self.driver, Guidable):
             raise InvalidInputError("guide", f"{self.driver.name} cannot be guided by its driver", "its maker's button")
@@ -208,10 +212,10 @@ class Arm:
 
     @contextmanager
     def steered(self) -> Iterator[Steer]:
-        """While it lasts a person steers the hand; it rests afterwards. Raises as `guided`.
+        """Let a person steer the hand within the context; it rests afterwards. Raises as `guided`.
 
-        Yields a function of a velocity (3,) m/s and a turning (3,) rad/s along and about the world's axes: the hand
-        moves so for 0.15 s at most. It returns why the hand rests instead, such as a bound of the cell ahead.
+        Yield a function of a linear (3,) m/s and an angular velocity (3,) rad/s in the world frame, with which the hand
+        moves for 0.15 s at most. It returns "" or why the hand rests instead, such as a limit of the cell ahead.
         """
         if not isinstance(driver := self.driver, Steerable):
             raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
@@ -229,17 +233,19 @@ class Arm:
         with self._alone():
             yield steer
             steer(np.zeros(3), np.zeros(3))
-            self._wait(replace(self._tolerance, max_contact_force_n=None))  # what it rests against is no error
+            self._wait(
+                replace(self._tolerance, max_contact_force_n=None)
+            )  # contact while the hand comes to rest is allowed
 
     def set_gripper(self, *, is_open: bool) -> None:
-        """Open or close the gripper where the arm is, also while it is guided; raises MotionError once stopped."""
+        """Open or close the gripper where the arm is, also while it is guided; raises MotionError after a stop."""
         self._refuse_if_stopped()
         self.driver.set_gripper(is_open=is_open)
 
     def stop(self) -> None:
-        """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
+        """Stop, from any thread: a motion under way raises MotionError, and nothing moves until `recover`."""
         self._stopped.set()
-        begun = self._starting.acquire(timeout=MAX_START_S)  # a driver that hangs must not keep the stop from it
+        begun = self._starting.acquire(timeout=MAX_START_S)  # do not wait for a driver that hangs
         try:
             self.driver.halt()
         except MotionError as error:
@@ -249,15 +255,15 @@ class Arm:
                 self._starting.release()
 
     def recover(self) -> None:
-        """Let the arm move again, after a person has looked; acknowledges the arm's own errors, too."""
+        """Let the arm move again after a person has looked; also acknowledge the arm's own errors."""
         self.driver.recover()
         self._stopped.clear()
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """One motion at a time; the arm is stopped where it goes wrong."""
+        """Allow one motion at a time, and stop the arm if it fails."""
         if not self._moving.acquire(blocking=False):
-            raise MotionError("the arm is in a motion that another thread began")
+            raise MotionError("another thread is moving the arm")
         try:
             yield
         except BaseException:
@@ -267,7 +273,7 @@ class Arm:
             self._moving.release()
 
     def _move(self, action: EndEffectorAction) -> ArmState:
-        """Go to the action's pose; returns the arm as it was before."""
+        """Move to the action's pose; return the arm's state before the motion."""
         self._refuse_if_stopped()
         before = self.state()
         MotionGuard(self._limits, before=before.pose()).check(action)

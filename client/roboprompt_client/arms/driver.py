@@ -1,4 +1,4 @@
-"""What an arm's interface must offer, in meters, radians and x y z w in its base frame; and where its base stands."""
+"""What a maker's interface must offer (`Driver`), in meters, radians and quaternions xyzw in the arm's base frame."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from roboprompt_client.types.arrays import Array, finite_array, settle, unit_qua
 from roboprompt_client.types.poses import Pose
 
 CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, meters'
-STEERED_S = 0.15  # that a velocity holds: what commands the arm may hang, or be cut off
+STEERED_S = 0.15  # how long a velocity holds: the arm rests soon if the program hangs or is cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +23,10 @@ class ArmState:
 
     Attributes:
         position_m, quaternion_xyzw: (3,), (4,) end effector in the arm's base frame.
-        joint_positions_rad: (J,), or None where the arm does not say.
-        joint_velocities_rad_s: (J,), or None.
-        gripper_width_m: measured between the fingers; None without fingers that are measured.
-        gripper_open: where there is no width: what was commanded last; None without a gripper.
-        wrench_n_nm: (6,) force and torque that act on the hand from outside, along the frame's axes; None.
+        joint_positions_rad, joint_velocities_rad_s: (J,), or None where the arm does not report them.
+        gripper_width_m: measured between the fingers, or None.
+        gripper_open: the last command, where no width is measured; None without a gripper.
+        wrench_n_nm: (6,) external force and torque on the hand, along the frame's axes, or None.
     """
 
     position_m: Array
@@ -40,33 +39,33 @@ class ArmState:
 
     @property
     def force_n(self) -> float:
-        """How strong the force on the hand is; 0 where the arm does not say."""
+        """The magnitude of the force on the hand; 0 where the arm does not report it."""
         return 0.0 if self.wrench_n_nm is None else float(np.linalg.norm(self.wrench_n_nm[:3]))
 
     def distance_to(self, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
-        """How far the end effector is from a pose (3,), (4,) in the same frame: meters and degrees."""
+        """Return the end effector's distance in meters and degrees from a pose (3,), (4,) in the same frame."""
         turn_rad = rotations.angle_between_rad(self.quaternion_xyzw, quaternion_xyzw)
         return float(np.linalg.norm(self.position_m - position_m)), math.degrees(turn_rad)
 
     def pose(self) -> Pose:
-        """Of the end effector; raises InvalidInputError where it is not finite."""
+        """Return the end effector's pose; raises InvalidInputError if it is not finite."""
         if not np.isfinite(self.position_m).all():
             raise InvalidInputError("end_effector", f"is {self.position_m.tolist()}", "finite numbers")
         return Pose(tuple(self.position_m.tolist()), tuple(self.quaternion_xyzw.tolist()))
 
     def matrix(self) -> Array:
-        """(4, 4), the end effector's pose."""
+        """Return the end effector's pose as (4, 4)."""
         return pose_matrix(self.position_m, self.quaternion_xyzw)
 
     def moved(self, velocity_m_s: Array, turning_rad_s: Array, for_s: float) -> tuple[Array, Array]:
-        """The end effector's pose (3,), (4,) after it has moved with velocities (3,), (3,) of the same frame."""
+        """Return the pose (3,), (4,) after a motion with velocities (3,), (3,) in the same frame for some time."""
         turn = rotations.from_rotation_vector(for_s * turning_rad_s)
         return self.position_m + for_s * velocity_m_s, rotations.product(turn, self.quaternion_xyzw)
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The arm's base in the world frame: position (3,) m and rotation (4,) xyzw; by default the base is the world."""
+    """The arm's base in the world frame: position (3,) m and rotation (4,) xyzw."""
 
     position_m: Array
     quaternion_xyzw: Array
@@ -80,24 +79,24 @@ class Calibration:
 
     @classmethod
     def none(cls) -> "Calibration":
-        """The base is the world's origin."""
+        """Return the calibration of a base at the world's origin."""
         return cls(np.zeros(3), rotations.IDENTITY)
 
     @classmethod
     def from_json(cls, document: object) -> "Calibration":
-        """One of a JSON document; raises InvalidInputError if it is none."""
+        """Return the `base_to_world` of a JSON document; raises InvalidInputError if it is malformed."""
         pose = document.get("base_to_world") if isinstance(document, Mapping) else None
         if not isinstance(pose, Mapping) or not {"position", "quaternion_xyzw"} <= set(pose):
             raise InvalidInputError("base_to_world", f"is {pose!r:.80}", CALIBRATION_JSON)
         return cls(pose["position"], pose["quaternion_xyzw"])
 
     def to_world(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:
-        """A pose in the base frame, in the world frame."""
+        """Transform a pose (3,), (4,) from the base frame to the world frame."""
         turned = rotations.product(self.quaternion_xyzw, quaternion_xyzw)
         return self.position_m + rotations.rotated(self.quaternion_xyzw, position_m), rotations.canonical(turned)
 
     def state_to_world(self, state: ArmState) -> ArmState:
-        """An arm's state in the base frame, in the world frame."""
+        """Transform an arm's state from the base frame to the world frame."""
         position_m, quaternion = self.to_world(state.position_m, state.quaternion_xyzw)
         wrench = state.wrench_n_nm
         if wrench is not None:
@@ -105,87 +104,87 @@ class Calibration:
         return replace(state, position_m=position_m, quaternion_xyzw=quaternion, wrench_n_nm=wrench)
 
     def to_base(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:
-        """A pose in the world frame, in the base frame."""
+        """Transform a pose (3,), (4,) from the world frame to the base frame."""
         back = rotations.inverse(self.quaternion_xyzw)
         turned = rotations.product(back, quaternion_xyzw)
         return rotations.rotated(back, position_m - self.position_m), rotations.canonical(turned)
 
 
 class Driver(Protocol):
-    """A maker's interface. Only `halt` and `state` are called from another thread than the others.
+    """A maker's interface. `halt` and `state` may be called from other threads, the other methods from one only.
 
     Every method raises MotionError if the arm does not answer, refuses, or does not do as commanded.
 
     Attributes:
         name: for people.
-        proven: on what it has been seen to work; empty: on nothing but its interface's documentation.
+        proven: what it was tested with; empty: written from documentation only.
     """
 
     name: str
     proven: str
 
     def state(self) -> ArmState:
-        """The arm as it is now."""
+        """Return the arm's present state."""
         ...
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """Raise MotionError if the pose, or the way to it, is out of reach or beyond a joint's limit; nothing moves."""
+        """Raise MotionError if the pose, or the straight way to it, is out of reach or beyond a joint's limit."""
         ...
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """Begin to move the end effector to the pose in a straight line, and return."""
+        """Start to move the end effector to the pose in a straight line, and return at once."""
         ...
 
     def finished(self) -> bool:
-        """Whether the motion has ended at its target; waits for it up to some 50 ms."""
+        """Return whether the motion has ended; wait for its end for about 50 ms."""
         ...
 
     def set_gripper(self, *, is_open: bool) -> None:
-        """Open or close the gripper, and return when it has done so; nothing without a gripper."""
+        """Open or close the gripper, and return when that is done; do nothing without a gripper."""
         ...
 
     def halt(self) -> None:
-        """Stop whatever moves, at once; safe at any time and from any thread."""
+        """Stop all motion at once; safe at any time and from any thread."""
         ...
 
     def recover(self) -> None:
-        """Acknowledge an error that keeps the arm from moving: a person asked for it."""
+        """Acknowledge an error that keeps the arm from moving; called only after a person asked for it."""
         ...
 
     def close(self) -> None:
-        """Leave the arm."""
+        """Disconnect."""
         ...
 
 
 @runtime_checkable
 class Guidable(Protocol):
-    """A driver that lets a person move its arm by hand."""
+    """A driver whose arm a person can move by hand."""
 
     def guided(self) -> AbstractContextManager[None]:
-        """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still."""
+        """Within the context the arm compensates its weight and yields to the hand; afterwards it holds still."""
         ...
 
 
 @runtime_checkable
 class Steerable(Protocol):
-    """A driver whose arm follows velocities that are said again and again."""
+    """A driver whose arm follows repeated velocity commands."""
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Move the hand with a velocity (3,) and a turning (3,) along and about the base's axes, and return.
+        """Move the hand with a linear (3,) and an angular velocity (3,) in the base frame, and return at once.
 
-        It comes to rest by itself after `STEERED_S`, unless a further call takes this one's place; zeros: at once.
+        The hand stops after `STEERED_S` unless another call follows; with zeros it stops at once.
         """
         ...
 
 
 def require_reach(position_m: Array, reach_m: float) -> None:
-    """Raise MotionError for a position (3,) that is further than that from the base."""
+    """Raise MotionError for a position (3,) that is farther than `reach_m` from the base."""
     if (away_m := float(np.linalg.norm(position_m))) > reach_m:
         raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the base, at most {reach_m:g} m")
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:
-    """(4, 4) of a position (3,) and a rotation (4,)."""
+    """Return (4, 4) of a position (3,) and a rotation (4,)."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotations.to_matrix(quaternion_xyzw)
     matrix[:3, 3] = position_m
@@ -195,7 +194,7 @@ def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:
 def straight_way(
     here: ArmState, position_m: Array, quaternion_xyzw: Array, step_m: float, step_rad: float
 ) -> Iterator[tuple[Array, Array]]:
-    """The poses on the way to one (3,), (4,) in the same frame, each at most a step from the one before."""
+    """Yield poses on the straight way to a pose (3,), (4,) in the same frame, at most one step apart."""
     way_m = position_m - here.position_m
     turn = rotations.to_rotation_vector(rotations.product(quaternion_xyzw, rotations.inverse(here.quaternion_xyzw)))
     steps = math.ceil(max(float(np.linalg.norm(way_m)) / step_m, float(np.linalg.norm(turn)) / step_rad, 1.0))

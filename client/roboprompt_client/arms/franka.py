@@ -1,6 +1,7 @@
-"""A Franka Panda or Research 3 over libfranka, by franky.
+"""Driver of a Franka Panda or Research 3, over libfranka by the package franky.
 
-Meters, x y z w, end effector to base, as franky has them. It starts at 5 % of the arm's dynamics.
+Franky's convention is ours: meters, quaternions xyzw, end effector in the base frame. The default is 5 % of the arm's
+full dynamics.
 """
 
 import math
@@ -25,7 +26,7 @@ POLL_S = 0.05
 CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
-DYNAMICS_MARGIN = 0.95  # franky's planner fails on velocities at its limit
+DYNAMICS_MARGIN = 0.95  # franky's planner fails for velocities at the limit
 
 
 class Franka:
@@ -33,13 +34,13 @@ class Franka:
 
     Args:
         address: of the arm's control unit.
-        model: `panda` or `fr3`: whose joint limits hold.
-        dynamics: of the arm's full velocity, acceleration and jerk, 0 to 1.
-        realtime: require a real-time kernel, as a real arm does; a simulated one needs none.
+        model: `panda` or `fr3`, which have different joint limits.
+        dynamics: share of the arm's full velocity, acceleration and jerk, 0 to 1.
+        realtime: require a real-time kernel, which a real arm needs and a simulated one does not.
         gripper: whether there is a Franka Hand.
 
     Raises:
-        InvalidInputError: for a model or dynamics that cannot be.
+        InvalidInputError: for an unknown model, or dynamics out of range.
         MotionError: if the arm cannot be reached, or another program controls it.
     """
 
@@ -85,7 +86,7 @@ class Franka:
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """Also refuses while the arm reports an error: a reflex is recovered on request only."""
+        """Also refuse while the arm reports an error: a reflex is acknowledged by `recover` only."""
         with self._errors("state"):
             if self._robot.has_errors:
                 raise MotionError(f"the arm reports {self._robot.state.current_errors}: call recover()")
@@ -98,7 +99,7 @@ class Franka:
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._going = not self._is_at(position_m, quaternion_xyzw)
-        if not self._going:  # franky's planner fails on ways as short as the last bits of floats
+        if not self._going:  # franky's planner fails for ways that are as short as rounding errors
             return
         target = self._franky.Affine(position_m, quaternion_xyzw)
         with self._errors("move"):  # a motion object is good for one motion
@@ -120,7 +121,7 @@ class Franka:
         return ended
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Slower where the arm's dynamics say so; the motion that the arm is given ends at rest by itself."""
+        """Velocities above the arm's dynamics are scaled down; the motion ends at rest by itself."""
         franky, robot = self._franky, self._robot
         with self._errors("steer"):
             limits = (robot.translation_velocity_limit, robot.rotation_velocity_limit)
@@ -150,7 +151,7 @@ class Franka:
 
     @contextmanager
     def guided(self) -> Iterator[None]:
-        """Torques of zero beside the arm's own compensation of its weight, with soft walls before joint limits."""
+        """Command zero torque, so that only the arm's weight is compensated, with soft walls before joint limits."""
         with self._errors("guide"):
             yielding = self._franky.SimpleTorqueMotion(signal_timeout=None, compensate_coriolis=True)
             self._robot.move(yielding, asynchronous=True)
@@ -161,14 +162,14 @@ class Franka:
                 self._robot.move(self._franky.TorqueStopMotion())
 
     def halt(self) -> None:
-        """Pre-empts a motion of another thread; a gripper that is at rest holds what it has."""
+        """Pre-empt a motion of another thread; a gripper at rest keeps its grasp."""
         with self._errors("stop"):
             self._robot.stop()
             if self._gripper is not None and self._gripping:
                 self._gripper.stop()
 
     def recover(self) -> None:
-        with suppress(*self._kinds()):  # how the motion before ended was said then
+        with suppress(*self._kinds()):  # the error of the last motion was already raised
             self._robot.join_motion(POLL_S)
         with self._errors("recovery"):
             self._robot.recover_from_errors()
@@ -185,13 +186,13 @@ class Franka:
             raise MotionError(f"{self.name}: {what}: {error or type(error).__name__}") from error
 
     def _kinds(self) -> tuple[type[Exception], ...]:
-        """Franky's exceptions share no base, and that of its motion planner comes as a RuntimeError."""
+        """Return franky's exceptions, which share no base class; its motion planner raises RuntimeError."""
         names = (name for name in dir(self._franky) if name.endswith("Exception"))
         return (RuntimeError, *(kind for name in names if issubclass(kind := getattr(self._franky, name), Exception)))
 
 
 def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401
-    """What `connect` returns; libfranka waits without end for an arm that another program controls."""
+    """Return what `connect` returns, or raise TimeoutError: libfranka waits forever for an arm that is in use."""
     done: Queue[Any] = Queue()
 
     def run() -> None:

@@ -1,9 +1,8 @@
-"""An arm behind LeRobot's Robot interface whose actions are end-effector poses, such as an SO-101 with its kinematics.
+"""Driver of an arm with LeRobot's Robot interface whose actions are end-effector poses, such as an SO-101.
 
-LeRobot's convention for these: `ee.x`, `ee.y`, `ee.z` in meters, `ee.wx`, `ee.wy`, `ee.wz` a rotation vector,
-`ee.gripper_pos` 0 (closed) to 100 (open); joints `NAME.pos` in degrees. An action that is further than 5 cm from the
-last one is refused there, so that a motion is sent in steps. An arm of five joints cannot have every rotation: give
-`Arm` a tolerance that its orientation can keep.
+LeRobot's convention: `ee.x`, `ee.y`, `ee.z` in meters, `ee.wx`, `ee.wy`, `ee.wz` a rotation vector, `ee.gripper_pos`
+0 (closed) to 100 (open), joints `NAME.pos` in degrees. LeRobot refuses an action more than 5 cm from the last one, so a
+motion is sent in steps. An arm of five joints cannot reach every rotation: give `Arm` a larger rotation tolerance.
 """
 
 import threading
@@ -29,9 +28,9 @@ class LeRobotArm:
     """A driver for `Arm`.
 
     Args:
-        robot: a LeRobot robot with the `ee.` features above in its observations and actions; connected if it is not.
-        reach_m: a pose further from the base is refused.
-        open_width_m: how far the fingers are apart at 100; None: the gripper is only open or closed.
+        robot: a LeRobot robot with the `ee.` features above in observations and actions; it is connected if needed.
+        reach_m: poses farther from the base are refused.
+        open_width_m: the fingers' distance at 100; None: only open or closed is known.
 
     Raises:
         MotionError: if it does not connect, or has no such features.
@@ -48,7 +47,7 @@ class LeRobotArm:
             raise MotionError(f"{self.name}: the robot does not observe {', '.join(missing)}")
         self._steps: Iterator[tuple[Array, Array]] = iter(())
         self._halted = False
-        self._sending = threading.Lock()  # no step follows a halt of another thread
+        self._sending = threading.Lock()  # so that no step follows a halt of another thread
 
     def state(self) -> ArmState:
         seen = self._observed()
@@ -80,7 +79,7 @@ class LeRobotArm:
         return step is None
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """By poses a little ahead, of which the last one is where the arm rests."""
+        """Send a pose a little ahead, at which the arm rests unless another one follows."""
         self._steps, now = iter(()), self.state()
         with self._sending:
             self._halted = False
@@ -93,7 +92,7 @@ class LeRobotArm:
             time.sleep(GRIPPER_S)
 
     def halt(self) -> None:
-        """No further step is sent, and the arm is asked to be where it is."""
+        """Send no further step, and command the present pose."""
         with self._sending:
             self._halted = True
             now = self.state()
@@ -118,5 +117,5 @@ class LeRobotArm:
     def _call(self, method: str, *arguments: Any) -> Any:  # noqa: ANN401
         try:
             return getattr(self._robot, method)(*arguments)
-        except Exception as error:  # whatever the plugin and its motors raise
+        except Exception as error:  # the plugin and its motors may raise anything
             raise MotionError(f"{self.name}: {method}: {error or type(error).__name__}") from error

@@ -1,4 +1,4 @@
-"""Whether a Franka arm gets from where it is to a pose, in a straight line and within its joints' limits.
+"""The geometry of a Franka arm: forward kinematics, joint limits, and whether it can follow a straight line.
 
 Geometry and limits: Franka Robotics, "Robot and interface specifications" (Denavit-Hartenberg, Craig's convention; the
 Panda and the Research 3 share the geometry).
@@ -34,19 +34,19 @@ SHOULDER_M = np.array([0.0, 0.0, 0.333])
 
 
 def flange(joints_rad: Array) -> tuple[Array, Array]:
-    """The flange in the base frame (4, 4), and the Jacobian (6, 7) of its linear and angular velocity."""
+    """Return the flange's pose (4, 4) in the base frame, and the Jacobian (6, 7) of its linear and angular velocity."""
     frames = _frames(joints_rad)
     axes, arms = frames[1:-1, :3, 2], frames[-1, :3, 3] - frames[1:-1, :3, 3]
     return frames[-1], np.concatenate([np.cross(axes, arms), axes], axis=1).T
 
 
 def skeleton(joints_rad: Array) -> Array:
-    """(9, 3) base, the seven joints and the flange in the base frame: the arm as lines from point to point."""
+    """Return (9, 3) positions of base, seven joints and flange in the base frame, to be drawn as lines."""
     return _frames(joints_rad)[:, :3, 3]
 
 
 def _frames(joints_rad: Array) -> Array:
-    """(9, 4, 4) of the base, the seven joints and the flange, in the base frame."""
+    """Return (9, 4, 4) poses of base, seven joints and flange in the base frame."""
     frames = [np.eye(4)]
     for a, d, alpha, angle in zip(_A_M, _D_M, _ALPHA_RAD, joints_rad, strict=True):
         frames.append(frames[-1] @ _link(a, d, alpha, float(angle)))
@@ -54,7 +54,7 @@ def _frames(joints_rad: Array) -> Array:
 
 
 def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
-    """One joint's frame in the one before (Craig's convention)."""
+    """Return one joint's frame (4, 4) in the frame of the joint before (Craig's convention)."""
     ca, sa, ct, st = np.cos(alpha_rad), np.sin(alpha_rad), np.cos(angle_rad), np.sin(angle_rad)
     return np.array(
         [
@@ -68,11 +68,11 @@ def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PandaGeometry:
-    """A Franka Panda's or Research 3's.
+    """The `Geometry` of a Franka Panda or Research 3.
 
     Args:
-        model: `panda` or `fr3`: whose joint limits hold.
-        flange_to_tip: (4, 4) tip to flange; None: the Franka Hand's.
+        model: `panda` or `fr3`, which have different joint limits.
+        flange_to_tip: (4, 4) the tip's pose in the flange's frame; None: the Franka Hand's.
 
     Raises:
         InvalidInputError: for another model.
@@ -103,11 +103,11 @@ class PandaGeometry:
 
     @property
     def ready_rad(self) -> Array:
-        """(7,) the maker's ready pose, the hand pointing down."""
+        """(7,) joints of the maker's ready pose, in which the hand points down."""
         return np.array(READY_RAD)
 
 
 def franka_hand() -> Array:
-    """(4, 4) the point between the fingertips to the flange."""
+    """Return (4, 4) the pose of the point between the fingertips in the flange's frame."""
     cos, sin = np.cos(HAND_YAW_RAD), np.sin(HAND_YAW_RAD)
     return np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, HAND_M], [0, 0, 0, 1]])

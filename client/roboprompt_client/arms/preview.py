@@ -1,4 +1,4 @@
-"""A plan before it moves anything: how far each pose is, whether the arm gets there, and what is in its way."""
+"""The preview of a plan before anything moves: whether the arm reaches each pose, and which boxes it touches."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ class Previewed:
     """One action of a plan.
 
     Attributes:
-        from_base_m: of its position.
-        reachable: None where too little is known of the arm.
-        problem: why the straight way to it cannot be gone; empty if it can, or if that is not known.
-        nearest: at its pose; None where the joints are not known.
+        from_base_m: distance of its position from the arm's base.
+        reachable: None if the arm's reach is not known.
+        problem: why the arm cannot follow the straight way to it; empty if it can, or if that is not known.
+        nearest: the joint nearest to its limit at the pose; None if the joints are not known.
         touches: boxes that the hand touches on the straight way to it.
     """
 
@@ -37,12 +37,12 @@ class Previewed:
 
     @property
     def warning(self) -> str:
-        """What a person must know before it moves; empty: nothing."""
+        """What is wrong with the action; empty if nothing is."""
         boxes = [f"the way touches the box {_box(box)}" for box in self.touches]
         return "; ".join([*([self.problem] if self.problem else []), *boxes])
 
     def cells(self, number: int) -> tuple[str, ...]:
-        """A row of `COLUMNS`."""
+        """Return a row of `COLUMNS`."""
         reach = {True: "yes", False: "NO", None: "not known"}[self.reachable]
         nearest = "not known" if self.nearest is None else f"joint {self.nearest.joint}, {self.nearest.margin_deg:.0f}°"
         return (
@@ -66,15 +66,15 @@ def preview_plan(
     joints_rad: Array | None = None,
     start_m: Sequence[float] | None = None,
 ) -> tuple[Previewed, ...]:
-    """Each action in turn, reached straight from the one before.
+    """Return the preview of each action, reached in a straight line from the one before.
 
     Args:
-        calibration: where the arm's base stands.
-        limits: the way is checked against their boxes to keep out of.
+        calibration: the pose of the arm's base.
+        limits: the way is checked against their `keep_out` boxes.
         geometry: of the arm's joints; None: not known.
-        reach_m: how far from the base the hand gets, where the joints are not known; None: not known either.
-        joints_rad: (J,) where the arm is; None: only the distance is compared with its reach.
-        start_m: (3,) where the hand is, world frame; None: the way to the first action is not known.
+        reach_m: how far the hand reaches from the base, used if the joints are not known; None: not known either.
+        joints_rad: (J,) the present joints; None: only distance and reach are compared.
+        start_m: (3,) the hand's present position in the world frame; None: the first way is not checked.
     """
     previewed = []
     for action in actions:
@@ -90,7 +90,7 @@ def preview_plan(
             continue
         try:
             joints_rad = geometry.way(joints_rad, *calibration.to_base(action.position_m, action.quaternion_xyzw))
-        except MotionError as error:  # the way to the next is looked at as if this one were left out
+        except MotionError as error:  # the next way is checked as if this action were left out
             previewed.append(Previewed(action, away_m, False, str(error), None, touches))
         else:
             nearest = geometry.nearest_limit(joints_rad)

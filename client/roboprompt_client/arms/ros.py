@@ -1,8 +1,9 @@
-"""An arm of ROS 2 behind rosbridge: no ROS on this computer.
+"""Driver of a ROS 2 arm through rosbridge; this computer needs no ROS.
 
-A controller takes Cartesian targets as `geometry_msgs/PoseStamped` and follows them at once, such as FZI's
+The arm's controller must follow Cartesian targets (`geometry_msgs/PoseStamped`) at once, such as FZI's
 `cartesian_motion_controller` (`target_frame`, `current_pose`) or MoveIt Servo's pose commands. A motion is sent in
-steps, and none while the hand is far behind: an arm that hears no more of us goes no further than `MAX_LEAD_M`.
+steps, and the next step waits while the hand is far behind: if the connection breaks, the arm moves by `MAX_LEAD_M` at
+most.
 """
 
 import threading
@@ -20,16 +21,16 @@ from roboprompt_client.types.arrays import Array, finite_array, unit_quaternions
 
 RATE_HZ, SETTLE_S = 20.0, 0.5
 SPEED_M_S, TURN_RAD_S = 0.1, 0.5
-MAX_AGE_S = 0.5  # of the pose that is taken for the present one
+MAX_AGE_S = 0.5  # of a pose that counts as the present one
 MAX_LEAD_M = 0.03
 NEAR_M, NEAR_DEG = 0.001, 0.2
-STILL_M = 0.0002  # what a hand that has settled moves in SETTLE_S
+STILL_M = 0.0002  # a hand that moves less within SETTLE_S has come to rest
 POSE, JOINTS = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState"
 
 
 @dataclass(frozen=True)
 class RosGripper:
-    """The messages that open and close a gripper, as its topic's type has them, and how long it takes."""
+    """A gripper's topic and its type, the messages that open and close it, and how long that takes."""
 
     topic: str
     type: str
@@ -43,15 +44,15 @@ class Ros:
 
     Args:
         address: of rosbridge, such as ws://192.168.1.5:9090.
-        pose, target: the topics of the hand's present pose, and of the poses to go to, both in `base_frame`.
-        joints: the topic of joints' states; `joint_names` are the arm's, in their order, and `finger_names` those
-            whose positions add up to the width between the fingers.
-        gripper: what `RosGripper` has; None: no gripper.
-        reach_m: a pose further from the base is refused; None: nothing is known.
+        pose, target: the topics of the hand's present pose and of target poses, both in `base_frame`.
+        joints: the topic of joint states; `joint_names` are the arm's, in their order, and `finger_names` those whose
+            positions add up to the width between the fingers.
+        gripper: the members of `RosGripper`; None: no gripper.
+        reach_m: poses farther from the base are refused; None: not checked.
 
     Raises:
-        InvalidInputError: for options that cannot be.
-        MotionError: if nothing answers, or no pose comes.
+        InvalidInputError: for options that contradict each other.
+        MotionError: if rosbridge does not answer, or no pose arrives.
     """
 
     name = "ROS 2 (rosbridge)"
@@ -73,7 +74,7 @@ class Ros:
         reach_m: float | None = None,
     ) -> None:
         if joints is None and (joint_names or finger_names):
-            raise InvalidInputError("joints", "is left out beside names of joints", "the topic of their states")
+            raise InvalidInputError("joints", "is missing, but joint names are given", "the topic of joint states")
         self._pose, self._target, self._frame, self._joints = pose, target, base_frame.lstrip("/"), joints
         self._joint_names, self._finger_names = tuple(joint_names), tuple(finger_names)
         self._gripper = None if gripper is None else RosGripper(**gripper)
@@ -82,7 +83,7 @@ class Ros:
         self._reach_m = reach_m
         self._steps: Iterator[tuple[Array, Array]] = iter(())
         self._sent: tuple[Array, Array] | None = None
-        self._sending = threading.Lock()  # no step follows a halt of another thread
+        self._sending = threading.Lock()  # so that no step follows a halt of another thread
         self._bridge = Rosbridge(address)
         try:
             self._introduce()
@@ -98,7 +99,7 @@ class Ros:
             turn = unit_quaternions(self._pose, [pose["orientation"][axis] for axis in "xyzw"], (4,))
             joints, fingers = self._joint_states(self._joint_names), self._joint_states(self._finger_names)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise MotionError(f"{self.name}: a message has another form, or values that cannot be: {error}") from error
+            raise MotionError(f"{self.name}: a message is malformed: {error}") from error
         if frame != self._frame:
             raise MotionError(f"{self.name}: {self._pose} is in the frame {frame!r}, not in {self._frame!r}")
         return ArmState(
@@ -111,7 +112,7 @@ class Ros:
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """By `reach_m`; what else cannot be reached is the controller's to refuse."""
+        """Check `reach_m`; the controller itself refuses other poses out of reach."""
         self.state()
         if self._reach_m is not None:
             require_reach(position_m, self._reach_m)
@@ -120,7 +121,7 @@ class Ros:
         self._steps, self._sent = straight_way(self.state(), position_m, quaternion_xyzw, *self._step), None
 
     def finished(self) -> bool:
-        """A step on the way; at its end, or far behind it, whether the hand has come to rest."""
+        """Send the next step; without one, or while the hand is far behind, return whether it has come to rest."""
         now = self.state()
         off_m, off_deg = (0.0, 0.0) if self._sent is None else now.distance_to(*self._sent)
         with self._sending:
@@ -136,7 +137,7 @@ class Ros:
         return float(np.linalg.norm(self.state().position_m - now.position_m)) < STILL_M
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """By poses a little ahead, of which the last one is where the arm rests."""
+        """Send a pose a little ahead, at which the arm rests unless another one follows."""
         now = self.state()
         with self._sending:
             self._steps = iter(())
@@ -151,21 +152,21 @@ class Ros:
         self.state()
 
     def halt(self) -> None:
-        """The present pose becomes the target; where it is not known, no further target is sent at least."""
+        """Command the present pose; if it is not known, at least no further target is sent."""
         with self._sending:
             self._steps = iter(())
             now = self.state()
             self._send(now.position_m, now.quaternion_xyzw)
 
     def recover(self) -> None:
-        """Errors of controllers are acknowledged where they run."""
+        """Check that poses arrive; errors of controllers are acknowledged in ROS."""
         self.state()
 
     def close(self) -> None:
         self._bridge.close()
 
     def _introduce(self) -> None:
-        """Say what is published and what is wanted, and wait for the first messages."""
+        """Advertise and subscribe the topics, and wait for the first messages."""
         self._bridge.advertise(self._target, POSE)
         if self._gripper is not None:
             self._bridge.advertise(self._gripper.topic, self._gripper.type)
@@ -183,20 +184,20 @@ class Ros:
         return not names or (news is not None and names <= set(news.message.get("name", ())))
 
     def _fresh(self, topic: str) -> Message:
-        """A topic's last message, which must not be old."""
+        """Return a topic's last message; raises MotionError if it is missing or old."""
         if (news := self._bridge.last(topic)) is None:
-            raise MotionError(f"{self.name}: nothing came from {topic}: is its controller active?")
+            raise MotionError(f"{self.name}: no message from {topic}: is its controller active?")
         if (age_s := time.monotonic() - news.seen_s) > MAX_AGE_S:
-            raise MotionError(f"{self.name}: {topic} says nothing new since {age_s:.1f} s, at most {MAX_AGE_S} s")
+            raise MotionError(f"{self.name}: the last message of {topic} is {age_s:.1f} s old, at most {MAX_AGE_S} s")
         return news.message
 
     def _joint_states(self, names: Sequence[str]) -> Array:
-        """Position and velocity (N, 2) of joints; a velocity that is not said is NaN."""
+        """Return positions and velocities (N, 2) of joints; a missing velocity is NaN."""
         if self._joints is None or not names:
             return np.zeros((0, 2))
         states = _by_name(self._fresh(self._joints))
         if missing := [name for name in names if name not in states]:
-            raise MotionError(f"{self.name}: {self._joints} says nothing of {', '.join(missing)}")
+            raise MotionError(f"{self.name}: {self._joints} lacks {', '.join(missing)}")
         return np.array([states[name] for name in names], float)
 
     def _send(self, position_m: Array, quaternion_xyzw: Array) -> None:
@@ -214,7 +215,7 @@ def _by_name(message: Message) -> dict[str, tuple[float, float]]:
 
 
 def _merged(before: Message, message: Message) -> Message:
-    """The joints of several publishers on one topic."""
+    """Return a message with the joints of both: several programs may publish on one topic."""
     states = {**_by_name(before), **_by_name(message)}
     positions, rates = zip(*states.values(), strict=True)
     return {**message, "name": list(states), "position": list(positions), "velocity": list(rates)}

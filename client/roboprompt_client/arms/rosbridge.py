@@ -1,4 +1,4 @@
-"""Topics of ROS over rosbridge's JSON protocol (v2.0)."""
+"""ROS topics over rosbridge's JSON protocol (v2.0)."""
 
 import json
 import threading
@@ -16,7 +16,7 @@ Merge = Callable[[Message, Message], Message]
 
 
 class News(NamedTuple):
-    """The last message of a topic, and when it came; where it is stamped, when its stamp changed last."""
+    """A topic's last message, and when it arrived, or when its time stamp last changed."""
 
     message: Message
     seen_s: float
@@ -29,7 +29,7 @@ class Rosbridge:
         address: such as ws://192.168.1.5:9090.
 
     Raises:
-        MotionError: from every method, once the connection is lost or rosbridge has said that something is wrong.
+        MotionError: from every method, after the connection is lost or rosbridge has reported an error.
     """
 
     def __init__(self, address: str) -> None:
@@ -37,7 +37,7 @@ class Rosbridge:
         self._open = ExitStack()
         try:
             self._socket = self._open.enter_context(client.connect(address, open_timeout=CONNECT_S, max_size=None))
-        except Exception as error:  # of the system, of TLS, and websockets' own
+        except Exception as error:  # of the system, of TLS, or of websockets
             raise MotionError(f"rosbridge, connect {address}: {error or type(error).__name__}") from error
         self._lost = ""
         self._last: dict[str, News] = {}
@@ -46,37 +46,37 @@ class Rosbridge:
         threading.Thread(target=self._listen, name="rosbridge", daemon=True).start()
 
     def advertise(self, topic: str, kind: str) -> None:
-        """Say that messages of a type will be published."""
+        """Announce messages of a type on a topic."""
         self._send("advertise", topic, type=kind)
 
     def subscribe(self, topic: str, kind: str, merge: Merge | None = None) -> None:
-        """Ask for a topic's messages, of which the last one counts.
+        """Subscribe to a topic, whose last message is kept.
 
         Args:
-            merge: makes one of the last message and the next, for topics of several publishers.
+            merge: combines the last message with the next, for topics with several publishers.
         """
         if merge is not None:
             self._merge[topic] = merge
         self._send("subscribe", topic, type=kind)
 
     def publish(self, topic: str, message: Message) -> None:
-        """Send a message; rosbridge fills in the time of a header without one."""
+        """Publish a message; rosbridge fills in a missing time stamp."""
         self._send("publish", topic, msg=message)
 
     def last(self, topic: str) -> News | None:
-        """None before the first one."""
+        """Return the topic's last message; None before the first one."""
         with self._news:
             self._require_connected()
             return self._last.get(topic)
 
     def wait_until(self, known: Callable[[], bool]) -> None:
-        """At most some seconds, for messages to come."""
+        """Wait until `known()` is true, at most `CONNECT_S`; it is called after each message."""
         with self._news:
             self._news.wait_for(lambda: bool(self._lost) or known(), CONNECT_S)
             self._require_connected()
 
     def close(self) -> None:
-        """End the connection."""
+        """Close the connection."""
         self._open.close()
 
     def _require_connected(self) -> None:
@@ -86,11 +86,11 @@ class Rosbridge:
     def _send(self, op: str, topic: str, **members: Any) -> None:  # noqa: ANN401
         try:
             self._socket.send(json.dumps({"op": op, "topic": topic, **members}))
-        except Exception as error:  # websockets' ConnectionClosed, and whatever the system says of its socket
+        except Exception as error:  # websockets' ConnectionClosed, or an error of the system's socket
             raise MotionError(f"rosbridge: the connection is lost: {error or type(error).__name__}") from error
 
     def _listen(self) -> None:
-        """Take what comes until the connection ends; what is no message of the protocol is its end, too."""
+        """Keep messages until the connection ends; a malformed message ends it, too."""
         reason = "the connection was closed"
         try:
             for text in self._socket:
@@ -100,14 +100,14 @@ class Rosbridge:
                     break
                 if document["op"] == "publish":
                     self._take(document["topic"], document["msg"])
-        except Exception as error:  # what is no JSON or has another form, and websockets' own
+        except Exception as error:  # malformed messages, and websockets' own errors
             reason = f"the connection is lost: {error or type(error).__name__}"
         with self._news:
             self._lost = reason
             self._news.notify_all()
 
     def _take(self, topic: str, message: Message) -> None:
-        """A stamp that is that of the message before is no news: what publishes it may be frozen."""
+        """Keep a message; one with the same time stamp as before is not new, because its publisher may be frozen."""
         with self._news:
             before = self._last.get(topic)
             stamp = (message.get("header") or {}).get("stamp")

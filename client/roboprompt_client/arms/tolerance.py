@@ -1,4 +1,4 @@
-"""What counts as arrived, what ends a motion before, and whether a hand that a person steers may go on."""
+"""When a motion counts as done, when contact ends it, and whether a steered hand may go on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -13,18 +13,18 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 BRAKING_S = 0.25
-AHEAD_S = STEERED_S + BRAKING_S  # what is passed before the hand rests
+AHEAD_S = STEERED_S + BRAKING_S  # how long the hand may still move after the last command
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How near the end effector must come, how long a motion may take, and what force it may meet.
+    """How exactly the end effector must arrive, how long a motion may take, and how much force it may meet.
 
     Attributes:
-        max_contact_force_n: looked at some 20 times a second while the arm moves; None: no such bound.
+        max_contact_force_n: checked about 20 times a second while the arm moves; None: not checked.
 
     Raises:
-        InvalidInputError: for a bound that is no finite number above 0.
+        InvalidInputError: for a bound that is not a finite number above 0.
     """
 
     position_m: float = 0.005
@@ -39,18 +39,18 @@ class Tolerance:
                 checked_bound(f"tolerance.{field.name}", value)
 
     def check_pose(self, state: ArmState, action: EndEffectorAction) -> None:
-        """Raise MotionError if the end effector is not at the action's pose, both in one frame."""
+        """Raise MotionError if the end effector is not at the action's pose, both in the world frame."""
         off_m, off_deg = state.distance_to(action.position_m, action.quaternion_xyzw)
         if not (off_m <= self.position_m and off_deg <= self.rotation_deg):
             raise MotionError(f"the motion ended {1000 * off_m:.1f} mm and {off_deg:.1f} degrees off its target")
 
     def check_contact(self, state: Callable[[], ArmState]) -> None:
-        """Raise MotionError if the hand meets more than it may; `state` is not asked for without a bound."""
+        """Raise MotionError if the hand meets too much force; `state` is called only if there is a bound."""
         if self.max_contact_force_n is not None and (problem := self.contact(state())):
             raise MotionError(problem)
 
     def contact(self, state: ArmState, velocity_m_s: Array | None = None) -> str:
-        """What force is more than allowed, and where; empty: none, or the hand moves (3,) away from what it meets."""
+        """Return which force is too large and where; empty if none, or if the velocity (3,) leads away from it."""
         wrench, most_n = state.wrench_n_nm, self.max_contact_force_n
         if wrench is None or most_n is None or state.force_n <= most_n:
             return ""
@@ -60,7 +60,7 @@ class Tolerance:
         return f"the hand met {state.force_n:.1f} N at {where_m} m, at most {most_n:g} N are allowed"
 
     def check_gripper(self, width_m: float, open_width_m: float, *, is_open: bool) -> None:
-        """Raise MotionError if fingers that measure `open_width_m` when open did not do as commanded."""
+        """Raise MotionError if the fingers, `open_width_m` apart when open, did not do as commanded."""
         if is_open and width_m < open_width_m - self.width_m:
             of_mm = f"{1000 * width_m:.1f} of {1000 * open_width_m:.1f} mm"
             raise MotionError(f"the gripper was to open, but measures {of_mm}")
@@ -75,11 +75,11 @@ def problem_ahead(
     limits: MotionLimits,
     check: Callable[[EndEffectorAction], object],
 ) -> str:
-    """Why the hand must rest; empty: it may go on. A hand outside of the workspace may come back into it.
+    """Return why a steered hand must stop; empty if it may go on. A hand outside the workspace may return into it.
 
     Args:
-        now, velocity_m_s, turning_rad_s: in the world frame, (3,) both.
-        check: raises MotionError for a pose that the arm does not reach.
+        now, velocity_m_s, turning_rad_s: in the world frame; the velocities are (3,).
+        check: raises MotionError for a pose out of reach.
     """
     if not (velocity_m_s.any() or turning_rad_s.any()):
         return ""
@@ -95,7 +95,7 @@ def problem_ahead(
 
 
 def _widened(limits: MotionLimits, position_m: Array) -> MotionLimits:
-    """The same, its workspace as large as to have the hand in it."""
+    """Return the limits with a workspace that also contains the hand's position (3,)."""
     if limits.workspace is None:
         return limits
     low, high = np.minimum(limits.workspace.min_m, position_m), np.maximum(limits.workspace.max_m, position_m)

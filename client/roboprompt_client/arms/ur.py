@@ -1,4 +1,4 @@
-"""A Universal Robots arm by ur-rtde: meters, rotation vectors, tool to base."""
+"""Driver of a Universal Robots arm by the package ur-rtde: meters, rotation vectors, tool in the base frame."""
 
 import time
 
@@ -69,7 +69,7 @@ class UR:
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """By the controller's own safety limits at the target; what lies between is the controller's to refuse."""
+        """Check the target by the controller's safety limits; the controller itself checks the way to it."""
         self._require_ready()
         pose = _pose(position_m, quaternion_xyzw)
         if not self._control.isPoseWithinSafetyLimits(pose):
@@ -85,7 +85,7 @@ class UR:
             raise MotionError(f"{self.name}: the motion was refused")
 
     def finished(self) -> bool:
-        """A negative progress that differs from the one before is the end of this motion."""
+        """A negative progress other than before the motion means that it has ended."""
         self._require_ready()
         progress = self._control.getAsyncOperationProgress()
         if progress < 0 and progress != self._progress_before:
@@ -94,9 +94,9 @@ class UR:
         return False
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """By poses a little ahead, of which the last one is where the arm rests."""
+        """Send a pose a little ahead, at which the arm rests unless another one follows."""
         self._require_ready()
-        self._progress_before = 0  # no motion is under way whose end would be a progress of its own
+        self._progress_before = 0  # unlike any progress of a motion that has ended
         if not (velocity_m_s.any() or turning_rad_s.any()):
             self._control.servoStop(STOP_M_S2)
             return
@@ -116,7 +116,7 @@ class UR:
         self._control.stopL(STOP_M_S2)
 
     def recover(self) -> None:
-        """A protective stop is unlocked on the pendant; this starts the control script again."""
+        """Restart the control script; a protective stop is unlocked on the pendant."""
         if not self._control.isConnected() and not self._control.reconnect():
             raise MotionError(f"{self.name}: the controller does not answer")
         self._require_ready()

@@ -1,4 +1,4 @@
-"""A UFACTORY xArm or Lite by xarm-python-sdk: millimeters, roll pitch yaw, and return codes instead of exceptions."""
+"""Driver of a UFACTORY xArm or Lite by the package xarm-python-sdk: millimeters, roll pitch yaw, return codes."""
 
 import time
 from typing import Any
@@ -66,7 +66,7 @@ class XArm:
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """By the control box's own limits at the target; what lies between is the control box's to refuse."""
+        """Check the target by the control box's limits; the control box itself checks the way to it."""
         self._require_ready()
         pose = _pose(position_m, quaternion_xyzw)
         if self._result("is_tcp_limit", pose, is_radian=True):
@@ -86,14 +86,14 @@ class XArm:
     def finished(self) -> bool:
         self._require_ready()
         moving = self._result("get_state") == MOVING
-        just_started = time.monotonic() - self._started_s < START_S  # before the box says that it moves
+        just_started = time.monotonic() - self._started_s < START_S  # the box reports a motion with a delay
         if moving or just_started:
             time.sleep(POLL_S)
             return False
         return True
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """The control box ends the motion where no further call comes, with firmware 1.8.0 or later."""
+        """With firmware 1.8.0 or later the control box ends the motion if no further call comes."""
         self._require_ready()
         if self._mode != VELOCITY_MODE:
             self._set_mode(VELOCITY_MODE)
@@ -106,7 +106,7 @@ class XArm:
             self._do("set_gripper_position", OPEN_PULSES if is_open else CLOSED_PULSES, wait=True)
 
     def halt(self) -> None:
-        """The box's state 4: it stops, and takes no motion before `recover`."""
+        """Set the box's state 4: it stops, and accepts no motion before `recover`."""
         self._do("set_state", STOP)
 
     def recover(self) -> None:
