@@ -25,7 +25,7 @@ from roboprompt_client.errors import (
 )
 from roboprompt_client.leading import Leading
 from roboprompt_client.live import Live
-from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.loop import run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
 from roboprompt_client.recording.recorder import Recorder
@@ -63,7 +63,6 @@ __all__ = [
     "StoppedError",
     "Trajectory",
     "UnsafeActionError",
-    "run_closed_loop",
     "run_plan",
     "run_task",
 ]

@@ -33,7 +33,7 @@ class Trajectory:
         gripper_open: (T,) bool, what the fingers have done.
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, J), or None.
-        object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
+        object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: shows contact.
         object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only beside positions.
         gripper_width_m: (T,) measured between the fingers, or None.
         wrenches_n_nm: (T, 6) force and torque that act on the hand, along the world's axes, or None.

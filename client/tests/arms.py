@@ -6,7 +6,7 @@ import numpy as np
 from roboprompt_client import cli
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.loop import run_task
 from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
@@ -65,11 +65,7 @@ def streamed(*what, **how):
     return run_task(*what, stream=True, **how)
 
 
-def closed_loop(*what, **how):
-    return list(run_closed_loop(*what, **how))
-
-
-WAYS = (whole, streamed, closed_loop)
+WAYS = (whole, streamed)
 
 
 def client_of(answer):
