@@ -167,7 +167,6 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
         "timings_ms": prediction.timings_ms,
-        "step": prediction.question.known.step,
         "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
     }
@@ -206,7 +205,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "actions": None if record.actions is None else list(record.actions),
         "objects": [item.to_json() for item in record.objects],
         "cameras": [item.name for item in record.cameras],
-        **_fields(record, "usage", "timings_ms", "step"),
+        **_fields(record, "usage", "timings_ms"),
         "samples": _samples(record.samples),
         "findings": list(record.findings),
         "request": record.request,

@@ -23,8 +23,8 @@ COLORS = {"info": "cyan", "warning": "yellow", "danger": "red"}
 FIGURES = ("Row", "Error", "Worst", "Varies", "Path")  # columns of numbers
 SHOWN_CHARS = 8  # of an episode's id
 MOVED_M, MOVED_DEG = 0.0005, 0.05
-# Of a request beside its objects: images are not sent again, and a closed loop has no beginning of its own.
-ASKED_OTHERWISE = ("task", "instruction", "objects", "cameras", "closed_loop", "after", "dry_run", "stream_text")
+# Of a request beside its objects: images are not sent again.
+ASKED_OTHERWISE = ("task", "instruction", "objects", "cameras", "dry_run", "stream_text")
 cases = typer.Typer(no_args_is_help=True, help="Predictions that were kept as cases, to be asked again.")
 Document = Mapping[str, Any]
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 SWEEP_NAMES = (
-    "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models,"
+    "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, models,"
     " moving, outside, composition"
 )
 METHOD_NAMES = "default, nearest, regression, replay, expert, voxposer, voxposer-oracle"

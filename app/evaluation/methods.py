@@ -13,7 +13,6 @@ Poses = Literal["given", "vision"]
 NoiseOn = Literal["both", "test"]
 Source = Literal[
     "service",
-    "closed loop",
     "nearest demonstration",
     "expert replay",
     "expert",
@@ -22,8 +21,8 @@ Source = Literal[
     "voxposer",
     "voxposer oracle",
 ]
-OF_THE_SERVICE = frozenset[Source]({"service", "closed loop", "robot loop"})
-OF_THE_PANDA = frozenset[Source]({"closed loop", "robot loop", "expert replay", "voxposer oracle"})
+OF_THE_SERVICE = frozenset[Source]({"service", "robot loop"})
+OF_THE_PANDA = frozenset[Source]({"robot loop", "expert replay", "voxposer oracle"})
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ class Method:
         noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
         stored: episodes that the task must have for the service to choose from, if more than it shows.
-        source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
-            all, and the robot carries them out one by one; others do not ask it.
+        source: where the actions come from; `robot loop` asks the service and lets the robot's own loop carry them out;
+            others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
         look_again: whether the robot then looks again (`roboprompt_client.runs.look_again`).
         lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.runs.leading`).

@@ -1,11 +1,6 @@
-"""Trials in closed loop: the simulated robot observes and asks again while it acts.
-
-Either before every action, or by the robot's own loop in a scene that is changed between the answer and the motion.
-"""
+"""Trials by the robot's own loop, in a scene that changes between the answer and the motion."""
 
 import time
-from collections import deque
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +17,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
 from roboprompt_client.robot import Observation
 from roboprompt_client.runs.leading import Leading
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import EndEffectorAction
 
 # the problems that are the LLM's failure, not the service's
@@ -31,25 +26,6 @@ USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-actio
 # What passes in a scene that moves while the simulation itself stands still: until the service has answered, and from a
 # picture to the poses in it. Fixed, so that results can be repeated; measured in docs/results/moving.md.
 ANSWER_S, LOOK_S = 1.0, 0.4
-
-
-def _together(steps: Sequence[PredictedActions]) -> Mapping[str, Any] | None:
-    """The last answer with the actions, replies, timings and tokens of all."""
-    if not steps:
-        return None
-    answers = [step.response for step in steps]
-    return {
-        **answers[-1],
-        "actions": [action for answer in answers for action in answer["actions"]],
-        "reply_text": "\n".join(answer["reply_text"] for answer in answers),
-        "timings_ms": _sums([answer["timings_ms"] for answer in answers]),
-        "usage": _sums([answer["usage"] for answer in answers]),
-    }
-
-
-def _sums(documents: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    keys = dict.fromkeys(key for document in documents for key in document)
-    return {key: sum(document.get(key, 0) for document in documents) for key in keys}
 
 
 class ShiftedPanda:
@@ -104,20 +80,18 @@ class _Client(RoboPromptClient):
 
     def __init__(self, url: str, waiting: SimulatedPanda | None) -> None:
         super().__init__(url)
-        self.predicted: list[PredictedActions] = []
+        self.predicted: PredictedActions | None = None
         self._waiting = waiting
 
     def predict(self, *arguments: Any, **options: Any) -> PredictedActions:  # noqa: ANN401
-        self.predicted.append(super().predict(*arguments, **options))
+        self.predicted = super().predict(*arguments, **options)
         if self._waiting is not None:
             self._waiting.hold(ANSWER_S)
-        return self.predicted[-1]
+        return self.predicted
 
 
 def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -> Trial:
     """Run a trial; for a worker process, which must reach the service.
-
-    Its answer is the last step's, whose prompt shows all of them; timings and tokens are those of all steps.
 
     Args:
         name: of the task at the service.
@@ -127,8 +101,7 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
     """
     started, task = time.perf_counter(), scene.task
     panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
-    stepwise = method.source == "closed loop"
-    moves = task in MOVING_TASKS and not stepwise
+    moves = task in MOVING_TASKS
     robot = (WaitingPanda if moves else ShiftedPanda)(panda, method.shift_m, seed, method.noise)
     leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
     error, blocked = "", ""
@@ -136,10 +109,7 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
         asked = (client, robot, name, panda.task.instruction)
         options = {"on_danger": "go", **method.options}
         try:
-            if stepwise:
-                deque(run_closed_loop(*asked, **options), maxlen=0)
-            else:
-                run_task(*asked, look_again=method.look_again, leading=leading, **options)
+            run_task(*asked, look_again=method.look_again, leading=leading, **options)
         except (MotionError, ObjectLostError, UnsafeActionError) as failure:
             blocked = str(failure)
         except ServiceProblemError as problem:
@@ -147,9 +117,9 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
                 raise
             error = str(problem)
         failure_text = error or blocked or judge(panda)
-        for predicted in client.predicted:
-            client.record_outcome(predicted.id, not failure_text, failure_text or None)
-    answer = _together(client.predicted)
+        if client.predicted is not None:
+            client.record_outcome(client.predicted.id, not failure_text, failure_text or None)
+    answer = None if client.predicted is None else client.predicted.response
     predict_s = 0.0 if answer is None else answer["timings_ms"]["total"] / 1000
     return Trial(
         task,

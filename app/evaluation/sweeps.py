@@ -179,10 +179,6 @@ SWEEPS: Mapping[str, Sweep] = {
         "the scripted experts, and their keyframes after binning: the ceiling of every other method; asks no LLM",
         (EXPERT, REPLAY),
     ),
-    "loop": Sweep(
-        "one observation against one before every action",
-        (Method("open loop"), Method("closed loop", source="closed loop")),
-    ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
     "moving": Sweep(
         "a cube that moves at 2, 5 or 10 cm/s (in turn with the scenes) and was demonstrated at rest: as answered,"

@@ -144,7 +144,7 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    taught = [method.settings, method.taught_noise, method.source == "closed loop", method.poses]
+    taught = [method.settings, method.taught_noise, method.poses]
     return json.dumps(taught, sort_keys=True)
 
 
@@ -231,12 +231,12 @@ def _taught(
     """
     refused = []
     for item in shown:
-        scene, tracked = item.scene, method.source == "closed loop"
+        scene = item.scene
         seen = Observation(disturbed(scene.objects, method.taught_noise, scene.seed), scene.frames)
         if method.poses == "vision":
             seen = images_only(scene.frames, scene.objects)
         try:
-            document = _upload(client, name, item, seen, tracked=tracked)
+            document = _upload(client, name, item, seen)
             yield TaughtEpisode(replace(item, scene=replace(scene, frames=())), document)
         except ServiceProblemError as error:
             if method.poses != "vision" or error.problem.get("type") not in UNSEEN:
@@ -252,12 +252,9 @@ def _upload(
     recorded: RecordedDemonstration,
     seen: Observation,
     *,
-    tracked: bool = False,
     mask_ids: Mapping[str, Sequence[int]] | None = None,
 ) -> dict[str, Any]:
-    trajectory = recorded.trajectory
-    if not tracked:
-        trajectory = replace(trajectory, object_positions_m=None, object_quaternions_xyzw=None)
+    trajectory = replace(recorded.trajectory, object_positions_m=None, object_quaternions_xyzw=None)
     return client.upload(
         name,
         recorded.scene.instruction,

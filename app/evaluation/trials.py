@@ -227,7 +227,6 @@ def _asked_s(trial: Trial) -> float:
 
 SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView], Trial]] = {
     "service": _ask_service,
-    "closed loop": _ask_and_act,
     "robot loop": _ask_and_act,
     "nearest demonstration": _replay_nearest,
     "own keyframes": _replay_own,

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from app.llm.base import ModelProfile, ModelResponseError
 from app.llm.computed import ComputedModel
-from app.pipeline.closed_loop import DONE
 
 # observation>actions, then the separator of the paper's format (a comma before the next brace) or the end of the line
 _DEMONSTRATION = re.compile(r"([^>]*>)(.*?)(?:, (?=\{|\Z)|\n)")
@@ -92,8 +91,7 @@ Pair = tuple[Pattern, Pattern]  # observation, actions
 def taken_apart(prefix: str, query: str) -> tuple[list[Pair], Pattern]:
     """The demonstrations of a prompt, and the observation to find actions for.
 
-    Clauses that were answered already stand before it in `query` and count as demonstrations. Of a closed loop there
-    stand the steps before, and only what demonstrations do at the next step counts.
+    Clauses that were answered already stand before it in `query` and count as demonstrations.
 
     Raises:
         ModelResponseError: if the text is not a row of demonstrations.
@@ -107,17 +105,7 @@ def taken_apart(prefix: str, query: str) -> tuple[list[Pair], Pattern]:
         end = match.end()
     if end < len(prefix) or ">" in text[end:-1]:
         raise ModelResponseError("the prompt cannot be taken apart into demonstrations 'observation>actions'")
-    return _at_that_step(pairs), Pattern.parse(text[end:])
-
-
-def _at_that_step(pairs: list[Pair]) -> list[Pair]:
-    """Of a closed loop, whose demonstrations each end with `done`, what is done at the step that is asked for."""
-    steps, step = [], 0
-    for _, actions in pairs:
-        steps.append(step)
-        step = 0 if actions.template.strip() == DONE else step + 1
-    is_loop = any(actions.template.strip() == DONE for _, actions in pairs)
-    return [pair for pair, at in zip(pairs, steps, strict=True) if at == step] if is_loop else pairs
+    return pairs, Pattern.parse(text[end:])
 
 
 def alike(pairs: Sequence[Pair], observation: Pattern, at_least: int) -> list[Pair]:

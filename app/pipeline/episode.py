@@ -82,14 +82,12 @@ class Demonstration(Query):
     """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes.
 
     Attributes:
-        later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
         plan: demonstrations of equal plans and like instructions have the same rows, see
             `app.pipeline.plans`; None: the keyframes are as they were found.
     """
 
     actions: tuple[EndEffectorAction, ...]
     id: str = ""
-    later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
     plan: int | None = None
 
     @property
@@ -107,10 +105,7 @@ class Demonstration(Query):
         """With those of its objects that have these names."""
         if all(pose.name in names for pose in self.objects):
             return self
-        objects, *later = (
-            tuple(pose for pose in poses if pose.name in names) for poses in (self.objects, *self.later_objects)
-        )
-        return replace(self, objects=objects, later_objects=tuple(later))
+        return replace(self, objects=tuple(pose for pose in self.objects if pose.name in names))
 
 
 def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, ...]:

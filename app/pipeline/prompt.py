@@ -102,7 +102,7 @@ class PromptTemplate:
         """The prompt that asks for the actions of a query.
 
         Args:
-            so_far: the steps of a closed loop that were taken already.
+            so_far: the queries before it and their replies, where an instruction is asked for clause by clause.
         """
         text = so_far + self.codec.observation_text(query)
         grammar, schema = self.codec.grammar(query, max_actions), self.codec.schema(query, max_actions)

@@ -68,8 +68,7 @@ class DemonstrationRecord:
         poses = tuple(record.pose() for record in self.objects)
         rows = [(record.position_m, record.quaternion_xyzw, record.gripper_open) for record in self.keyframes]
         actions = tuple(EndEffectorAction.many(*zip(*rows, strict=True))) if rows else ()
-        later = tuple(tuple(item.pose() for item in record.objects) for record in self.keyframes if record.objects)
-        return Demonstration(self.instruction, poses, actions, self.id, later)
+        return Demonstration(self.instruction, poses, actions, self.id)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +120,6 @@ class PredictionDraft:
     Attributes:
         request: as the caller sent it.
         reply_text: None if the model gave none; `actions` None if the reply had none; `error` None if all went well.
-        step: of a closed loop, from 0; None without one.
         objects: as they were observed.
         cameras: with the images that were sent, if any.
         samples: where several replies were asked for, each of them and whether it entered.
@@ -147,7 +145,6 @@ class PredictionDraft:
     objects: tuple[ObjectRecord, ...]
     grounding: JsonObject
     findings: tuple[JsonObject, ...]
-    step: int | None = None
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
 

@@ -107,7 +107,6 @@ predictions = Table(
     Column("model", String, nullable=False),
     Column("representation", String, nullable=False),
     Column("prompt_format", String, nullable=False),
-    Column("step", Integer),
     Column("status", String(16), nullable=False),
     Column("error", Text),
     Column("outcome_success", Boolean),

@@ -4,7 +4,6 @@ Not the pipeline's own classes, because these check every array: ten demonstrati
 read.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
@@ -82,13 +81,12 @@ class KeyframeRecord:
     position_m: tuple[float, ...]
     quaternion_xyzw: tuple[float, ...]
     gripper_open: bool
-    objects: tuple[ObjectRecord, ...] = ()  # the objects' poses at that frame, where the episode tracked them
 
     @classmethod
-    def of(cls, index: int, action: EndEffectorAction, objects: Iterable[ObjectPose] = ()) -> Self:
+    def of(cls, index: int, action: EndEffectorAction) -> Self:
         """The record of `action` at frame `index`."""
         position, quaternion = _floats(action.position_m), _floats(action.quaternion_xyzw)
-        return cls(index, position, quaternion, action.gripper_open, tuple(map(ObjectRecord.of, objects)))
+        return cls(index, position, quaternion, action.gripper_open)
 
     def action(self) -> EndEffectorAction:
         """As the pipeline wants it."""
@@ -101,15 +99,13 @@ class KeyframeRecord:
             "position": self.position_m,
             "quaternion_xyzw": self.quaternion_xyzw,
             "gripper_open": self.gripper_open,
-            **({"objects": [item.to_json() for item in self.objects]} if self.objects else {}),
         }
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
         """The inverse of `to_json`."""
         position, quaternion = tuple(value["position"]), tuple(value["quaternion_xyzw"])
-        objects = tuple(map(ObjectRecord.from_json, value.get("objects", ())))
-        return cls(value["index"], position, quaternion, value["gripper_open"], objects)
+        return cls(value["index"], position, quaternion, value["gripper_open"])
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class PredictionView:
         Each has its instruction in the text, and so has the query.
         """
         instructions = sum(span.kind == "instruction" for span in self.prompt)
-        known = self.record.step is None and 1 < instructions <= len(self.record.demonstration_ids)
+        known = 1 < instructions <= len(self.record.demonstration_ids)
         return instructions - 1 if known else len(self.record.demonstration_ids)
 
     def _spans(self, text: str) -> tuple[Span, ...]:

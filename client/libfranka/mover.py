@@ -8,29 +8,30 @@ from roboprompt_client import EndEffectorAction
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.motion.limits import MotionLimits
-from roboprompt_client.runs.loop import run_closed_loop
+from roboprompt_client.runs.loop import run_task
 
 HOME_M, DOWN = np.array([0.5, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Service:
-    """Answers with one action after the other."""
-
-    def __init__(self):
-        self._asked = 0
+    """Answers with a thousand actions."""
 
     def predict(self, *_, **__):
-        self._asked += 1
-        offset = np.array([0.06, 0.0, -0.06]) * (self._asked % 2)
-        action = EndEffectorAction(HOME_M + offset, DOWN, bool(self._asked % 2))
-        return type("Answer", (), {"actions": (action,), "findings": (), "id": "p", "response": {}})
+        offsets = [np.array([0.06, 0.0, -0.06]) * (k % 2) for k in range(1, 1001)]
+        actions = tuple(EndEffectorAction(HOME_M + offset, DOWN, bool(k % 2)) for k, offset in enumerate(offsets, 1))
+        return type("Answer", (), {"actions": actions, "findings": (), "id": "p", "response": {}})
+
+
+def say_moving(index, action):
+    print("moving", flush=True)
+    return True
 
 
 def main():
     with Arm(Franka(sys.argv[1], dynamics=float(sys.argv[2]), realtime=False)) as arm:
         print("ready", flush=True)
-        for _ in run_closed_loop(Service(), arm, "t", "go", limits=MotionLimits(hand_radius_m=0.0), max_steps=1000):
-            print("moving", flush=True)
+        limits = MotionLimits(hand_radius_m=0.0)
+        run_task(Service(), arm, "t", "go", limits=limits, confirm=say_moving, max_actions=1000)
 
 
 if __name__ == "__main__":

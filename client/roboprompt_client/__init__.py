@@ -27,7 +27,7 @@ from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.runs.leading import Leading
 from roboprompt_client.runs.live import Live
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
@@ -64,7 +64,6 @@ __all__ = [
     "StoppedError",
     "Trajectory",
     "UnsafeActionError",
-    "run_closed_loop",
     "run_plan",
     "run_task",
 ]

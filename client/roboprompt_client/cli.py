@@ -24,7 +24,7 @@ from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.runs.live import Live
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
 
 DESCRIPTION = (
@@ -98,7 +98,6 @@ def _add_run(run: ArgumentParser) -> None:
     run.add_argument("--limits", type=Path, metavar="FILE", help=what)
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
-    how.add_argument("--closed-loop", action="store_true", help="observe and ask again before each action")
     what = "observe again before contact: actions follow objects that were moved, without asking the LLM again"
     how.add_argument("--look-again", action="store_true", help=what)
     what = "where the service finds its answer dangerous (default: ask with --confirm, refuse without)"
@@ -143,14 +142,6 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
     how: dict[str, Any] = {"pinned": pinned, "watch": watch, "on_danger": arguments.on_danger}
     if arguments.confirm:
         how |= {"confirm": person.confirm, "preview": person.preview}
-    if arguments.closed_loop:
-        if arguments.task is None:
-            raise InvalidInputError("--task", "is left out beside --closed-loop", "the name of the task")
-        steps = list(run_closed_loop(*what, **how))
-        if (outcome := person.outcome(steps[-1])) is not None:
-            for step in steps:
-                client.record_outcome(step.id, *outcome)
-        return _print_json({"steps": [step.response for step in steps]})
     how |= {"stream": arguments.stream, "look_again": arguments.look_again}
     if arguments.task is not None:
         _print_json(run_task(*what, on_outcome=person.outcome, **how).response)

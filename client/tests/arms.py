@@ -8,7 +8,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 0]), True) for z in (1.0, 0.9, 0.8))
@@ -65,11 +65,7 @@ def streamed(*what, **how):
     return run_task(*what, stream=True, **how)
 
 
-def closed_loop(*what, **how):
-    return list(run_closed_loop(*what, **how))
-
-
-WAYS = (whole, streamed, closed_loop)
+WAYS = (whole, streamed)
 
 
 def client_of(answer):

@@ -50,9 +50,7 @@ class Service:
             steps = [{"task": "pick", "instruction": "pick up the cube"}] * 2
             return httpx.Response(200, json={"steps": steps})
         if path == "/predict":
-            after = json.loads(request.read()).get("after")
-            document = {"id": "p2" if after else "p1", "actions": [] if after else [ACTION], "findings": []}
-            return httpx.Response(200, json=document)
+            return httpx.Response(200, json={"id": "p1", "actions": [ACTION], "findings": []})
         if path.startswith("/runs/"):
             self.runs.append(request.method)
             return httpx.Response(200, json={"stop": self.stops})
@@ -105,12 +103,11 @@ def test_after_a_run_the_person_says_whether_it_worked(service, monkeypatch, ans
     assert service.outcomes == [("/predictions/p1/outcome", recorded)]
 
 
-@pytest.mark.parametrize("words", [(), ("--closed-loop",)])
-def test_the_service_hears_of_a_run_and_may_stop_it(service, monkeypatch, capsys, words):
-    assert type_command(monkeypatch, *RUN, *words, answers=["y"])[0] == 0
+def test_the_service_hears_of_a_run_and_may_stop_it(service, monkeypatch, capsys):
+    assert type_command(monkeypatch, *RUN, answers=["y"])[0] == 0
     assert {"PUT", "DELETE"} == set(service.runs)
     service.stops = True
-    assert type_command(monkeypatch, *RUN, *words, answers=["y"])[0] == 1
+    assert type_command(monkeypatch, *RUN, answers=["y"])[0] == 1
     assert "a person stopped the robot" in capsys.readouterr().err
 
 
@@ -118,12 +115,6 @@ def test_the_service_hears_of_a_run_and_may_stop_it(service, monkeypatch, capsys
 def test_without_an_answer_no_outcome_is_recorded(service, monkeypatch, answers):
     status, asked = type_command(monkeypatch, *RUN, answers=answers)
     assert (status, len(asked), service.outcomes) == (0, 1, [])
-
-
-def test_the_outcome_of_a_closed_loop_is_that_of_its_predictions(service, monkeypatch):
-    assert type_command(monkeypatch, *RUN, "--closed-loop", answers=["n it slipped"])[0] == 0
-    recorded = {"success": False, "note": "it slipped"}
-    assert service.outcomes == [(f"/predictions/{id_}/outcome", recorded) for id_ in ("p1", "p2")]
 
 
 def test_an_outcome_that_cannot_be_recorded_is_logged(service, monkeypatch, caplog):
@@ -153,11 +144,6 @@ def test_without_a_task_the_steps_of_the_instruction_are_carried_out(service, mo
 def test_a_person_is_asked_about_the_plan_each_action_and_each_outcome(service, monkeypatch, answers, status, outcomes):
     assert type_command(monkeypatch, *PLAN, "--confirm", answers=answers)[0] == status
     assert [document["success"] for _, document in service.outcomes] == outcomes
-
-
-def test_a_closed_loop_needs_a_task(service, monkeypatch, capsys):
-    assert type_command(monkeypatch, *PLAN, "--closed-loop")[0] == 1
-    assert "--task: is left out beside --closed-loop" in capsys.readouterr().err
 
 
 def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):

@@ -4,12 +4,12 @@ import json
 
 import httpx
 import pytest
-from arms import ACTIONS, WAYS, Arm, Service, client_of, closed_loop, streamed, whole
+from arms import ACTIONS, WAYS, Arm, Service, client_of, streamed, whole
 
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import DangerError, InvalidAnswerError, InvalidInputError, NotConfirmedError
 from roboprompt_client.motion.limits import MotionLimits
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 
 
 def finding(severity="danger", where="objects[cube]"):
@@ -17,8 +17,7 @@ def finding(severity="danger", where="objects[cube]"):
 
 
 def run(way, arm, *findings, **settings):
-    actions = ACTIONS[:1] if way is closed_loop else ACTIONS
-    service = Service(PredictedActions("p", actions, {"findings": list(findings)}))
+    service = Service(PredictedActions("p", ACTIONS, {"findings": list(findings)}))
     return way(service, arm, "pick", "pick up the cube", **settings)
 
 
@@ -43,19 +42,6 @@ def test_a_person_is_asked_before_anything_moves(way, caplog):
     assert "cube is tilted by 90 degrees" in caplog.text
 
 
-def test_a_closed_loop_asks_at_every_step_that_is_dangerous():
-    arm, asked = Arm(), []
-
-    def confirm(index, action):
-        asked.append((index, len(arm.heights)))
-        return len(asked) < 3
-
-    with pytest.raises(NotConfirmedError, match="cube is tilted"):
-        run(closed_loop, arm, finding(), confirm=confirm, max_steps=2)
-    assert asked == [(0, 0), (0, 0), (0, 1)]  # the danger, the action, and the next step's danger
-    assert (len(arm.heights), arm.stopped) == (1, 1)
-
-
 def test_a_no_says_what_was_dangerous_and_moves_nothing():
     arm = Arm()
     with pytest.raises(NotConfirmedError, match=r"action 2 was not allowed: cube is tilted"):
@@ -69,7 +55,7 @@ def test_a_no_says_what_was_dangerous_and_moves_nothing():
 )
 def test_other_findings_and_on_danger_go_let_it_pass(way, findings, settings):
     arm = Arm()
-    run(way, arm, *findings, **settings, **({"max_steps": 3} if way is closed_loop else {}))
+    run(way, arm, *findings, **settings)
     assert len(arm.heights) == 3
 
 
@@ -78,21 +64,13 @@ def test_a_danger_can_be_refused_although_somebody_is_there():
         run(whole, Arm(), finding(), on_danger="refuse", confirm=lambda index, action: True)
 
 
-@pytest.mark.parametrize("way", [whole, closed_loop])
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(("setting", "said"), [("ask", "confirm, refuse, go"), ("confirm", "no `confirm` to ask")])
 def test_settings_that_cannot_be(way, setting, said):
     arm, service = Arm(), Service(PredictedActions("p", ACTIONS[:1], {"findings": []}))
     with pytest.raises(InvalidInputError, match=said):
         way(service, arm, "pick", "pick up the cube", on_danger=setting)
     assert (arm.heights, arm.stopped, service.asked) == ([], 1, 0)
-
-
-def test_who_steps_through_a_closed_loop_sees_the_answer_that_is_refused():
-    service = Service(PredictedActions("p", ACTIONS[:1], {"findings": [finding()]}))
-    steps = run_closed_loop(service, Arm(), "pick", "pick up the cube")
-    assert next(steps).findings[0]["severity"] == "danger"
-    with pytest.raises(DangerError):
-        next(steps)
 
 
 # What is no list of findings that says whether there is a danger, and what the error says of it.

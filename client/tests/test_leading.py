@@ -85,7 +85,7 @@ def test_what_rests_is_not_led():
 
 def test_an_object_that_falls_off_stops_the_robot():
     belt = Belt(0.05 * ALONG_Y, sinks_after_s=ANSWER_S + 0.5 * ACTION_S)
-    with pytest.raises(ObjectLostError, match=r"left its conveyor: -2\.0 cm"):
+    with pytest.raises(ObjectLostError, match=r"changed by -2\.0 cm"):
         run(belt)
     assert (len(belt.done), belt.stopped) == (1, 1)
 

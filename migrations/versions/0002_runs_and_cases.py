@@ -1,4 +1,7 @@
-"""Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again."""
+"""Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again.
+
+No closed loop any more, so that predictions have no steps.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -31,8 +34,10 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["prediction_id"], ["predictions.id"], name="fk_cases_prediction_id_predictions"),
         sa.PrimaryKeyConstraint("prediction_id", name="pk_cases"),
     )
+    op.drop_column("predictions", "step")  # of the closed loop, which went
 
 
 def downgrade() -> None:
+    op.add_column("predictions", sa.Column("step", sa.Integer()))
     op.drop_table("cases")
     op.drop_table("runs")

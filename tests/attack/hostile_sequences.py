@@ -83,7 +83,6 @@ class Attack:
         task=None,
         key=None,
         rate_hz=20.0,
-        tracked=False,
         gripper_width=False,
     ):
         """Upload one demonstration; its answer."""
@@ -93,9 +92,6 @@ class Attack:
             "gripper_open": trajectory.gripper_open.tolist(),
             "joint_velocities": trajectory.joint_velocities_rad_s.tolist(),
         }
-        if tracked:
-            at_rest = np.array(list(places.values()), dtype=float)
-            given["object_positions"] = np.tile(at_rest, (len(trajectory), 1, 1)).tolist()
         if gripper_width:
             given["gripper_width"] = np.where(given.pop("gripper_open"), 0.08, 0.03).tolist()
         metadata = {
@@ -282,9 +278,6 @@ _of_two_ways("two_ways_those_of_one_named", options=lambda a: {"episode_ids": a.
 _of_two_ways("two_ways_in_the_task_s_own_number", then=lambda a: a.configure(num_demonstrations=1))
 _of_two_ways("many_samples_of_one_reply", options={"num_samples": 16, "temperature": 2.0})
 _of_two_ways("the_nearest_of_contradicting_ones", options={"selection": "nearest", "num_demonstrations": 3})
-_of_two_ways(
-    "two_ways_with_a_switch_in_a_closed_loop", pick, tracked=True, options={"closed_loop": True, "end_effector": ARM}
-)
 
 
 @sequence
@@ -338,7 +331,7 @@ def _recorded(
             a.teach(words, places, fault(trajectory) if wrong else trajectory, **more)
         if settings:
             a.configure(**settings)
-        return a.ask(words, a.places(RED, BLUE), closed_loop=more.get("tracked", False), end_effector=ARM), None
+        return a.ask(words, a.places(RED, BLUE), end_effector=ARM), None
 
     return sequence(tried, name, what)
 
@@ -346,7 +339,6 @@ def _recorded(
 _recorded("gripper_inverted_in_half", "No majority says when to grasp.", inverted, every=2)
 _recorded("gripper_inverted_in_all", "The hand opens at the cube, and lifts nothing.", inverted)
 _recorded("gripper_inverted_in_the_only_one", "The same, by one recording.", inverted, number=1)
-_recorded("gripper_inverted_step_by_step", "The same in a closed loop.", inverted, number=6, tracked=True)
 _recorded("several_ways_one_of_them_inverted", "Somebody says so.", inverted, every=2, settings={"ways": "several"})
 _recorded("gripper_open_all_the_time", "Open, to pick something up.", opened)
 _recorded(
@@ -667,16 +659,6 @@ def a_rate_of_a_hundred_thousand_hertz(a):
 
 
 @sequence
-def closed_loop_step_of_another_task(a):
-    """`after` names a prediction of another task."""
-    a.teach_picks()
-    other = a.ask(PICK_RED, a.places(RED, BLUE)).json()["id"]
-    again = Attack(a.http)
-    again.teach_picks()
-    return again.ask(PICK_RED, again.places(RED, BLUE), after=other), None
-
-
-@sequence
 def an_arm_at_the_end_of_the_world(a):
     """The end effector is said to be 1e6 m away."""
     a.teach_picks()
@@ -744,15 +726,6 @@ for _name, _arguments in {
     sequence(
         _shown_are_odd(*_arguments), f"the_odd_one_is_shown_{_name}", "A prompt shows the wrong ones of ten alone."
     )
-
-
-@sequence
-def objects_that_change_places_in_a_closed_loop(a):
-    """At the second step each cube is where the other was."""
-    a.teach_picks(8, tracked=True)
-    places = a.places(RED, BLUE)
-    first = a.ask(PICK_RED, places, closed_loop=True, end_effector=ARM).json()["id"]
-    return a.ask(PICK_RED, {RED: places[BLUE], BLUE: places[RED]}, closed_loop=True, after=first), None
 
 
 @sequence

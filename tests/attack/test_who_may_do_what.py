@@ -75,8 +75,7 @@ ATTEMPTS = [
     ("robot", "POST", "/ui/predict/prompt", {"files": with_pictures(question())}, {403}),
     ("pick robot", "POST", "/ui/predict/prompt", {"json": question("push")}, {403}),
     ("reader", "POST", "/plans", {"json": PLAN}, {403}),
-    # others' predictions as a beginning, and their outcomes
-    ("robot", "POST", "/predict", {"json": question(closed_loop=True, after="{by rival}")}, {404}),
+    # outcomes of others' predictions
     ("robot", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {404}),
     ("lab", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {403}),
     ("reader", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {403}),

@@ -195,16 +195,6 @@ def test_the_page_asks_where_the_arm_is(service):
     assert "required" in field()
 
 
-def test_later_steps_of_a_closed_loop_know_it(service):
-    llm, client, task = service
-    client.configure_task(task, motion_limits={"max_step_m": 0.5})
-    llm.rows = ROWS[:1]
-    llm.let(2)
-    options = {**OPTIONS, "closed_loop": True}
-    first = client.predict(task, PICK, located(), **options)
-    assert client.predict(task, PICK, seen(QUERY_M), **options, after=first.id).actions
-
-
 def test_bounds_go_only_by_an_explicit_word(service):
     _, client, task = service
 

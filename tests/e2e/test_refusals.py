@@ -100,7 +100,8 @@ PREDICT = {"task": "refusals", "instruction": "pick up the cube", "objects": [{"
         ({"episode_ids": ["nothing"]}, 404, "nothing"),
         ({"timeout_s": 1e999}, 422, "timeout_s"),
         ({"unsupported": "perhaps"}, 422, "unsupported"),
-        ({"num_samples": 2, "closed_loop": True}, 422, "num_samples"),
+        ({"num_samples": 0}, 422, "num_samples"),
+        ({"after": "1"}, 422, "after"),
     ],
 )
 def test_predict_refused(http, task, change, status, said):

@@ -15,7 +15,7 @@ import pytest
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import Pose
 from tests.e2e.processes import EVENTS, answering, killable_server, slow_llm
 from tests.e2e.test_stream import Arm, seen, tracked
@@ -178,31 +178,6 @@ def test_a_service_that_is_killed_in_the_middle_of_a_stream_stops_the_robot(tmp_
             with pytest.raises(ServiceUnreachableError):
                 run_task(client, arm, "pick", PICK, stream=True, representation="absolute")
         assert [entry == "stop" for entry in arm.log] == [False, True]
-
-
-STEPS = {
-    "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([f"[[51, 38, {z}, 0, 36, 36, 1]]" for z in (27, 22, 57)]),
-    "ROBOPROMPT_DEFAULT_MODEL": "scripted",
-}
-
-
-def test_a_closed_loop_is_bounded_from_step_to_step(tmp_path):
-    with killable_server(tmp_path, STEPS) as (_, url), RoboPromptClient(url) as client:
-        teach(client, "pick")
-        client.configure_task("pick", motion_limits={"max_step_m": 0.12})
-        arm = LocatedArm()
-        with pytest.raises(ServiceProblemError, match=r"is 0\.35 m from the one before \(allowed: at most 0\.12 m\)"):
-            list(run_closed_loop(client, arm, "pick", PICK, unsupported="allow"))
-    assert [entry == "stop" for entry in arm.log] == [False, False, True]
-
-
-def test_a_service_that_is_killed_between_the_steps_of_a_closed_loop_stops_the_robot(tmp_path):
-    with killable_server(tmp_path, STEPS) as (process, url), RoboPromptClient(url) as client:
-        teach(client, "pick")
-        arm = Murderous(process)
-        with pytest.raises(ServiceUnreachableError):
-            list(run_closed_loop(client, arm, "pick", PICK, unsupported="allow"))
-    assert [entry == "stop" for entry in arm.log] == [False, True]
 
 
 def script(url, log, *options, arm_seconds=0.0, **kinds):

@@ -13,7 +13,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, NotConfirmedError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 from tests.e2e.processes import EVENTS, answering, running_server
 from tests.episodes import pick_trajectory
@@ -146,14 +146,3 @@ def test_a_service_that_dies_in_the_middle_stops_the_robot():
     with answering(lambda *_: (200, EVENTS, said)) as url, RoboPromptClient(url) as client, ended:
         run_task(client, arm, "pick", INSTRUCTION, stream=True, limits=MotionLimits())
     assert [isinstance(entry, EndEffectorAction) for entry in arm.log] == [True, False]
-
-
-@pytest.mark.long
-def test_closed_loop_with_the_real_llm(client):
-    arm = Arm()
-    steps = list(run_closed_loop(client, arm, "stream", INSTRUCTION, num_demonstrations=5))
-    check(arm.log)
-    assert [step.response["step"] for step in steps] == [0, 1, 2, 3]
-    assert steps[-1].actions == ()
-    usage = steps[-1].response["usage"]
-    assert usage["cached_tokens"] > 0.9 * usage["prompt_tokens"]

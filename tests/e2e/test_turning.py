@@ -122,19 +122,6 @@ def test_parts_follow_them_too(http, taught):
     assert_pressed(answer, *ASKED[0], frame)
 
 
-def test_a_closed_loop_follows_them_at_each_step(http, taught):
-    frame, task = taught
-    place_m, hand = pressed(*ASKED[0], frame)
-    options = {"model": "nearest", "representation": "object_frame", "closed_loop": True}
-    steps = [ask(http, task, **options)]
-    while steps[-1]["actions"]:
-        steps.append(ask(http, task, **options, after=steps[-1]["id"]))
-    assert all(f" {number} A {frame}: " in step["reply_text"] for number, step in enumerate(steps[:-1], start=1))
-    lowest = min((step["actions"][0] for step in steps[:-1]), key=lambda action: action["position"][2])
-    assert np.linalg.norm(lowest["position"] - place_m) < 0.005
-    assert np.degrees((hand.inv() * Rotation.from_quat(lowest["quaternion_xyzw"])).magnitude()) < 3
-
-
 def test_a_prompt_of_too_few_demonstrations_is_a_danger(http, taught):
     _, task = taught
     few = dangers(ask(http, task, model="nearest", num_demonstrations=2))

@@ -100,7 +100,7 @@ def test_vision_is_for_those_that_ask_the_service():
     assert suffix_of(methods[3], methods) == ""
 
 
-@pytest.mark.parametrize("sweep", ["noise", "loop"])
+@pytest.mark.parametrize("sweep", ["noise", "moving"])
 def test_what_needs_given_poses_says_so(sweep):
     with pytest.raises(InvalidInputError, match="given poses"):
         with_poses(SWEEPS[sweep].methods, "vision")

@@ -88,7 +88,7 @@ def printed(table, width):
     return out.getvalue()
 
 
-@pytest.mark.parametrize("sweep", ["main", "noise", "loop"])
+@pytest.mark.parametrize("sweep", ["main", "noise", "moving"])
 def test_tables_read_well_in_80_columns_without_a_terminal(sweep):
     methods = SWEEPS[sweep].with_models(())
     names = ("push_multiple_buttons", "put_in_cupboard")

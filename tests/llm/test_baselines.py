@@ -113,15 +113,6 @@ def test_clauses_that_were_answered_already_stand_before_the_query():
     assert copied_reply(LIFT + DROP, f"{answered}cup 24 50; lift it >") == " 1 cup w: +0 +0 +20"
 
 
-def test_of_a_closed_loop_the_step_that_is_asked_for_is_copied():
-    """Not what was done a moment ago, though that scene is the nearest."""
-    steps = "cup {0} 50 > 1 cup w: +0 +0 +{0}\ncup {0} 51 > 2 cup w: +1 +0 +{0}\ncup {0} 52 > done\n"
-    prefix, so_far = steps.format(10) + steps.format(30), "cup 12 50 > 1 cup w: +0 +0 +10\n"
-    assert copied_reply(prefix, "cup 12 50 >") == " 1 cup w: +0 +0 +10"
-    assert copied_reply(prefix, f"{so_far}cup 12 50 >") == " 2 cup w: +1 +0 +10"
-    assert copied_reply(prefix, f"{so_far}cup 12 50 > 2 cup w: +1 +0 +10\ncup 12 50 >") == " done"
-
-
 def test_the_papers_format():
     prefix = "{'cup': [10, 20], 'lift'}>[[1, 2, 3, 0, 39, 0, 1]], {'cup': [40, 20], 'lift'}>[[4, 2, 3, 0, 39, 0, 1]], "
     assert copied_reply(prefix, "{'cup': [33, 20], 'lift'}>") == "[[4, 2, 3, 0, 39, 0, 1]]"

@@ -194,7 +194,6 @@ def test_a_third_one_is_refused_where_it_is_meant_and_else_left_alone(services):
         (queries((LEFT_M, LEFT_M)), {}, "one object that was found twice"),
         ((*queries((LEFT_M, RIGHT_M)), ObjectQuery("bowl 1", (0.5, 0.5, 0.02))), {}, "bowl 1 is there already"),
         ((*queries((LEFT_M,)), ObjectQuery("bowl")), {}, "not known beforehand"),
-        (queries((LEFT_M, RIGHT_M)), {"closed_loop": True}, "in a closed loop"),
         (queries((LEFT_M,)), {}, "missing: bowl 2, bowl 1"),
     ],
 )

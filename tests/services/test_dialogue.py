@@ -1,10 +1,9 @@
-"""What is asked of the LLM: clause by clause, step by step, and read while it arrives."""
+"""What is asked of the LLM: clause by clause, and read while it arrives."""
 
 import asyncio
 from contextlib import aclosing
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from app.llm.base import ModelResponseError, TextDelta
@@ -17,8 +16,6 @@ from app.services.predict.record import Prediction
 from app.services.predict.reply import AGAIN_TEMPERATURE
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
-from app.store import predictions
-from app.store.errors import ConflictError
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
 from tests.services.test_predict_actions import ask, recorded
@@ -32,19 +29,12 @@ REQUEST = PredictRequest("pick", "pick up the cube", CUBE, options=PredictOption
 
 @pytest.fixture
 def taught(scripted):
-    def wire(*replies, track=False, **options):
+    def wire(*replies, **options):
         services = scripted(*replies, **options)
-        services.upload_episode(tracked(upload("cube")) if track else upload("cube"), respond)
+        services.upload_episode(upload("cube"), respond)
         return services
 
     return wire
-
-
-def tracked(one):
-    """The upload with the cube's place in every frame."""
-    trajectory = one.episode.trajectory
-    positions_m = np.tile([[0.11, 0.02, 0.78]], (len(trajectory), 1, 1))
-    return replace(one, episode=replace(one.episode, trajectory=replace(trajectory, object_positions_m=positions_m)))
 
 
 def streamed(services, request=REQUEST):
@@ -177,64 +167,6 @@ def test_a_model_that_fails_after_a_clause_keeps_what_it_said(taught):
         ask(services, replace(REQUEST, instruction="pick up the cube, then pick up the cube"))
     (record,) = recorded(services.store)
     assert (record.status, record.reply_text.strip()) == ("model_error", RELATIVE.strip())
-
-
-STEPS = [" 1 A w: +0 +0 +20 0 36 36 1\n", " 2 A w: +0 +0 +0 0 36 36 0\n", " done\n"]
-CLOSED = REQUEST.with_options(closed_loop=True)
-
-
-def test_a_closed_loop_goes_on_from_its_last_step(taught):
-    services = taught(*STEPS, track=True)
-    first = ask(services, CLOSED)
-    second = ask(
-        services, replace(CLOSED.with_options(after=first.id), objects=(ObjectQuery("cube", (0.2, 0.1, 0.9)),))
-    )
-    third = ask(services, CLOSED.with_options(after=second.id))
-    assert [len(step.reply.actions) for step in (first, second, third)] == [1, 1, 0]
-    assert [step.question.known.step for step in (first, second, third)] == [0, 1, 2]
-    np.testing.assert_allclose(second.reply.actions[0].action.position_m, [0.2, 0.1, 0.9])
-    assert (
-        second.reply.prompt.user == f"{first.reply.prompt.user}{STEPS[0]}{second.reply.prompt.query.splitlines()[-1]}"
-    )
-    assert third.reply.prompt.user.startswith(second.reply.prompt.user)
-    with services.store.read() as connection:
-        assert predictions.get(connection, third.id).step == 2
-    with pytest.raises(InvalidInputError, match="ended its closed loop"):
-        ask(services, CLOSED.with_options(after=third.id))
-
-
-def test_what_is_held_may_be_tilted_in_a_closed_loop(taught):
-    """Read with w first it would be upright, which at the beginning is a reason to refuse it."""
-    services = taught(*STEPS, track=True)
-    tilted = (ObjectQuery("cube", (0.2, 0.1, 0.8), (-0.766044, 0.0, 0.0, 0.642788)),)
-    with pytest.raises(InvalidInputError, match="upright only if w comes first"):
-        ask(services, replace(CLOSED, objects=tilted))
-    first = ask(services, CLOSED)
-    second = ask(services, replace(CLOSED.with_options(after=first.id), objects=tilted))
-    assert len(second.reply.actions) == 1
-
-
-def test_a_closed_loop_keeps_its_demonstrations(taught):
-    services = taught(*STEPS, track=True)
-    first = ask(services, CLOSED)
-    services.upload_episode(tracked(upload("cube")), respond)
-    second = ask(services, CLOSED.with_options(after=first.id))
-    assert second.question.prefix.demonstration_ids == first.question.prefix.demonstration_ids
-    services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 4}})
-    with pytest.raises(ConflictError, match="begin the closed loop again"):
-        ask(services, CLOSED.with_options(after=second.id))
-
-
-def test_only_a_step_of_this_tasks_closed_loop_can_be_gone_on_from(taught):
-    services = taught(RELATIVE, track=True)
-    open_loop = ask(services, REQUEST)
-    with pytest.raises(InvalidInputError, match="not a step of a closed loop"):
-        ask(services, CLOSED.with_options(after=open_loop.id))
-
-
-def test_a_closed_loop_needs_tracked_objects(taught):
-    with pytest.raises(InvalidInputError, match=r"closed_loop: .*object_positions"):
-        ask(taught(*STEPS), CLOSED)
 
 
 def test_the_text_comes_in_pieces_if_it_is_wished(taught):

@@ -69,7 +69,3 @@ def test_the_instruction_is_the_one_that_the_llm_read():
 def test_without_its_demonstrations_nothing_is_compared():
     nothing = explained(prediction(actions(0.12), cube(0.12)), [])
     assert (nothing.reaches, nothing.deviations) == ({}, ())
-
-
-def test_a_step_of_a_closed_loop_is_not_taken_for_the_whole():
-    assert explained(prediction(actions(0.12)[1:2], cube(0.12), step=1)).deviations == ()

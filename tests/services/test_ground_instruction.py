@@ -11,14 +11,10 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.measures import timings_of_its_own
-from app.services.predict.instruction import understand
-from app.services.predict.known import PreviousStep
-from app.services.predict.observe import Scene
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.poses import Pose
 from tests.episodes import pick_trajectory
 from tests.services.conftest import ONE_ACTION, written
 from tests.services.test_dialogue import RELATIVE
@@ -168,26 +164,3 @@ def test_words_take_little_time(services):
     with timings_of_its_own() as timings:
         question(services, instruction="press the crimson one")
     assert timings.ms["words"] < 50  # 2 on an idle machine
-
-
-def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
-    first = question(services, instruction="push the leftmost button")
-    previous = PreviousStep(
-        0,
-        "base",
-        first.known.style,
-        (),
-        "",
-        "",
-        Pose((0, 0, 1), (1, 0, 0, 0)),
-        "push the leftmost button",
-        first.grounded,
-    )
-    swapped = Scene(tuple(replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects))
-    known = replace(first.known, previous=previous, scene=swapped)
-
-    def later(said):
-        return understand(replace(REQUEST, instruction=said), said, known, first.prefix.instructions).text
-
-    assert later("push the leftmost button") == "push the red button"
-    assert later("push the leftmost one") == "push the blue button"

@@ -9,7 +9,6 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from roboprompt_client.errors import InvalidInputError
 from tests.services.conftest import written
-from tests.services.test_dialogue import tracked
 from tests.services.test_predict_actions import REQUEST
 from tests.services.test_upload_episode import respond, upload
 
@@ -51,13 +50,6 @@ def test_kats_prompt(taught):
     assert asked.prompt.user.startswith("INPUTS:\n[[")
     assert asked.prompt.user.endswith("\nOUTPUTS:\n")
     assert "cube" not in asked.prompt.user
-
-
-def test_parts_are_more_than_a_step_of_a_closed_loop(scripted):
-    services = scripted("[]")
-    services.upload_episode(tracked(upload("cube")), respond)
-    with pytest.raises(InvalidInputError, match="representation: is 'parts' in a closed loop"):
-        question(services, representation="parts", closed_loop=True)
 
 
 def test_a_system_prompt_that_is_asked_for_goes_first(taught):

@@ -119,11 +119,6 @@ class UsageOut(BaseModel):
     completion_tokens: int
 
 
-Step = Annotated[
-    int | None, Field(description="of a closed loop, from 0; without actions it has ended. null without a closed loop")
-]
-
-
 class SampleOut(BaseModel):
     """One of several replies to a question."""
 
@@ -200,7 +195,6 @@ class PredictionOut(UnderstoodOut):
     reply_text: str
     usage: UsageOut
     timings_ms: dict[str, float]
-    step: Step = None
     samples: Samples = None
     findings: Annotated[list[FindingOut], Field(description="what deserves a look before the robot moves")] = []
 
@@ -249,7 +243,6 @@ class StoredPrediction(UnderstoodOut):
     cameras: Annotated[list[str], Field(description="whose images were sent")]
     usage: dict[str, int]
     timings_ms: dict[str, float]
-    step: Step = None
     samples: Samples = None
     findings: Annotated[list[FindingOut], Field(description="what deserves a look, causes first")]
     request: dict[str, Any]

@@ -159,7 +159,7 @@ class TrajectoryIn(RequestModel):
     joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, J) rad")] = None
     object_positions: Annotated[
         list[list[list[Number]]] | None,
-        Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
+        Field(description="(T, N, 3) m, of the objects in their order; show what the hand pushes or carries"),
     ] = None
     object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
     wrenches: Annotated[
@@ -223,7 +223,7 @@ class PredictBody(PredictOptions, RequestModel):
         EndEffectorIn | None,
         Field(
             description="the first action's way begins here; required where the task's motion_limits bound steps "
-            "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
+            "(max_step_m, max_step_rotation_deg)"
         ),
     ] = None
     dry_run: Annotated[Truth, Field(description="answer with the prompt, ask no LLM")] = False

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import ARRANGED, CHANGED_PLACES, PARTED, SIDES
+from app.pipeline.findings.rules import ARRANGED, PARTED, SIDES
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
@@ -24,7 +24,6 @@ FEWEST = 3  # demonstrations that tell what is the same from chance
 MOVED_M = 0.05  # a pair that never stood elsewhere is two objects that never moved
 
 MANY = 8  # demonstrations that tell a side from chance
-SAME_PLACE_M = 0.03  # what is seen so near to where another was is at its place
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,16 +170,3 @@ def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]
             )
             yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
             return
-
-
-def changed_places(before: Sequence[ObjectPose], now: Sequence[ObjectPose]) -> Iterator[Finding]:
-    """Two objects that are each where the other was one step before."""
-    was_m = {pose.name: pose.position_m for pose in before}
-    for one, other in combinations([pose for pose in now if pose.name in was_m], 2):
-        apart_m = float(np.linalg.norm(was_m[one.name] - was_m[other.name]))
-        off_m = max(np.linalg.norm(a.position_m - was_m[b.name]) for a, b in ((one, other), (other, one)))
-        if off_m < min(SAME_PLACE_M, apart_m / 3):
-            message = (
-                f"{one.name} and {other.name} have changed places since the last step: one is taken for the other."
-            )
-            yield CHANGED_PLACES.finding(message, f"objects[{one.name}]", {"apart_m": apart_m})

@@ -34,8 +34,6 @@ class Taught:
         several_ways: whether somebody said that there are several ways of doing it.
         hands: of each, what its recording has; empty where that is not known.
         round_objects: whose yaw the task says means nothing, or little.
-        moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
-            scenes and ways are not known.
         compared: poses of their objects that were given, and found in images as well.
     """
 
@@ -43,7 +41,6 @@ class Taught:
     several_ways: bool = False
     hands: tuple[RecordedHand, ...] = ()
     round_objects: frozenset[str] = frozenset()
-    moves: bool = False
     compared: tuple[Compared, ...] = ()
     _restricted: dict[frozenset[str], "Taught"] = field(default_factory=dict, init=False, repr=False)
     _known: dict[tuple[str, int, tuple[str, ...]], tuple[Finding, ...]] = field(
@@ -101,14 +98,12 @@ class Taught:
     @cached_property
     def scenes(self) -> ShownScenes:
         """Where their objects are."""
-        if self.moves:
-            return ShownScenes(())
         return ShownScenes(self.usual, tuple(item for item in self.demonstrations if item not in self.usual))
 
     @cached_property
     def ways(self) -> ShownWays:
         """How near their hands come to objects."""
-        return ShownWays(() if self.moves else self.usual)
+        return ShownWays(self.usual)
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
@@ -124,7 +119,7 @@ class Taught:
         self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
     ) -> Iterator[Finding]:
         """What is doubtful about an answer to the parts of an instruction if its prompt shows only these of them."""
-        if not self.several_ways and not self.moves and any(item.id not in shown_ids for item in self.usual):
+        if not self.several_ways and any(item.id not in shown_ids for item in self.usual):
             for part in parts:
                 yield from answer_findings(self.support, part, actions)
 

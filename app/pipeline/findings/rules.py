@@ -112,7 +112,6 @@ PARTED = Rule(
 )
 
 SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration has it", "m", danger=0.05)
-CHANGED_PLACES = Rule("objects-changed-places", danger=ALWAYS, source="no hand exchanges two objects in one step")
 
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
 NUMBERED = Rule("numbered-by-place", info=ALWAYS, source="docs/instructions.md")

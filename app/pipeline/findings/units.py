@@ -81,11 +81,8 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
         yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
 
 
-def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, under_way: bool = False) -> None:
+def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
     """Refuse observed objects whose positions are not in meters, seen from the workspace of their task.
-
-    Args:
-        under_way: whether the robot has begun to move: what it holds may be tilted.
 
     Raises:
         InvalidInputError: as `check_recording`.
@@ -96,8 +93,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, un
             if away_m > MAX_AWAY_M and workspace.contains(pose.position_m / factor):
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame")
-    if not under_way:
-        _check_objects_order(objects)
+    _check_objects_order(objects)
 
 
 def _check_moves(motion: Motion) -> None:

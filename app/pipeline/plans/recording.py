@@ -102,4 +102,4 @@ class Recording:
     def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
         """The demonstration with the actions of these keyframes."""
         actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
-        return replace(self.demonstration, actions=actions, later_objects=())
+        return replace(self.demonstration, actions=actions)

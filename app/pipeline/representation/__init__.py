@@ -21,13 +21,11 @@ def fit_codec(
     prompt_format: str,
     demonstrations: Sequence[Demonstration],
     workspace: Workspace,
-    first_row: int = 1,
 ) -> Codec:
     """The named representation, fitted to the demonstrations of one prompt.
 
     Args:
         prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `kat` is KAT's.
-        first_row: the number of the first row, where rows are numbered: in a closed loop it goes on over steps.
 
     Raises:
         InvalidInputError: for an unknown name, a format that the representation does not have, without
@@ -38,7 +36,7 @@ def fit_codec(
         raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
     with_instruction = prompt_format == "paper"
     if representation == "object_frame":
-        return ObjectFrameCodec.fit(demonstrations, workspace, with_instruction, first_row)
+        return ObjectFrameCodec.fit(demonstrations, workspace, with_instruction)
     if representation == "parts":
         return PartsCodec.fit(demonstrations, with_instruction)
     codec = AbsoluteCodec if representation == "absolute" else ActionTokensCodec

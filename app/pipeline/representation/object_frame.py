@@ -72,7 +72,6 @@ class ObjectFrameCodec(Codec):
 
     Attributes:
         tilted: objects whose frame `o` is their full rotation rather than their yaw.
-        first_row: the number of the first row.
     """
 
     workspace: Workspace
@@ -80,14 +79,13 @@ class ObjectFrameCodec(Codec):
     with_instruction: bool
     tilted: frozenset[str]
     table: tuple[tuple[Row, ...], ...]
-    first_row: int = 1
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
     joint: ClassVar[str] = " "
 
     @classmethod
     def fit(
-        cls, demonstrations: Sequence[Demonstration], workspace: Workspace, with_instruction: bool, first_row: int = 1
+        cls, demonstrations: Sequence[Demonstration], workspace: Workspace, with_instruction: bool
     ) -> "ObjectFrameCodec":
         """Choose each row's anchor and make equal what differs by rounding only."""
         tilted = tilted_objects(demonstrations)
@@ -95,7 +93,7 @@ class ObjectFrameCodec(Codec):
         for places in groups_of(demonstrations).values():
             for place, rows in zip(places, fit_rows([demonstrations[k] for k in places], tilted), strict=True):
                 table[place] = rows
-        return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table), first_row)
+        return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table))
 
     def questions(self, order: Order) -> tuple[str, ...]:
         return clause_by_clause(self.demonstrations, order)
@@ -117,7 +115,7 @@ class ObjectFrameCodec(Codec):
     def actions_text(self, demonstration: Demonstration) -> str:
         rows = self.table[self.demonstrations.index(demonstration)]
         anchors = [anchor_text(row.anchor, demonstration.objects, demonstration.order) for row in rows]
-        numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
+        numbered = enumerate(zip(rows, anchors, strict=True), start=1)
         return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
     def needed(self) -> tuple[Demonstration, ...]:
@@ -144,8 +142,8 @@ class ObjectFrameCodec(Codec):
 
     def _grammar(self, asked: Order, max_actions: int) -> str:
         if (plans := plans_of(self.demonstrations, self.table, asked)) is not None:
-            return plans_grammar(plans, self.first_row, max_actions)
-        return any_rows_grammar(self.demonstrations, self.frames, asked, self.first_row, max_actions)
+            return plans_grammar(plans, max_actions)
+        return any_rows_grammar(self.demonstrations, self.frames, asked, max_actions)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
@@ -192,11 +190,11 @@ class ObjectFrameCodec(Codec):
         """What a row is relative to, and its seven numbers."""
         match = _ROW.fullmatch(row)
         if not match:
-            expected = f"'{index + self.first_row} A w: +x +y +z roll pitch yaw gripper'"
+            expected = f"'{index + 1} A w: +x +y +z roll pitch yaw gripper'"
             raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
         number, anchor, *texts = match.groups()
-        if int(number) != index + self.first_row:
-            raise ReplyParseError(f"action {index} has row number {number}, expected {index + self.first_row}", row)
+        if int(number) != index + 1:
+            raise ReplyParseError(f"action {index} has row number {number}, expected {index + 1}", row)
         if anchor not in anchored:
             known = ", ".join(anchored)
             raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)

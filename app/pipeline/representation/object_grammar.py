@@ -107,28 +107,24 @@ def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> lis
     return patterns
 
 
-def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
+def plans_grammar(plans: Sequence[Plan], most: int) -> str:
     """The grammar of replies that carry out one of the plans, up to `most` rows of it."""
     written = dict.fromkeys(
-        ' "; " '.join(row.grammar(number) for number, row in enumerate(plan[:most], start=first_row)) for plan in plans
+        ' "; " '.join(row.grammar(number) for number, row in enumerate(plan[:most], start=1)) for plan in plans
     )
     names = [f"plan{k}" for k in range(len(written))]
     rules = "".join(f"{name} ::= {text}\n" for name, text in zip(names, written, strict=True))
     return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
 
 
-def any_rows_grammar(
-    demonstrations: Sequence[Demonstration], frames: Sequence[Frame], asked: Order, first_row: int, most: int
-) -> str:
+def any_rows_grammar(demonstrations: Sequence[Demonstration], frames: Sequence[Frame], asked: Order, most: int) -> str:
     """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations.
 
     Args:
         frames: that a row may have at an object.
     """
     fewest, most = row_count_bounds(demonstrations, asked, most)
-    rows = [
-        f'"{number} " a ": " {"b" if number == first_row else "s"}' for number in range(first_row, first_row + most)
-    ]
+    rows = [f'"{number} " a ": " {"b" if number == 1 else "s"}' for number in range(1, most + 1)]
     optional = ""
     for row in reversed(rows[fewest:]):
         optional = f' ("; " {row}{optional})?'

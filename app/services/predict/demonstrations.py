@@ -86,24 +86,17 @@ def recordings_of(
     """The demonstrations of records as they were found, each with the motion that it was made from."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
-    found = stepwise(records, settings)
-    for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
-        motion = settings.motion_of(trajectory, record.control_frequency_hz)
-        recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
-    return recordings
-
-
-def stepwise(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> tuple[Demonstration, ...]:
-    """Each with its own keyframes and the objects that all have: what only some have does not matter to the task."""
     found = [canonical_demonstration(record.demonstration(), settings) for record in records]
     names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
-    return tuple(demonstration.only(names) for demonstration in found)
+    for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        recordings.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
+    return recordings
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
     """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
-    later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
-    return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
+    return replace(demonstration, objects=settings.canonical(demonstration.objects))
 
 
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:

@@ -41,9 +41,7 @@ def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations)
     observed = tuple(item.pose() for item in record.objects if item.name in names)
     predicted = Demonstration(_canonical(record), observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
-    # A step of a closed loop is one action out of several; its demonstrations are not divided by step here.
-    deviations = action_deviations(predicted, shown) if record.step is None else ()
-    return Explanation(reaches, deviations)
+    return Explanation(reaches, action_deviations(predicted, shown))
 
 
 def _canonical(record: PredictionRecord) -> str:
@@ -97,7 +95,6 @@ def configuration(record: PredictionRecord) -> dict[str, Any]:
         "selection",
         "seed",
         "max_actions",
-        "closed_loop",
         "num_samples",
         "temperature",
     )

@@ -63,9 +63,7 @@ def _frequency_list() -> bytes:
 
 
 def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
-    """The instruction; a closed loop goes on with what its first step understood.
-
-    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
+    """The instruction.
 
     Args:
         instruction: the request's, checked.
@@ -75,8 +73,6 @@ def understand(request: PredictRequest, instruction: str, known: Known, taught: 
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
             the task's.
     """
-    if known.previous is not None and known.previous.instruction == request.instruction:
-        return known.previous.grounded
     scene = known.scene
     order = _grounded(request, instruction, taught, known.settings, scene.objects)
     if scene.bystanders:

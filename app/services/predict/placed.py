@@ -38,7 +38,7 @@ def place_plans(
         SceneOutOfBoundsError: if every plan of a part leaves the workspace here; no model can help.
         InvalidInputError: if the parts take more actions than the request allows.
     """
-    placed = {} if prefix.support is None else {part.instruction: prefix.support.placed(part) for part in parts}
+    placed = {part.instruction: prefix.support.placed(part) for part in parts}
     if options.unsupported == "refuse":
         _require_within_workspace(placed.values(), known.settings.limits_of_motion())
     plans, turned = _turned_plans(placed, known.taught, known.settings, known.end_effector)

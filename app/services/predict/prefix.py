@@ -1,25 +1,21 @@
 """What an LLM reads before the query, made once for each version of a task and style of prompt: the demonstrations."""
 
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.plans import agreeing, by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
-from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
 from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.known import Known, PreviousStep
+from app.services.predict.known import Known
 from app.services.predict.request import PromptStyle
 from app.services.task_settings import TaskSettings
-from app.store.errors import ConflictError
-from roboprompt_client.errors import InvalidInputError
 
 MAX_PREFIXES = 256
 
@@ -29,38 +25,21 @@ class Prefix:
     """The system prompt and the demonstrations, written, with what the demonstrations say of a reply.
 
     Attributes:
-        template: writes the query after them; of a closed loop, for every step.
+        template: writes the query after them.
         demonstration_ids: in the order in which they are shown.
-        support: what the demonstrations support; None for the steps of a closed loop.
+        support: what the demonstrations support.
         instructions: of the demonstrations.
     """
 
-    template: PromptTemplate | ClosedLoopTemplate
+    template: PromptTemplate
     demonstration_ids: tuple[str, ...]
-    support: Support | None = None
-    instructions: tuple[str, ...] = ()
+    support: Support
+    instructions: tuple[str, ...]
 
     @cached_property
     def cache_key(self) -> str:
         """Equal for equal prompts up to the query."""
         return hashlib.sha256(f"{self.template.system}\0{self.template.prefix}".encode()).hexdigest()[:16]
-
-    def at_step(self, step: int) -> PromptTemplate:
-        """The template for a step of a closed loop; without one there is only step 0."""
-        return self.template.at_step(step) if isinstance(self.template, ClosedLoopTemplate) else self.template
-
-    def taken(self, previous: PreviousStep) -> str:
-        """What stands between the demonstrations and the next query: the steps of a closed loop until now.
-
-        Raises:
-            ConflictError: if the demonstrations do not read as they did.
-        """
-        shown = self.template.prefix
-        if not previous.prompt_user.startswith(shown):
-            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
-        codec = self.at_step(previous.step).codec
-        reply = codec.reply_text(codec.rows(previous.reply_text, complete=True))
-        return f"{previous.prompt_user[len(shown) :]}{reply}{codec.separator}"
 
 
 def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
@@ -99,17 +78,18 @@ def write_prefix(
         absent: objects of the task that the scene does not have.
 
     Raises:
-        InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
+        InvalidInputError: without demonstrations.
     """
     recorded = demonstrations.recorded if of_scene is None else of_scene
     shown = demonstrations.shown if of_scene is None else agreeing(of_scene)
     shown, recorded = (
         tuple(_as_asked(item, absent, style.from_start) for item in items) for items in (shown, recorded)
     )
+    codec = fit_codec(style.representation, style.prompt_format, shown, workspace)
     return Prefix(
-        _template(shown, workspace, style),
+        PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt)),
         tuple(item.id for item in shown),
-        None if style.closed_loop else Support.of(by_plan(recorded), by_plan(shown)),
+        Support.of(by_plan(recorded), by_plan(shown)),
         tuple(item.instruction for item in shown),
     )
 
@@ -118,19 +98,3 @@ def _as_asked(demonstration: Demonstration, absent: Collection[str], from_start:
     """With the objects and the start that the question has as well."""
     present = demonstration.only([pose.name for pose in demonstration.objects if pose.name not in absent])
     return present if from_start else replace(present, start=None)
-
-
-def _template(
-    demonstrations: Sequence[Demonstration], workspace: Workspace, style: PromptStyle
-) -> PromptTemplate | ClosedLoopTemplate:
-    system = system_prompt_text(style.system_prompt)
-    names = (style.representation, style.prompt_format)
-    if not style.closed_loop:
-        return PromptTemplate.write(fit_codec(*names, demonstrations, workspace), demonstrations, system)
-    if style.representation == "parts":
-        raise InvalidInputError("representation", "is 'parts' in a closed loop", "one that writes single actions")
-
-    def fit(shown: Sequence[Demonstration], step: int) -> Codec:
-        return fit_codec(*names, shown, workspace, first_row=step + 1)
-
-    return ClosedLoopTemplate.write(fit, demonstrations, system)

@@ -8,14 +8,13 @@ import numpy as np
 from app.pipeline.alike import alike_findings
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
 from app.pipeline.findings.scatter import not_shown_findings
 from app.pipeline.findings.scene import other_objects, scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.findings.start import frame_findings, start_findings
 from app.pipeline.order.order import Order
-from app.pipeline.prompt import Prompt, PromptTemplate
+from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
 from app.services.predict.known import Known
 from app.services.predict.placed import Plans, place_plans
@@ -38,7 +37,6 @@ class Question:
         parts: what is asked for one after the other, of the objects as the prompt has them: with rotations where
             demonstrations have them.
         prefix: what the LLM reads before the query.
-        template: writes the query and reads the reply, at the step that is asked for.
         prompt: asks for the first of the parts.
         plans: by instruction of a part, the demonstrated rows in the observed scene; None where they are unknown.
         turned: whether actions have the hand turned by half a turn from what a reply says, as `plans` have.
@@ -52,7 +50,6 @@ class Question:
     seen: Query
     parts: tuple[Query, ...]
     prefix: Prefix
-    template: PromptTemplate
     prompt: Prompt
     plans: Plans
     turned: bool = False
@@ -76,20 +73,18 @@ def write_question(
 
     Raises:
         SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
-        ConflictError: if a closed loop's demonstrations have changed since its last step.
         InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
             of the instruction take more actions than the request allows.
     """
-    so_far = "" if known.previous is None else prefix.taken(known.previous)
-    template = prefix.at_step(known.step or 0)
-    limits.check_prompt(len(template.system) + len(template.prefix) + len(so_far))
+    template = prefix.template
+    limits.check_prompt(len(template.system) + len(template.prefix))
     start = _start(known.end_effector) if known.style.from_start else None
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
     plans, turned = place_plans(known, prefix, parts, request.options)
-    prompt = template.ask(parts[0], request.options.max_actions, so_far)
+    prompt = template.ask(parts[0], request.options.max_actions)
     request = request.without_frames()
-    question = Question(request, known, order, seen, parts, prefix, template, prompt, plans, turned=bool(turned))
+    question = Question(request, known, order, seen, parts, prefix, prompt, plans, turned=bool(turned))
     question = replace(question, findings=(*why, *doubts_before(question), *turned))
     if request.options.num_samples == 1:
         return question
@@ -114,8 +109,6 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     scene, taught = known.scene, known.taught
     followed = taught.followed(order)
     yield from other_objects(scene.absent, [pose.name for pose in scene.bystanders])
-    if known.previous is not None:
-        yield from changed_places(known.previous.objects, scene.objects)
     yield from alike_findings(question.request.alike)
     yield from _words(order, question.prefix.instructions)
     yield from _parts(question)
@@ -125,10 +118,9 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     if len(question.prefix.demonstration_ids) < len(taught.demonstrations):
         yield from not_shown_findings(question.prefix.support, taught.support, order)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
-    now = known.end_effector if known.previous is None else None
     if taught.follows_start(order):
-        yield from start_findings(now, taught.scenes)
-    yield from frame_findings(now, taught.demonstrations, taught.hands)
+        yield from start_findings(known.end_effector, taught.scenes)
+    yield from frame_findings(known.end_effector, taught.demonstrations, taught.hands)
 
 
 def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:

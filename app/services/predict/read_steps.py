@@ -23,7 +23,6 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.names import checked_instruction
 
 MAX_SCENES = 16  # whose words are kept
-NEEDS_TASK = ("after", "episode_ids")  # options that are about one task's episodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +77,10 @@ class ReadSteps:
         """The request with the one task that does what it asks for, of exactly its objects.
 
         Raises:
-            as `__call__`; InvalidInputError if its options need a task.
+            as `__call__`; InvalidInputError if its options name episodes.
         """
-        for name in NEEDS_TASK:
-            if getattr(request.options, name) is not None:
-                raise InvalidInputError("task", f"is left out beside {name}", "the name of the task")
+        if request.options.episode_ids is not None:
+            raise InvalidInputError("task", "is left out beside episode_ids", "the name of the task")
         steps = self(request.instruction, request.objects, exactly=True)
         names = list(dict.fromkeys(step.task for step in steps))
         if len(names) > 1:

@@ -126,7 +126,6 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         error=error,
         usage={} if reply.text is None else dict(vars(reply.usage)),
         timings_ms=dict(timings().ms),
-        step=question.known.step,
         objects=tuple(map(ObjectRecord.of, question.seen.objects)),
         samples=reply.samples,
         grounding=question.grounded.to_json(),

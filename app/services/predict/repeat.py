@@ -9,7 +9,6 @@ import anyio.to_thread
 from sqlalchemy import Connection
 
 from app.services.errors import UnsafeReplyError
-from app.services.predict.known import previous_step
 from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.request import PredictRequest
 from app.store import idempotency
@@ -95,10 +94,8 @@ class RepeatedPredictions:
         return await anyio.to_thread.run_sync(save)
 
     def _check(self, connection: Connection, request: PredictRequest, answer: JsonObject) -> None:
-        before = request.end_effector
-        if before is None and (previous := previous_step(connection, request)) is not None:
-            before = previous.end_effector
-        guard = MotionGuard(self._limits.read(connection, request.task), request.options.max_actions, before)
+        limits = self._limits.read(connection, request.task)
+        guard = MotionGuard(limits, request.options.max_actions, request.end_effector)
         try:
             for index, action in enumerate(answer["actions"]):
                 guard.check(action_from_json(index, action))

@@ -115,10 +115,10 @@ class Reply:
                 message = f"{most} actions do not carry out all {len(question.parts)} parts"
                 raise ReplyParseError(message, self.text or "")
             if number > 0:
-                codec = question.template.codec
+                codec = question.prefix.template.codec
                 written = codec.reply_text(codec.rows(self._last_text, complete=True))
                 so_far = f"{self.prompt.query}{written}{codec.separator}"
-                self.prompt = question.template.ask(part, remaining, so_far)
+                self.prompt = question.prefix.template.ask(part, remaining, so_far)
             yield part
 
     async def _actions(self, asked: Query, temperature: float) -> Actions:

@@ -11,11 +11,9 @@ from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
 from app.pipeline.alike import Alike
-from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation import KAT_FORMAT
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.camera import Camera, RgbdFrame
@@ -63,15 +61,6 @@ class PredictOptions(BaseModel):
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
     system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
-    closed_loop: Annotated[
-        Truth, Field(description="only the next action; the demonstrations must have tracked their objects")
-    ] = False
-    after: Annotated[
-        str | None,
-        Field(
-            max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
-        ),
-    ] = None
     unfamiliar: Annotated[
         Doubtful,
         Field(
@@ -136,15 +125,9 @@ class PredictRequest:
     alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
-        options = self.options
         objects, alike = numbered_queries(self.objects)
-        if alike and (options.closed_loop or options.after is not None):
-            called = alike[0].called
-            raise ObjectSetError("objects", f"given twice: {called}, in a closed loop", "a name for each: they move")
         if alike:
             settle(self, objects=objects, alike=alike)
-        if options.num_samples > 1 and (options.closed_loop or options.after is not None):
-            raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
 
     def without_frames(self) -> "PredictRequest":
         """The same with the cameras, but without what was decoded: it would fill the memory while the LLM is asked."""
@@ -162,14 +145,12 @@ class PromptStyle:
 
     Attributes:
         system_prompt: a variant's name or free text.
-        closed_loop: whether observations and actions take turns.
         from_start: whether the robot says where its end effector is, so that rows may be relative to that.
     """
 
     representation: str
     prompt_format: str
     system_prompt: str
-    closed_loop: bool = False
     from_start: bool = False
 
     @classmethod
@@ -182,5 +163,4 @@ class PromptStyle:
         if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
             lists = profile.style == "chat" and representation not in ("object_frame", "parts")
             system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
-        started = request.end_effector is not None and not options.closed_loop
-        return cls(representation, prompt_format, system_prompt, options.closed_loop, started)
+        return cls(representation, prompt_format, system_prompt, request.end_effector is not None)

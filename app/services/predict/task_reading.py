@@ -18,12 +18,10 @@ from app.services.predict.demonstrations import (
     in_all,
     read_compared,
     recordings_of,
-    stepwise,
 )
 from app.services.predict.request import Selection
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.records import DemonstrationRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -193,18 +191,10 @@ class TaskReading:
         Raises:
             NotFoundError: naming the first id that is no episode of this task.
         """
-        recordings = recordings_of(self._connection, self._records(ids), self.settings)
+        records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
+        recordings = recordings_of(self._connection, records, self.settings)
         found = Demonstrations.of(recordings).only(self.record.object_names or ())
         return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
-
-    @kept(64)
-    def stepwise(self, ids: Ids) -> Demonstrations:
-        """The same for a closed loop: each with its own keyframes, to which its objects were tracked."""
-        own = stepwise(self._records(ids), self.settings)
-        return Demonstrations(own, own).only(self.record.object_names or ())
-
-    def _records(self, ids: Ids) -> tuple[DemonstrationRecord, ...]:
-        return episodes.demonstrations_by_id(self._connection, self.record.name, ids)
 
     @property
     def _held_against(self) -> Ids:
@@ -212,7 +202,7 @@ class TaskReading:
         return self._diverse(MAX_HELD_AGAINST)
 
     @kept(128)
-    def taught(self, from_start: bool, closed_loop: bool) -> Taught:
+    def taught(self, from_start: bool) -> Taught:
         """All demonstrations of the task, whichever a request names; of very many those that lie farthest apart.
 
         Those that a program names may be of one way by chance: the service cannot know that a person chose them.
@@ -232,6 +222,5 @@ class TaskReading:
             several_ways=settings.ways == "several",
             hands=known.hands,
             round_objects=frozenset(settings.yaw_symmetry_deg),
-            moves=closed_loop,
             compared=read_compared(self._connection, self.record.name, ids, settings),
         )

@@ -49,20 +49,16 @@ def extract(
 
     Args:
         motion: as the settings read it.
-        objects: with what the task knows of them, in the order of the objects that the trajectory tracks.
+        objects: with what the task knows of them.
         names: of the objects, in the task's order.
         blobs: where templates of the objects are.
 
     Raises:
         InvalidInputError: if there is no keyframe, or an object cannot be found.
     """
-    rule, trajectory, sent = settings.keyframes.keyframe_rule(), motion.trajectory, [query.name for query in objects]
+    rule, trajectory = settings.keyframes.keyframe_rule(), motion.trajectory
     keyframes = tuple(
-        KeyframeRecord.of(
-            frame,
-            trajectory.action_at(frame, gripper_open=gripper_open),
-            _ordered(trajectory.objects_at(frame, sent), names),
-        )
+        KeyframeRecord.of(frame, trajectory.action_at(frame, gripper_open=gripper_open))
         for frame, gripper_open in find_keyframes(motion, rule)
     )
     if not keyframes:
@@ -71,11 +67,7 @@ def extract(
     queries = with_templates(objects, blobs)
     has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
     poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
-    return Extracted(keyframes, _ordered(poses, names))
-
-
-def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
-    return tuple(sorted(poses, key=lambda pose: names.index(pose.name)))
+    return Extracted(keyframes, tuple(sorted(poses, key=lambda pose: names.index(pose.name))))
 
 
 def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:

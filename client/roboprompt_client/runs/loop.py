@@ -1,7 +1,7 @@
 """Observe, ask, act: the loop of a robot that uses the service."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -110,7 +110,7 @@ def run_task(
             message = "is asked for together with stream, which moves before all actions are known"
             raise InvalidInputError("look_again", message, "one of both")
         if look_again:
-            _require_still_cameras(robot, "look_again")
+            _require_still_cameras(robot)
         allowed = _allowed(client, task, limits, pinned)
         with watch(task, instruction) as carrying_out:
             run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
@@ -124,61 +124,6 @@ def run_task(
         except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done all the same
             log.warning("the outcome was not recorded: %s", error)
     return predicted
-
-
-def run_closed_loop(
-    client: RoboPromptClient,
-    robot: Robot,
-    task: str,
-    instruction: str,
-    *,
-    max_steps: int = MAX_ACTIONS,
-    limits: MotionLimits | None = None,
-    pinned: MotionLimits | None = None,
-    confirm: Confirm | None = None,
-    on_danger: OnDanger | None = None,
-    preview: Preview = show_nothing,
-    watch: Watch = watch_nothing,
-    **options: Any,  # noqa: ANN401
-) -> Iterator[PredictedActions]:
-    """Observe, ask for one action, carry it out, and again, until the LLM says that it is done.
-
-    What is not listed is as for `run_task`, at each step.
-
-    Args:
-        max_steps: after so many the run ends, done or not.
-
-    Yields:
-        the answer to each step, before its findings are looked at and its action is carried out; the last has no action
-        unless `max_steps` ended the run.
-
-    Raises:
-        RoboPromptError: as `run_task`; the robot is stopped before.
-    """
-    asked = {**options, "closed_loop": True}
-    guard: MotionGuard | None = None
-    try:
-        danger = checked_on_danger(on_danger, confirm)
-        _require_still_cameras(robot, "closed_loop")
-        allowed = _allowed(client, task, limits, pinned)
-        with watch(task, instruction) as carrying_out:
-            run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
-            for index in range(max_steps):
-                observation = robot.observe()
-                guard = guard or run.guard(observation, max_steps)
-                predicted = client.predict(task, instruction, observation, **asked)
-                preview(predicted.actions, allowed)
-                for action in predicted.actions:
-                    guard.check(action)
-                yield predicted
-                if not predicted.actions:
-                    return
-                run.require_allowed(predicted.findings, predicted.actions)
-                run.execute(index, predicted.actions[0], predicted.id)
-                asked["after"] = predicted.id
-    except BaseException:
-        robot.stop()
-        raise
 
 
 @dataclass(frozen=True)
@@ -238,11 +183,10 @@ class _Run:
             self.execute(index, item)
         raise AssertionError("a stream ends with the whole answer or an error")
 
-    def guard(self, observation: Observation, max_actions: int | None = None) -> MotionGuard:
+    def guard(self, observation: Observation) -> MotionGuard:
         """For actions that begin where the robot is in `observation`."""
         self.allowed.require_start(observation.end_effector)
-        most = self.options.get("max_actions", MAX_ACTIONS) if max_actions is None else max_actions
-        return MotionGuard(self.allowed, int(most), observation.end_effector)
+        return MotionGuard(self.allowed, int(self.options.get("max_actions", MAX_ACTIONS)), observation.end_effector)
 
     def _check_all(self, observation: Observation, actions: Sequence[EndEffectorAction]) -> None:
         guard = self.guard(observation)
@@ -261,11 +205,11 @@ class _Run:
             self.robot.execute(action)
 
 
-def _require_still_cameras(robot: Robot, mode: str) -> None:
+def _require_still_cameras(robot: Robot) -> None:
     """Refuse a robot whose hand would leave what it does in order to look."""
     if getattr(robot, "viewpoints", ()):
         message = "is asked of an arm that goes to viewpoints to look, away from what it does"
-        raise InvalidInputError(mode, message, "cameras that need no viewpoints")
+        raise InvalidInputError("look_again", message, "cameras that need no viewpoints")
 
 
 def _allowed(

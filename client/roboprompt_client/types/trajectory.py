@@ -29,7 +29,7 @@ class Trajectory:
         gripper_open: (T,) bool, whether the fingers were open (not whether they were commanded to open).
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, J), or None.
-        object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
+        object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None; shows contact.
         object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only together with their positions.
         gripper_width_m: (T,) measured between the fingers, or None.
         wrenches_n_nm: (T, 6) force and torque on the hand, along the world's axes, or None.
