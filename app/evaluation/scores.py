@@ -95,11 +95,6 @@ def pooled_result(evaluation: Evaluation, method: Method) -> Result:
     return _result("", method, trials_of(evaluation, method), crashes)
 
 
-def results_of(evaluation: Evaluation) -> list[Result]:
-    """A result for each task and method, in their order."""
-    return [task_result(task, method) for task in evaluation.tasks for method in evaluation.methods]
-
-
 def mean_rate(evaluation: Evaluation, method: Method) -> float | None:
     """The mean of the tasks' rates of success; None without trials."""
     rates = [task_result(task, method).score.rate for task in evaluation.tasks]
