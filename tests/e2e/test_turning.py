@@ -92,7 +92,8 @@ def assert_pressed(answer, position_m, yaw_deg, frame):
 
 
 @pytest.mark.parametrize(
-    ("model", "asked"), [("embedded/gemma-3-270m", 0), ("regression", 1), ("nearest", 0), ("nearest", 1), ("nearest", 2)]
+    ("model", "asked"),
+    [("embedded/gemma-3-270m", 0), ("regression", 1), ("nearest", 0), ("nearest", 1), ("nearest", 2)],
 )
 def test_place_and_rotation_each_follow_their_own_axes(http, taught, model, asked):
     (frame, task), (position_m, yaw_deg) = taught, ASKED[asked]
