@@ -16,8 +16,8 @@ from app.evaluation.report.pictures import (
 )
 from app.pipeline.geometry import backproject
 from app.sim.world import calibrated
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 
 def test_numbers_for_people():

@@ -19,7 +19,7 @@ from app.evaluation.scores import NOTHING, task_result
 from app.pipeline.spans import Span, prompt_spans
 from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 Shown = dict[str, Any]  # the variables of a template
 
