@@ -14,7 +14,6 @@ NoiseOn = Literal["both", "test"]
 Source = Literal[
     "service",
     "closed loop",
-    "nearest demonstration",
     "expert replay",
     "expert",
     "robot loop",
@@ -81,7 +80,7 @@ class Method:
     @property
     def sees_poses(self) -> bool:
         """Whether the actions depend on observed object poses."""
-        return self.asks_model or self.source in ("nearest demonstration", "voxposer oracle")
+        return self.asks_model or self.source == "voxposer oracle"
 
     @property
     def needs_panda(self) -> bool:

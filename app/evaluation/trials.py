@@ -2,22 +2,20 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.evaluation.failures import ProgramRefusedError
-from app.evaluation.ledger import poses_of
 from app.evaluation.methods import Method, Source
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.panda import Actions, binned_keyframes
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Trial
 from app.evaluation.robot_loops import USELESS_REPLY, run_loop
-from app.evaluation.teach import UNSEEN, Lesson, TaughtEpisode, images_only
+from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.evaluation.voxposer.ask import Models, ask_for_program, oracle_actions, program_actions
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
@@ -31,7 +29,6 @@ from roboprompt_client.types.poses import ObjectPose
 
 # Problem types that mean that the instruction was not understood.
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
-LEVER_M = 0.1  # converts a rotation into the distance that it moves a point this far away; as in KAT's triplets
 
 
 class PlannedTrial(NamedTuple):
@@ -128,43 +125,6 @@ def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
         return call(runner.executor, run_loop, runner.client.url, lesson.name, planned.seed, planned.method, scene)
 
 
-def _replay_nearest(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    taught = lesson.taught[: planned.method.options.get("num_demonstrations", lesson.num_demonstrations)]
-    symmetry = runner.world.tasks[planned.task]
-    actions = replayed(taught, scene.instruction, _observed(planned, scene), symmetry)
-    return runner.execute(Trial(*planned.key, scene), actions)
-
-
-def replayed(
-    taught: Sequence[TaughtEpisode],
-    instruction: str,
-    objects: Sequence[ObjectPose],
-    yaw_symmetry_deg: Mapping[str, float],
-) -> Actions:
-    """Return the actions at the keyframes of the demonstration whose object poses are nearest to `objects`.
-
-    Only demonstrations with the same instruction are considered, if there are any. The distance sums, over the objects,
-    the shift in meters and the rotation in radians times 10 cm, up to symmetry.
-    """
-    alike = [item for item in taught if item.recorded.scene.instruction == instruction] or list(taught)
-    observed = {pose.name: canonical_pose(pose, yaw_symmetry_deg.get(pose.name)) for pose in objects}
-
-    def distance_m(item: TaughtEpisode) -> float:
-        poses = poses_of(item.document)
-        return sum(_distance_m(canonical_pose(p, yaw_symmetry_deg.get(p.name)), observed[p.name]) for p in poses)
-
-    nearest = min(alike, key=distance_m)
-    return tuple(nearest.recorded.trajectory.action_at(item["index"]) for item in nearest.document["keyframes"])
-
-
-def _distance_m(a: ObjectPose, b: ObjectPose) -> float:
-    shift_m = float(np.linalg.norm(a.position_m - b.position_m))
-    if a.quaternion_xyzw is None or b.quaternion_xyzw is None:
-        return shift_m
-    turn_rad = (Rotation.from_quat(a.quaternion_xyzw).inv() * Rotation.from_quat(b.quaternion_xyzw)).magnitude()
-    return shift_m + LEVER_M * float(turn_rad)
-
-
 def _replay_own(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     """Carry out a demonstration's keyframes in its own scene: an upper bound for any prediction."""
     demonstration = lesson.taught[planned.seed % len(lesson.taught)]
@@ -226,7 +186,6 @@ SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView]
     "service": _ask_service,
     "closed loop": _ask_and_act,
     "robot loop": _ask_and_act,
-    "nearest demonstration": _replay_nearest,
     "own keyframes": _replay_own,
     "expert replay": _replay_expert,
     "expert": _perform_expert,
