@@ -1,8 +1,7 @@
-"""Datasets read by processes of their own, within limits of memory and time.
+"""Reads datasets in child processes, within limits of memory and time.
 
-Files of unknown origin are read by large libraries in C; what breaks one of them breaks a process that holds no key and
-nothing else to lose. It answers with bytes and texts in MessagePack, never with objects. Below stands first the side
-that asks, then `main`, which the processes run.
+Untrusted files are read by large C libraries; a file that breaks one of them only breaks a process without any secrets.
+The processes answer in MessagePack, never with pickled objects. First comes the parent's side, then `main` of a child.
 """
 
 import json
@@ -29,18 +28,18 @@ from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from roboprompt_client.errors import InvalidInputError
 
-# What Python and its libraries need to start; keys and addresses of services are left out.
+# Python and its libraries need these; keys and addresses of services are not passed on.
 KEPT_VARIABLES = ("PATH", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "SYSTEMROOT", "LD_LIBRARY_PATH")
-# Address space that libraries reserve for every core at once would count as memory.
+# Libraries reserve address space for every core, which would count as memory.
 FRUGAL = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 FRAMING_BYTES = 10 * MEGABYTE
-MAX_QUESTION_BYTES = 100 * MEGABYTE  # the options hold what the user says of the objects of every episode
+MAX_QUESTION_BYTES = 100 * MEGABYTE  # the options include the objects of every episode
 _STATM = Path("/proc/self/statm")
 
 
 @contextmanager
 def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> Iterator[Dataset]:
-    """As `open_dataset`, in as many processes as threads read at once; raises DatasetError also if one of them dies."""
+    """Like `open_dataset`, in one child process per reading thread; raises DatasetError also if one dies."""
     readers = _Readers(path, options, name)
     try:
         with readers.one() as reader:
@@ -53,23 +52,23 @@ def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> I
 
 
 class _Readers:
-    """Processes that have the same dataset open; each is asked by one thread at a time."""
+    """Child processes that have the same dataset open; each serves one thread at a time."""
 
     def __init__(self, path: Path, options: ImportOptions, name: str | None) -> None:
         self._limits = options.limits
-        # From here to there only: what comes back is never unpickled.
+        # Only what this process sends is pickled; answers are never unpickled.
         self._request = pickle.dumps((path, options, name))
         self._idle: SimpleQueue[_Reader] = SimpleQueue()
 
     def read(self, index: int, title: str) -> Parcel:
-        """An episode; raises what its entry raises, and DamagedError if the process dies."""
+        """Return an episode; raises its entry's errors, and DamagedError if the process dies."""
         with self.one() as reader:
             answer = reader.ask({"read": index}, title)
         return Parcel(json.loads(answer["metadata"]), dict(answer["files"]), tuple(answer["notes"]))
 
     @contextmanager
     def one(self) -> Iterator["_Reader"]:
-        """A process for the caller alone."""
+        """Yield a process for the caller alone."""
         try:
             reader = self._idle.get_nowait()
         except Empty:
@@ -87,7 +86,7 @@ class _Readers:
 
 
 class _Reader:
-    """One process."""
+    """A child process."""
 
     def __init__(self, request: bytes, limits: ReadLimits) -> None:
         self._limits = limits
@@ -106,7 +105,7 @@ class _Reader:
         self._send(request)
 
     def ask(self, question: dict[str, Any], title: str) -> dict[str, Any]:
-        """The answer; raises what the process reports, and DamagedError if it dies or takes too long."""
+        """Return the answer; raises the error that the process reports, and DamagedError if it dies or is too slow."""
         late = threading.Event()
 
         def give_up() -> None:
@@ -128,7 +127,7 @@ class _Reader:
         return answer
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         self.alive = False
         self._process.kill()
         self._process.wait()
@@ -140,7 +139,7 @@ class _Reader:
         return f"its reader ended with {how}: the file is damaged, or made to do harm"
 
     def _send(self, message: bytes) -> bool:
-        """Whether the process took it."""
+        """Return whether the process is still there."""
         try:
             self._connection.send_bytes(message)
         except OSError:
@@ -148,7 +147,7 @@ class _Reader:
         return True
 
     def _receive(self) -> dict[str, Any] | None:
-        """None if the process has ended, or says what no reader says."""
+        """Return an answer; None if the process has ended, or for any other message."""
         try:
             answer = msgpack.unpackb(self._connection.recv_bytes(2 * self._limits.unpacked_bytes + FRAMING_BYTES))
         except (EOFError, OSError, ValueError):
@@ -163,12 +162,12 @@ def _environment() -> dict[str, str]:
 
 
 def _printable(text: str) -> str:
-    """`text` with nothing that would move a terminal's cursor."""
+    """Return `text` with control characters escaped."""
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 def _error(kind: str, arguments: list[str]) -> Exception:
-    """The error that a reader reports."""
+    """Return the error that a process reports."""
     if kind == "InvalidInputError":
         field, message, valid = arguments
         return InvalidInputError(field, message, valid or None)
@@ -182,7 +181,7 @@ def _error(kind: str, arguments: list[str]) -> Exception:
 
 
 def main() -> None:
-    """Answer until the other side closes."""
+    """Answer questions until the parent closes the pipe."""
     connection = Connection(int(sys.argv[1]))
     path, options, name = pickle.loads(connection.recv_bytes(MAX_QUESTION_BYTES))  # noqa: S301  # from our parent
     _limit_memory(options.limits)
@@ -214,7 +213,7 @@ def _packed(parcel: Parcel) -> dict[str, Any]:
 
 
 def _reported(error: Exception, path: Path) -> dict[str, Any]:
-    """The error's kind and arguments: objects are not sent."""
+    """Return the error's kind and arguments."""
     match error:
         case InvalidInputError():
             return {"error": "InvalidInputError", "arguments": [error.field, error.message, error.valid or ""]}
@@ -226,7 +225,7 @@ def _reported(error: Exception, path: Path) -> dict[str, Any]:
 
 
 def _limit_memory(limits: ReadLimits) -> None:
-    """Bound the address space, where the system can; elsewhere budgets of bytes and the time limit remain."""
+    """Limit the address space if the system can; otherwise only budgets and the time limit apply."""
     try:
         import resource
 

@@ -1,7 +1,7 @@
-"""A task as one file, to be imported by another service: settings, and every episode as it was uploaded.
+"""Archives: a task's settings and uploaded episodes in one zip file, which another service can import.
 
-A zip with `task.json` (the settings), `episodes/000000/` (`metadata.json`, `trajectory.npz`, and the images under the
-names of their parts), and `manifest.json` with the SHA-256 of each. The same task gives the same bytes.
+It has `task.json` (the settings), `episodes/000000/` (`metadata.json`, `trajectory.npz`, and images named as in the
+upload), and `manifest.json` with the SHA-256 of each. The same task gives the same bytes.
 """
 
 import hashlib
@@ -25,12 +25,12 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)  # zip's first day: the time of writing would cha
 
 
 def looks_like(path: Path) -> bool:
-    """Whether the file is a zip."""
+    """Return whether the file is a zip."""
     return path.is_file() and zipfile.is_zipfile(path)
 
 
 def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels: Iterable[Parcel]) -> int:
-    """Write the task; returns the number of episodes. Raises DatasetError if the file exists or cannot be written."""
+    """Write the task and return the number of episodes; raises DatasetError if the file exists or is not writable."""
     digests: dict[str, str] = {}
     number = 0
     with in_one_step(target) as unfinished, zipfile.ZipFile(unfinished, "w") as archive:
@@ -51,7 +51,7 @@ def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels:
 
 
 def open_archive(path: Path, options: ImportOptions) -> Dataset:
-    """The episodes and the task's settings; raises DatasetError if it is no such archive, or they are damaged."""
+    """Return the episodes and the task's settings; raises DatasetError if it is another file, or damaged."""
     budget = Budget(path, options.limits)
     try:
         archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads
@@ -76,7 +76,7 @@ def open_archive(path: Path, options: ImportOptions) -> Dataset:
 
 
 def _manifest(archive: zipfile.ZipFile, budget: Budget) -> tuple[str, dict[str, Any]]:
-    """The task's name, and the SHA-256 of every other member by its name."""
+    """Return the task's name, and the SHA-256 of every other member by name."""
     manifest = json.loads(_unpacked(archive, MANIFEST, budget))
     if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
         raise ValueError(f"is {manifest['format']} {manifest['version']}, expected {FORMAT} {VERSION}")
@@ -87,7 +87,7 @@ def _parcel(
     archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, str], task: str, options: ImportOptions
 ) -> Parcel:
     where = f"{archive.filename}: {names[0].rpartition('/')[0]}"
-    # Added up before the first is unpacked.
+    # The sum is checked before the first member is unpacked.
     Budget(where, options.limits).take(sum(archive.getinfo(name).file_size for name in names))
     budget = Budget(where, options.limits)
     files = {name.rpartition("/")[2]: _read(archive, name, digests, budget) for name in names}
@@ -114,7 +114,7 @@ def _read(archive: zipfile.ZipFile, name: str, digests: Mapping[str, str], budge
 
 
 def _unpacked(archive: zipfile.ZipFile, name: str, budget: Budget) -> bytes:
-    """The member's bytes, no more than it says that it has."""
+    """Return the member's bytes, at most as many as its header says."""
     member = archive.getinfo(name)
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # the others take any memory
         raise DamagedError(f"{archive.filename}: {name}", "is neither stored nor deflated")

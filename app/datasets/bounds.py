@@ -1,7 +1,6 @@
-"""The files of datasets: which may be read, how much they may take, the errors of others; and how one is written.
+"""Limits on reading untrusted datasets, their errors, and atomic writing.
 
-Paths and links of a dataset's folder may name any file of this machine, and a small file can say that it unpacks to any
-size.
+Paths and links in a dataset may point to any file of this machine, and a small file may unpack to any size.
 """
 
 import os
@@ -21,7 +20,7 @@ REMEDY = "--max-unpacked-mb allows more, if you trust where it comes from"
 
 
 class DatasetError(RoboPromptError):
-    """A dataset as a whole cannot be read or written; the message says what and how to go on."""
+    """A dataset as a whole cannot be read or written."""
 
 
 class MissingPackageError(DatasetError):
@@ -32,7 +31,7 @@ class MissingPackageError(DatasetError):
 
 
 class DamagedError(DatasetError):
-    """One file of a dataset is damaged or lacks something; the others are fine."""
+    """One file of a dataset is damaged or incomplete; others can be read."""
 
     def __init__(self, file: object, reason: object) -> None:
         super().__init__(f"{file}: {reason}")
@@ -40,19 +39,19 @@ class DamagedError(DatasetError):
 
 @dataclass(frozen=True)
 class ReadLimits:
-    """Bounds of what is read for one episode, and for the list of episodes."""
+    """Limits on reading one episode, or the list of episodes."""
 
-    unpacked_bytes: int = MAX_UNPACKED_BYTES  # what its files hold when they are unpacked
+    unpacked_bytes: int = MAX_UNPACKED_BYTES  # size of its unpacked files
     seconds: float = 300.0  # until it is read
 
     @property
     def memory_bytes(self) -> int:
-        """What the process that reads may take beside its code: what is unpacked, a copy of it, and room to work."""
+        """Memory of the reading process beside its code: the unpacked files, a copy of them, and working memory."""
         return 2 * self.unpacked_bytes + 500 * MEGABYTE
 
 
 class Budget:
-    """Counts the unpacked bytes of a file, `where`, and refuses those that are too many."""
+    """Counts the unpacked bytes of a file, `where`, and refuses too many."""
 
     def __init__(self, where: object, limits: ReadLimits) -> None:
         self._where = where
@@ -61,14 +60,14 @@ class Budget:
 
     @property
     def left_bytes(self) -> int:
-        """What may still be taken."""
+        """The bytes that may still be unpacked."""
         return self._limit_bytes - self._taken_bytes
 
     def take(self, num_bytes: int, where: object = None) -> None:
-        """Count what is about to be unpacked, or was, at `where`, if not at the budget's own place.
+        """Count bytes that are unpacked at `where` (default: the budget's own file).
 
         Raises:
-            DamagedError: if it is more than what is left, or not a size.
+            DamagedError: if they are too many, or negative.
         """
         if num_bytes < 0:
             raise DamagedError(where or self._where, f"says that it holds {num_bytes} bytes")
@@ -79,10 +78,10 @@ class Budget:
 
 
 def inside(root: Path, path: Path | str) -> Path:
-    """Where `path`, below the resolved `root` if it is relative, really is; it need not exist.
+    """Return the resolved `path`, which is relative to the resolved `root` or absolute, and need not exist.
 
     Raises:
-        DamagedError: if that is not below `root`, by `..`, an absolute path or a link.
+        DamagedError: if `..`, an absolute path or a link leads out of `root`.
     """
     named = root / path
     try:
@@ -97,10 +96,10 @@ def inside(root: Path, path: Path | str) -> Path:
 
 
 def read_inside(root: Path, path: Path | str, budget: Budget) -> bytes:
-    """The bytes of a regular file below `root`; raises DamagedError if it is another, elsewhere, or too large."""
+    """Return the bytes of a regular file below `root`; raises DamagedError for any other file, or one too large."""
     found = inside(root, path)
     try:
-        # Without it, opening a pipe would wait for a writer.
+        # Without O_NONBLOCK, opening a pipe would wait for a writer.
         with open(os.open(found, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
@@ -112,7 +111,7 @@ def read_inside(root: Path, path: Path | str, budget: Budget) -> bytes:
 
 
 def _folders(root: Path) -> tuple[Path, ...]:
-    """The root; of a snapshot in Hugging Face's cache also the folder that its links lead to."""
+    """Return the allowed folders: the root, and for a snapshot in Hugging Face's cache the target of its links."""
     repository = root.parent.parent
     if root.parent.name == "snapshots" and repository.name.startswith("datasets--"):
         return root, repository / "blobs"
@@ -121,10 +120,10 @@ def _folders(root: Path) -> tuple[Path, ...]:
 
 @contextmanager
 def in_one_step(target: Path) -> Iterator[Path]:
-    """A path beside `target` to write a file or folder to; it becomes `target` if all goes well, else it is removed.
+    """Yield a temporary path for a file or folder, which is renamed to `target` on success and removed otherwise.
 
     Raises:
-        DatasetError: if `target` exists, or the disk refuses.
+        DatasetError: if `target` exists or cannot be written.
     """
     if target.exists():
         raise DatasetError(f"{target} exists: name another, or remove it first")

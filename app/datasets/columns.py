@@ -1,7 +1,4 @@
-"""A table of named arrays and a mapping of its columns -> Trajectory and objects, and one episode's Parcel.
-
-The mapping and the user's options say what the columns are.
-"""
+"""Converts a table of named arrays into a trajectory, objects and a Parcel, by a mapping of its columns."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -17,15 +14,15 @@ from roboprompt_client.types.camera import Camera, camera_from_json
 from roboprompt_client.types.trajectory import Trajectory
 
 Columns = Mapping[str, np.ndarray[Any, Any]]
-STILL, STILL_SHARE = 0.005, 0.2  # of a gripper's column: fingers that vary by less have neither opened nor closed
+STILL, STILL_SHARE = 0.005, 0.2  # a gripper's column that varies by less has neither opened nor closed
 _SELECTOR = re.compile(r"(?P<column>.*?)(?:\[(?P<start>-?\d+)(?P<cut>:(?P<stop>-?\d*))?\])?")
 
 
 def trajectory_of(columns: Columns, mapping: FeatureMap, frequency_hz: float) -> Trajectory:
-    """The trajectory of one episode; joint velocities that were not recorded are derived from the positions.
+    """Return the trajectory of an episode; missing joint velocities are derived from positions.
 
     Raises:
-        InvalidInputError: naming the part that is missing and the columns that there are.
+        InvalidInputError: naming the missing part and the existing columns.
     """
     positions = _optional(columns, mapping.joint_positions)
     times_s = _optional(columns, mapping.timestamps)
@@ -47,7 +44,7 @@ def trajectory_of(columns: Columns, mapping: FeatureMap, frequency_hz: float) ->
 
 
 def objects_of(trajectory: Trajectory, mapping: FeatureMap) -> tuple[ObjectEntry, ...]:
-    """The tracked objects with their poses at the first frame."""
+    """Return the tracked objects with their poses in the first frame."""
     poses = trajectory.objects_at(0, [item.name for item in mapping.objects]) if mapping.objects else ()
     return tuple(
         ObjectEntry(
@@ -60,7 +57,7 @@ def objects_of(trajectory: Trajectory, mapping: FeatureMap) -> tuple[ObjectEntry
 
 
 def quaternions_xyzw(rotations: Array, form: RotationFormat) -> Array:
-    """Rotations (T, 3 or 4) of any format as (T, 4) quaternions; quaternions keep every bit."""
+    """Convert rotations (T, 3 or 4) of any format to quaternions (T, 4); quaternions keep every bit."""
     size = 4 if form.startswith("quaternion") else 3
     if rotations.ndim != 2 or rotations.shape[1] != size:
         raise InvalidInputError("end_effector_rotations", f"has shape {rotations.shape}", f"(T, {size}) for {form}")
@@ -68,15 +65,15 @@ def quaternions_xyzw(rotations: Array, form: RotationFormat) -> Array:
         return rotations
     if form == "quaternion_wxyz":
         return rotations[:, [1, 2, 3, 0]]
-    from scipy.spatial.transform import Rotation  # half the start of a reader's process, for which few formats ask
+    from scipy.spatial.transform import Rotation  # takes half of a process's start and is rarely needed
 
     make = Rotation.from_rotvec if form == "rotation_vector" else lambda angles: Rotation.from_euler("xyz", angles)
-    found: Array = make(rotations.copy()).as_quat()  # scipy takes no read-only array, as those of pyarrow are
+    found: Array = make(rotations.copy()).as_quat()  # scipy takes no read-only arrays, and pyarrow's are
     return found
 
 
 def selected(columns: Columns, selector: str) -> Array:
-    """The column, or what the selector cuts out of it: (T,) or (T, k); raises InvalidInputError naming the columns."""
+    """Return the column or a slice of it, (T,) or (T, k); raises InvalidInputError naming the columns."""
     match = _SELECTOR.fullmatch(selector)
     if match is None or match["column"] not in columns:
         raise InvalidInputError(selector, "is no column of the recording", ", ".join(columns))
@@ -155,17 +152,17 @@ def parcel_of(
     image: Callable[[str], bytes],
     image_columns: Sequence[str] = (),
 ) -> Parcel:
-    """The episode as it is sent.
+    """Return the parcel of an episode.
 
     Args:
         name: of the episode in its dataset.
-        source: the format, kept with the episode.
-        task, instruction: what the dataset says; options go before.
-        image: the encoded first image of a column; raises DamagedError.
-        image_columns: those that have images, whether the mapping uses them or not.
+        source: the format, stored with the episode.
+        task, instruction: of the dataset; options override them.
+        image: returns the encoded first image of a column; raises DamagedError.
+        image_columns: all columns with images.
 
     Raises:
-        InvalidInputError: for a part that is missing or not as it must be.
+        InvalidInputError: for a missing or invalid part.
     """
     if (text := options.instruction or instruction) is None:
         raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")

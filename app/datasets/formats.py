@@ -1,4 +1,4 @@
-"""Which format a path has."""
+"""Detects the format of a dataset and opens it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class Format:
     """A format that can be imported.
 
     Attributes:
-        looks_like: whether a path, file or folder, may be of this format; reads as little as it can.
+        looks_like: whether a file or folder may have this format; it reads as little as possible.
     """
 
     looks_like: Callable[[Path], bool]
@@ -33,7 +33,7 @@ FORMATS: dict[str, Format] = {
 
 
 def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
-    """The dataset at `path`, of the named format or of what it looks like; raises DatasetError if it is none."""
+    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
     if not path.exists():
         raise DatasetError(f"{path} does not exist")
     if name is not None:

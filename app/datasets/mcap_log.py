@@ -1,11 +1,10 @@
-"""ROS 2 recordings in MCAP: one file is one episode, a folder of files a dataset.
+"""ROS 2 recordings in MCAP: a file is an episode, a folder of files a dataset.
 
 Topics become columns: a JointState gives `TOPIC.velocity` and `TOPIC.position`, a pose `TOPIC.position` and
-`TOPIC.quaternion`, a number or a truth value `TOPIC`. The clock is that of the joint states; of every other topic each
-frame has the last message up to then. Without a mapping the topics are recognized by their types, where that is clear.
+`TOPIC.quaternion`, a number or Boolean `TOPIC`. Frames have the times of the joint states and the latest message of
+every other topic. Without a mapping, topics are recognized by their types if that is unambiguous.
 
-Chunks are unpacked here, within the budget: mcap's own reader unpacks one to whatever size it has, and makes an object
-of each of its records at once.
+Chunks are unpacked here, within the budget: mcap's own reader unpacks a chunk of any size at once.
 """
 
 import struct
@@ -31,9 +30,9 @@ SUFFIX = ".mcap"
 JOINTS = "sensor_msgs/msg/JointState"
 NANOSECONDS = 1e-9
 MAX_MESSAGE_BYTES = 1_000_000  # of joints, a pose or a number; images are never decoded
-OBJECT_BYTES = 500  # what Python needs for a message beside its numbers
-GROWTH = 4  # a number of 8 bytes takes 32 in a list
-ARM_JOINTS = 7  # what follows them in a JointState are usually fingers; another arm names its columns
+OBJECT_BYTES = 500  # Python's overhead of a message
+GROWTH = 4  # a number of 8 bytes takes 32 bytes in a list
+ARM_JOINTS = 7  # further joints of a JointState are usually fingers; other arms need a mapping
 
 
 @dataclass
@@ -44,13 +43,13 @@ class Track:
     values: dict[str, list[list[float]]] = field(default_factory=dict)
 
     def add(self, time_s: float, numbers: dict[str, list[float]]) -> None:
-        """One message more."""
+        """Add a message."""
         self.times_s.append(time_s)
         for name, value in numbers.items():
             self.values.setdefault(name, []).append(value)
 
     def in_order(self) -> "Track":
-        """By time: recorders write what comes late after what came later."""
+        """Return the messages sorted by time; recorders write late messages out of order."""
         order = np.argsort(self.times_s, kind="stable").tolist()
         complete = {name: rows for name, rows in self.values.items() if len(rows) == len(order)}
         values = {name: [rows[k] for k in order] for name, rows in complete.items()}
@@ -58,12 +57,12 @@ class Track:
 
 
 def looks_like(path: Path) -> bool:
-    """Whether it is such a file, or a folder with some."""
+    """Return whether it is an MCAP file, or a folder with some."""
     return path.suffix == SUFFIX if path.is_file() else any(path.glob(f"*{SUFFIX}"))
 
 
 def open_mcap(path: Path, options: ImportOptions) -> Dataset:
-    """The file, or the folder's files by name; raises DamagedError if one of the folder's is a link out of it."""
+    """Return one episode for each file, by name; raises DamagedError if a file is a link out of the folder."""
     files = [path] if path.is_file() else sorted(inside(path.resolve(), file.name) for file in path.glob(f"*{SUFFIX}"))
     return Dataset("MCAP", tuple(Entry(file.stem, partial(_read, file, path, options)) for file in files))
 
@@ -100,7 +99,7 @@ def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
 
 
 def _tracks(file: Path, budget: Budget) -> tuple[dict[str, Track], list[str]]:
-    """Every topic that can be read as numbers, and those of joint states among them."""
+    """Return the numeric topics, and the names of those with joint states."""
     tracks: dict[str, Track] = {}
     joints: list[str] = []
     for kind, topic, time_s, message in _messages(file, budget):
@@ -111,7 +110,7 @@ def _tracks(file: Path, budget: Budget) -> tuple[dict[str, Track], list[str]]:
 
 
 def _messages(file: Path, budget: Budget) -> Iterator[tuple[str, str, float, Any]]:
-    """Type, topic, time (s) and content of those messages that are numbers; images stay undecoded."""
+    """Yield type, topic, time (s) and content of numeric messages; images are not decoded."""
     try:
         from mcap.exceptions import McapError
         from mcap_ros2.decoder import DecoderFactory
@@ -147,7 +146,7 @@ def _check_size(file: Path, topic: str, num_bytes: int, budget: Budget) -> None:
 
 
 def _records(stream: IO[bytes], size: int, budget: Budget) -> Iterator[Any]:
-    """A file's records, one by one, those in chunks among them; raises what mcap raises over a damaged file."""
+    """Yield a file's records, also those in chunks; raises mcap's errors for a damaged file."""
     from mcap.exceptions import EndOfFile
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
@@ -163,7 +162,7 @@ def _records(stream: IO[bytes], size: int, budget: Budget) -> Iterator[Any]:
 
 
 def _unpacked(chunk: Any, budget: Budget) -> bytes:  # noqa: ANN401
-    """A chunk's records: as many bytes as it says, or ValueError; DamagedError if the budget does not allow them."""
+    """Return a chunk's unpacked bytes; ValueError if their number is not as stated, DamagedError beyond the budget."""
     import lz4.frame
     import zstandard
 
@@ -186,7 +185,7 @@ def _unpacked(chunk: Any, budget: Budget) -> bytes:  # noqa: ANN401
 
 
 def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array], float]:
-    """Columns with a row for each time of the clock at which every topic is known, and the first such time."""
+    """Return columns with a row for each clock time at which every topic has a message, and the first such time."""
     start_s = max(track.times_s[0] for track in tracks.values())
     clock_s = clock_s[clock_s >= start_s]
     columns = {}
@@ -215,7 +214,7 @@ def _mapping(columns: dict[str, Array], joints: str, options: ImportOptions) -> 
 
 
 def _joint_numbers(message: Any) -> dict[str, list[float]]:  # noqa: ANN401
-    """In the order of the joints' names: panda_joint1 ... before panda_finger_joint1, whose name says finger."""
+    """Return velocities and positions in the order of the joints' names, fingers last."""
     order = sorted(range(len(message.name)), key=lambda k: ("finger" in message.name[k], message.name[k]))
     named = {"velocity": message.velocity, "position": message.position}
     return {name: [float(values[k]) for k in order] for name, values in named.items() if len(values) == len(order)}

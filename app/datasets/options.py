@@ -1,16 +1,16 @@
-"""What the user says of a dataset: options, the objects that it does not tell of, and which of its columns are what.
+"""Options of an import: its objects, and a mapping of its columns.
 
-The file of objects gives names, ids in the masks, and poses. It is either one list for every episode, or an object with
-any of `default`, `variations` and `episodes`, the more specific first:
+The file of objects has names, mask ids and poses. It is one list for all episodes, or an object with any of `default`,
+`variations` and `episodes`, of which the most specific one is used:
 
     {"default": [{"name": "drawer", "mask_ids": [98]}],
      "variations": {"1": [{"name": "drawer", "mask_ids": [105]}]},
      "episodes": {"episode7": [{"name": "drawer", "position": [0.2, 0.0, 1.1], "quaternion_xyzw": [0, 0, 0, 1]}]}}
 
-RLBench records the poses of a task's objects one after the other in `task_low_dim_state`: `"low_dim_state": 7` says
-that the object's pose (x y z, quaternion xyzw) begins at number 7 there.
+RLBench records the poses of a task's objects in `task_low_dim_state`: with `"low_dim_state": 7` the object's pose
+(x y z, quaternion xyzw) begins at index 7.
 
-The mapping of columns is JSON, too, e.g. for DROID in LeRobot's format; a column may be cut, `observation.state[0:3]`:
+The mapping of columns is JSON, for example for DROID in LeRobot's format; columns may be sliced:
 
     {"joint_positions": "observation.state.joint_position",
      "end_effector_positions": "observation.state.cartesian_position[0:3]",
@@ -46,7 +46,7 @@ class KnownObjects:
     episodes: Mapping[str, Objects] = field(default_factory=dict)
 
     def of(self, episode: str, variation: int | None = None) -> Objects:
-        """The objects of an episode; none if the file does not tell.
+        """Return the objects of an episode; none if the file has none for it.
 
         Args:
             episode: its name in the dataset; an entry `episode7` also matches `open_drawer/episodes/episode7`.
@@ -58,7 +58,7 @@ class KnownObjects:
 
 
 def read_objects(path: Path) -> KnownObjects:
-    """Read such a file; raises DatasetError naming the file and what is wrong with it."""
+    """Read a file of objects; raises DatasetError naming the file and the fault."""
     try:
         document = json.loads(path.read_text())
         if isinstance(document, list):
@@ -95,14 +95,14 @@ def _object(item: Mapping[str, Any]) -> ObjectEntry:
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What holds for every episode.
+    """Options for every episode.
 
     Attributes:
-        task, instruction: instead of what the dataset says.
-        objects: what the dataset does not tell.
+        task, instruction: override those of the dataset.
+        objects: that the dataset does not contain.
         cameras: only these; None for all.
-        features: what the user says of the mapping of columns, as JSON; formats that have no columns take none.
-        limits: how much an episode may take.
+        features: changes of the mapping of columns, as JSON, for formats with columns.
+        limits: on reading an episode.
     """
 
     task: str | None = None
@@ -114,17 +114,17 @@ class ImportOptions:
 
     @property
     def given(self) -> dict[str, str]:
-        """Of an episode's metadata, what the user says instead."""
+        """The parts of an episode's metadata that the user overrides."""
         said = {"task": self.task, "instruction": self.instruction}
         return {name: value for name, value in said.items() if value is not None}
 
     def wants(self, camera: str) -> bool:
-        """Whether the camera's images are to be imported."""
+        """Return whether to import the camera's images."""
         return self.cameras is None or camera in self.cameras
 
 
 def as_name(text: str) -> str:
-    """`text` with what a name must not have replaced by an underscore; may still be refused as a name."""
+    """Return `text` with characters that names must not have replaced by underscores; it may still be invalid."""
     allowed = "".join(letter if letter.isascii() and (letter.isalnum() or letter in " _-.") else "_" for letter in text)
     name = allowed.strip(" _-.")[:64].strip(" _-.")
     return name if NAME_PATTERN.fullmatch(name) else text
@@ -136,7 +136,7 @@ ROTATION_FORMATS: tuple[RotationFormat, ...] = get_args(RotationFormat)
 
 @dataclass(frozen=True)
 class TrackedObject:
-    """An object whose pose the recording has in every frame."""
+    """The columns of an object whose pose is recorded in every frame."""
 
     name: str
     position: str
@@ -153,18 +153,18 @@ class MappedCamera:
 
     @property
     def name(self) -> str:
-        """The camera's."""
+        """The camera's name."""
         return str(self.calibration["name"])
 
 
 @dataclass(frozen=True)
 class FeatureMap:
-    """Where a trajectory's parts stand; None where the recording has none.
+    """The columns of a trajectory's parts; None for parts that were not recorded.
 
     Attributes:
         rotation_format: of every rotation; Euler angles in radians, extrinsic.
-        gripper: the measured width rather than the command, which comes before the fingers have done it.
-        gripper_open_above, gripper_open_below: the gripper is open where its column is above, or below; one of them.
+        gripper: better the measured width than the command, which precedes the motion of the fingers.
+        gripper_open_above, gripper_open_below: threshold of an open gripper; exactly one of them.
     """
 
     joint_velocities: str | None = None
@@ -185,7 +185,7 @@ class FeatureMap:
             raise InvalidInputError("mapping.rotation_format", f"is {self.rotation_format!r}", remedy)
 
     def changed(self, changes: Mapping[str, Any]) -> "FeatureMap":
-        """With those parts replaced that a JSON document names; raises DatasetError for a part that does not exist."""
+        """Return the mapping with the parts of a JSON document replaced; raises DatasetError for an unknown part."""
         known = [item.name for item in fields(self)]
         if unknown := set(changes) - set(known):
             raise DatasetError(f"mapping: {sorted(unknown)[0]!r} is none of {', '.join(known)}")
@@ -203,7 +203,7 @@ class FeatureMap:
 
 
 def read_changes(path: Path | None, pairs: tuple[str, ...]) -> dict[str, Any]:
-    """The document of the user's JSON file, and over it pairs `part=column`; raises DatasetError naming either."""
+    """Return the mapping of a JSON file, overridden by pairs `part=column`; raises DatasetError."""
     changes: dict[str, Any] = {}
     if path is not None:
         try:

@@ -1,4 +1,4 @@
-"""An episode of a dataset as it is sent, its images as files; and the datasets that readers make of them."""
+"""An episode in the form of an upload (`Parcel`), and a dataset of such episodes."""
 
 import hashlib
 import json
@@ -17,14 +17,14 @@ from roboprompt_client.types.names import checked_instruction, checked_name
 from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
-FINE_M, COARSE_M = 0.0001, 0.001  # meters a unit: 16 bits reach 6.5 m or 65 m
+FINE_M, COARSE_M = 0.0001, 0.001  # meters per unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max
 KEY_PREFIX = "import-"
-EDITED = ("left_out", "note", "uploaded_instruction")  # of an upload's metadata: what is there after a correction
+EDITED = ("left_out", "note", "uploaded_instruction")  # metadata that corrections of an episode change
 
 
 def depth_png(depth_m: Array) -> tuple[bytes, float]:
-    """(H, W) meters -> a 16-bit PNG and its depth scale: a tenth of a millimeter where that reaches far enough."""
+    """Encode (H, W) meters as a 16-bit PNG. Return it and its depth scale, 0.1 mm if that reaches far enough."""
     known_m = np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0.0)
     scale = FINE_M if known_m.max(initial=0) <= FINE_M * _MAX_UNITS else COARSE_M
     units = np.rint(known_m / scale)
@@ -33,14 +33,14 @@ def depth_png(depth_m: Array) -> tuple[bytes, float]:
 
 
 def mask_png(ids: npt.NDArray[np.integer]) -> bytes:
-    """(H, W) ids below 65536 -> a 16-bit PNG; raises DamagedError for larger ids."""
+    """Encode (H, W) ids below 65536 as a 16-bit PNG; raises DamagedError for larger ids."""
     if ids.min(initial=0) < 0 or ids.max(initial=0) > _MAX_UNITS:
         raise DamagedError("mask", f"has ids from {ids.min()} to {ids.max()}, expected 0 to {_MAX_UNITS}")
     return _png(ids.astype(np.uint16))
 
 
 def rgb_png(rgb: npt.NDArray[np.uint8]) -> bytes:
-    """(H, W, 3) red first -> a PNG."""
+    """Encode (H, W, 3) RGB as a PNG."""
     return _png(np.ascontiguousarray(rgb[..., ::-1]))
 
 
@@ -50,12 +50,12 @@ def _png(image: npt.NDArray[np.integer]) -> bytes:
 
 @dataclass(frozen=True)
 class ObjectEntry:
-    """An object of a scene, with what the dataset knows of it: its pose in the world frame, or its ids in the masks.
+    """An object of a scene with its pose in the world frame, or its ids in the masks.
 
-    With neither, the service is to find it in the images by the task's object models.
+    With neither, the service finds it in the images by the task's object models.
 
     Attributes:
-        low_dim_state: where in RLBench's `task_low_dim_state` its pose begins; the reader puts the pose in its place.
+        low_dim_state: index of its pose in RLBench's `task_low_dim_state`; the reader replaces it by the pose.
     """
 
     name: str
@@ -65,7 +65,7 @@ class ObjectEntry:
     low_dim_state: int | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """As an upload's metadata has it."""
+        """Return the object in the form of an upload's metadata."""
         document: dict[str, Any] = {"name": self.name}
         if self.position_m is not None:
             document["position"] = list(self.position_m)
@@ -78,7 +78,7 @@ class ObjectEntry:
 
 @dataclass(frozen=True, eq=False)
 class Parcel:
-    """An episode as it is sent: the metadata document, and the trajectory and the images as files."""
+    """An episode as it is uploaded: the metadata, and the trajectory and images as files."""
 
     metadata: Mapping[str, Any]
     files: Mapping[str, bytes]
@@ -98,14 +98,14 @@ class Parcel:
         extra: Mapping[str, Any] | None = None,
         notes: tuple[str, ...] = (),
     ) -> "Parcel":
-        """What a reader makes of one episode.
+        """Return the parcel of an episode that a reader has read.
 
         Args:
-            images: encoded images of the first frame by the names of their parts: rgb_NAME, depth_NAME, mask_NAME.
-            extra: kept with the episode, not interpreted.
+            images: encoded images of the first frame, by rgb_NAME, depth_NAME, mask_NAME.
+            extra: stored with the episode, not interpreted.
 
         Raises:
-            InvalidInputError: for names or an instruction that a prompt cannot have.
+            InvalidInputError: for invalid names or an invalid instruction.
         """
         metadata = {
             "task": checked_name("task", task),
@@ -119,7 +119,7 @@ class Parcel:
 
     @property
     def key(self) -> str:
-        """An idempotency key that follows from the content; an episode that is exported or edited keeps it."""
+        """An idempotency key from the content; exported and edited episodes keep it."""
         digest = hashlib.sha256(canonical_json(_essence(_as_uploaded(self.metadata))))
         for name in sorted(self.files):
             digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
@@ -128,7 +128,7 @@ class Parcel:
 
 @dataclass(frozen=True)
 class Entry:
-    """One episode of a dataset that is read when it is its turn."""
+    """One episode of a dataset, which is read later."""
 
     name: str  # within the dataset, for messages
     read: Callable[[], Parcel]  # raises DamagedError or InvalidInputError
@@ -136,11 +136,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A dataset that was found; its bulk is read later.
+    """An opened dataset.
 
     Attributes:
-        task_settings: of tasks that the dataset brings along, by name.
-        damaged: files that could not even be listed as episodes, with the reason.
+        task_settings: of the dataset's tasks, by name.
+        damaged: files that could not be listed as episodes, with the reason.
     """
 
     format: str
@@ -150,7 +150,7 @@ class Dataset:
 
 
 def checked_metadata(where: object, metadata: Any) -> dict[str, Any]:  # noqa: ANN401
-    """An upload's metadata, from a file; raises DamagedError for another form, InvalidInputError for a task's name."""
+    """Check an upload's metadata from a file; raises DamagedError, or InvalidInputError for a task's name."""
     if not isinstance(metadata, dict) or not isinstance(metadata.get("task"), str):
         raise DamagedError(where, "names no task")
     checked_name("task", metadata["task"])
@@ -162,19 +162,19 @@ def checked_metadata(where: object, metadata: Any) -> dict[str, Any]:  # noqa: A
 
 
 def canonical_json(value: object) -> bytes:
-    """The same bytes for the same document, whatever the order of its keys."""
+    """Encode a document; the order of its keys does not matter."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
 
 
 def _as_uploaded(metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """The metadata without what people may have edited since."""
+    """Return the metadata without later corrections."""
     first = metadata.get("uploaded_instruction") or metadata["instruction"]
     kept = {name: value for name, value in metadata.items() if name not in EDITED}
     return {**kept, "instruction": first}
 
 
 def _essence(value: Any) -> Any:  # noqa: ANN401
-    """The document without what is empty, and with whole numbers as any other: services write both as they like."""
+    """Return the document without empty values and with integers as floats, which services write in both ways."""
     if isinstance(value, Mapping):
         return {name: _essence(item) for name, item in value.items() if item is not None and item not in ([], (), {})}
     if isinstance(value, list | tuple):

@@ -4,11 +4,11 @@
         low_dim_obs.pkl   variation_number.pkl   variation_descriptions.pkl (RLBench's stands beside `episodes`)
         front_rgb/0.png ...   front_depth/0.png ...   front_mask/0.png ...   and so on for other cameras
 
-Any folder above, or one episode's own, can be imported. Poses are in RLBench's world frame, frames at 20 Hz.
+An episode's folder, or any folder above it, can be imported. Poses are in RLBench's world frame; frames come at 20 Hz.
 
-Depth is a fraction of the way from the near to the far plane in 24 bits, red the highest byte; a mask's id is
-R + 256 G + 65536 B (`rlbench/backend/utils.py`). Camera poses go from camera axes x left, y up, z forward to the world
-beside intrinsics with negative focal lengths: turning both axes gives OpenCV's convention, and the same points.
+Depth is a 24-bit fraction of the distance between near and far plane, red the highest byte; a mask's id is
+R + 256 G + 65536 B (`rlbench/backend/utils.py`). Cameras have the axes x left, y up, z forward and negative focal
+lengths; negating both axes gives OpenCV's convention and the same points.
 """
 
 import os
@@ -51,12 +51,12 @@ _LARGEST_PIXEL_BYTES = 8
 
 
 def looks_like(root: Path) -> bool:
-    """Whether episodes of this layout lie in or below the folder."""
+    """Return whether the folder has episodes of this layout, at any depth."""
     return root.is_dir() and bool(_episode_folders(root))
 
 
 def open_rlbench(root: Path, options: ImportOptions) -> Dataset:
-    """Every episode in or below the folder, in the order of their numbers."""
+    """Return every episode in or below the folder, in the order of their numbers."""
     root = root.resolve()
     entries = []
     for folder in _episode_folders(root):
@@ -120,7 +120,7 @@ def _trajectory(path: Path, observations: list[Record], states: Array | None) ->
 
 
 def _object_states(path: Path, observations: list[Record], objects: Sequence[ObjectEntry]) -> Array | None:
-    """(T, N, 7) poses of the objects, if all of them are to be read from the task's state."""
+    """Return the objects' poses (T, N, 7) if all are read from the task's state, else None."""
     offsets = [item.low_dim_state for item in objects]
     if not objects or None in offsets:
         return None
@@ -163,10 +163,10 @@ def _task(folder: Path) -> str:
 
 
 def _instructions(root: Path, folder: Path, options: ImportOptions, budget: Budget) -> tuple[str, list[str]]:
-    """The instruction, and other phrasings of it."""
+    """Return the instruction, and its other phrasings."""
     if options.instruction is not None:
         return options.instruction, []
-    above = folder.parent.parent  # of an episode that is imported alone it is not below the root
+    above = folder.parent.parent  # not below the root if the episode is imported alone
     for within, path in ((root, folder / DESCRIPTIONS), (above, above / DESCRIPTIONS)):
         if path.exists():
             first, *others = load_descriptions(within, path, budget)
@@ -190,7 +190,7 @@ def _cameras(
 
 
 def camera_of(name: str, misc: Mapping[str, Any], size_px: tuple[int, int], depth_scale: float) -> Camera:
-    """The camera in OpenCV's convention, of an observation's `misc`; raises InvalidInputError for no calibration."""
+    """Return the camera in OpenCV's convention from an observation's `misc`; raises InvalidInputError."""
     matrix = finite_array(f"{name}_camera_intrinsics", misc[f"{name}_camera_intrinsics"], (3, 3))
     pose = finite_array(f"{name}_camera_extrinsics", misc[f"{name}_camera_extrinsics"], (None, 4))
     camera_to_world = np.eye(4)
@@ -203,7 +203,7 @@ def camera_of(name: str, misc: Mapping[str, Any], size_px: tuple[int, int], dept
 
 
 def calibrated_cameras(misc: Mapping[str, Any]) -> list[str]:
-    """The names of the cameras whose calibration `misc` has."""
+    """Return the names of the cameras with a calibration in `misc`."""
     end = "_camera_intrinsics"
     names = [key.removesuffix(end) for key in misc if isinstance(key, str) and key.endswith(end)]
     return sorted(name for name in names if f"{name}_camera_extrinsics" in misc)
@@ -212,10 +212,10 @@ def calibrated_cameras(misc: Mapping[str, Any]) -> list[str]:
 def read_images(
     root: Path, folder: Path, name: str, misc: Mapping[str, Any], budget: Budget
 ) -> tuple[Camera, dict[str, bytes]] | None:
-    """The camera and the images of the first frame that the folder, below `root`, has; None if it has none.
+    """Return the camera and its images of the first frame in the folder below `root`; None without images.
 
     Raises:
-        DamagedError: naming the file that does not decode, or the plane that its depth needs.
+        DamagedError: naming the file that cannot be decoded, or a missing plane of its depth.
     """
     paths = {kind: folder / f"{name}_{kind}" / "0.png" for kind in _KINDS}
     found = {kind: path for kind, path in paths.items() if path.exists()}
@@ -237,7 +237,7 @@ def read_images(
 
 
 def depth_of(path: Path, pixels: npt.NDArray[np.uint8], name: str, misc: Mapping[str, Any]) -> Array:
-    """(H, W) meters along the optical axis."""
+    """Return depth (H, W) in meters along the optical axis."""
     planes = [misc.get(f"{name}_camera_{plane}") for plane in ("near", "far")]
     if None in planes:
         raise DamagedError(path, f"needs {name}_camera_near and {name}_camera_far in the observation's misc")
@@ -247,12 +247,12 @@ def depth_of(path: Path, pixels: npt.NDArray[np.uint8], name: str, misc: Mapping
 
 
 def ids_of(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
-    """(H, W) object ids."""
+    """Return object ids (H, W)."""
     return _number(pixels, (1, 256, 65536)) if pixels.ndim == 3 else pixels.astype(np.int64)
 
 
 def visible_ids(images: Mapping[str, bytes]) -> list[int]:
-    """The ids that the encoded masks of an episode show."""
+    """Return the ids in the encoded masks of an episode."""
     masks = [data for part, data in images.items() if part.startswith("mask_")]
     shown = [np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)) for data in masks]
     return np.unique(np.concatenate([mask.ravel() for mask in shown])).tolist() if shown else []

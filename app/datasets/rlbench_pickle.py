@@ -1,11 +1,10 @@
-"""`low_dim_obs.pkl` of RLBench without RLBench, and without the danger of a pickle.
+"""Reads RLBench's `low_dim_obs.pkl` safely and without RLBench.
 
-A pickle may call any function that it names. This reader knows the names of RLBench's two classes and of what numpy
-needs to rebuild arrays, and has an own one for each, in Python and for numbers only; any other name is refused before
-it is looked up.
+A pickle may call any function by name. This reader replaces RLBench's two classes and the functions with which numpy
+rebuilds arrays by its own ones, for numbers only, and refuses every other name.
 
-numpy's own `_reconstruct`, `ndarray`, `dtype.__setstate__` and `scalar` believe what a pickle says: one that is made up
-lets them follow a pointer of its author's choice. Here every size is compared with the bytes that are there.
+numpy's own `_reconstruct`, `ndarray`, `dtype.__setstate__` and `scalar` trust the pickle: a forged one makes them
+follow arbitrary pointers. Here every size is compared with the number of bytes.
 """
 
 import io
@@ -26,7 +25,7 @@ MAX_DIMENSIONS = 8
 
 
 class DtypeStandIn:
-    """`numpy.dtype` of one kind of number; raises pickle.UnpicklingError for any other type."""
+    """Replaces `numpy.dtype`, for numbers; raises pickle.UnpicklingError for any other type."""
 
     def __init__(self, spec: object, *_flags: object) -> None:
         if not isinstance(spec, str) or not _NUMBER.fullmatch(spec):
@@ -40,19 +39,19 @@ class DtypeStandIn:
         self._dtype = self._dtype.newbyteorder(state[1])
 
     def array(self, data: object, shape: object, order: object) -> np.ndarray[Any, Any]:
-        """The array of exactly these bytes; raises pickle.UnpicklingError if data and shape do not fit."""
+        """Return the array of these bytes; raises pickle.UnpicklingError if data and shape do not match."""
         if not isinstance(shape, tuple) or len(shape) > MAX_DIMENSIONS:
             raise pickle.UnpicklingError("it has an array without a shape")
         if not all(isinstance(size, int) and size >= 0 for size in shape) or order not in ("C", "F"):
             raise pickle.UnpicklingError(f"it has an array of shape {shape!r:.80}")
         if not isinstance(data, bytes | bytearray) or len(data) != math.prod(shape) * self._dtype.itemsize:
             raise pickle.UnpicklingError(f"it has an array of shape {shape!r:.80} with other bytes than that takes")
-        # A copy: the pickle goes on and may change a bytearray that it still holds.
+        # A copy, because the rest of the pickle may change a bytearray.
         return np.frombuffer(bytes(data), self._dtype).reshape(shape, order=order)
 
 
 class ArrayStandIn:
-    """`numpy.ndarray` while a pickle is read: no array is in reach of the pickle's further instructions."""
+    """Replaces `numpy.ndarray`, so that the rest of the pickle cannot reach the array."""
 
     def __init__(self) -> None:
         self.value: np.ndarray[Any, Any] = np.empty(0)
@@ -71,7 +70,7 @@ def reconstruct(*_arguments: object) -> ArrayStandIn:
 
 
 def ndarray(*_arguments: object) -> ArrayStandIn:
-    """`numpy.ndarray`, which a pickle names but does not call: it would take any bytes for objects."""
+    """Replaces calls of `numpy.ndarray`, which pickles name but do not call: it could turn bytes into objects."""
     raise pickle.UnpicklingError("it calls numpy.ndarray, which no pickle of numpy's does")
 
 
@@ -85,7 +84,7 @@ def from_buffer(data: object, dtype: object, shape: object, order: object) -> Ar
 
 
 def scalar(dtype: object, data: object) -> bool | int | float:
-    """`numpy._core.multiarray.scalar`, as Python's own number: nothing can be done to that."""
+    """`numpy._core.multiarray.scalar`, as an immutable number of Python."""
     if not isinstance(dtype, DtypeStandIn):
         raise pickle.UnpicklingError("it has a number without a type")
     number: bool | int | float = dtype.array(data, (), "C").item()
@@ -93,7 +92,7 @@ def scalar(dtype: object, data: object) -> bool | int | float:
 
 
 def plain(value: Any, depth: int = 4) -> Any:  # noqa: ANN401
-    """`value` with arrays in the place of stand-ins, also within dictionaries and lists down to `depth`."""
+    """Return `value` with stand-ins replaced by arrays, within dictionaries and lists down to `depth`."""
     if isinstance(value, ArrayStandIn):
         return value.value
     if depth and isinstance(value, dict):
@@ -104,21 +103,21 @@ def plain(value: Any, depth: int = 4) -> Any:  # noqa: ANN401
 
 
 class Record:
-    """Stands for an RLBench object: its attributes, none of its methods."""
+    """The attributes of an RLBench object."""
 
     def __init__(self, attributes: dict[str, Any]) -> None:
         self._attributes = attributes
 
     def get(self, name: str) -> Any:  # noqa: ANN401
-        """The attribute, or None."""
+        """Return the attribute, or None."""
         return plain(self._attributes.get(name))
 
 
 def load_demo(root: Path, path: Path, budget: Budget) -> list[Record]:
-    """The observations of a recorded `rlbench.demo.Demo`, at least one, in a file below `root`.
+    """Return the observations, at least one, of a recorded `rlbench.demo.Demo` in a file below `root`.
 
     Raises:
-        DamagedError: naming the file: it cannot be read, names something else than such a demonstration, or is empty.
+        DamagedError: naming the file, if it is unreadable, not a demonstration, or empty.
     """
     demo = _load(root, path, budget)
     observations = vars(demo).get("_observations") if isinstance(demo, _Instance) else demo
@@ -130,7 +129,7 @@ def load_demo(root: Path, path: Path, budget: Budget) -> list[Record]:
 
 
 def load_descriptions(root: Path, path: Path, budget: Budget) -> list[str]:
-    """The phrasings of an instruction in `variation_descriptions.pkl`; raises DamagedError."""
+    """Return the phrasings of an instruction in `variation_descriptions.pkl`; raises DamagedError."""
     value = _load(root, path, budget)
     if not isinstance(value, list) or not value or not all(isinstance(item, str) for item in value):
         raise DamagedError(path, "is not a list of instructions")
@@ -138,7 +137,7 @@ def load_descriptions(root: Path, path: Path, budget: Budget) -> list[str]:
 
 
 def load_number(root: Path, path: Path, budget: Budget) -> int:
-    """The number in `variation_number.pkl`; raises DamagedError."""
+    """Return the number in `variation_number.pkl`; raises DamagedError."""
     value = _load(root, path, budget)
     if not isinstance(value, int):
         raise DamagedError(path, "is not a number")
@@ -151,19 +150,19 @@ def _load(root: Path, path: Path, budget: Budget) -> Any:  # noqa: ANN401
         return _Unpickler(io.BytesIO(data)).load()
     except MemoryError:
         raise
-    except Exception as error:  # a damaged pickle raises whatever its opcodes run into
+    except Exception as error:  # a damaged pickle may raise anything
         raise DamagedError(path, f"cannot be read: {str(error) or type(error).__name__}") from error
 
 
 def _latin1(text: str, encoding: str) -> bytes:
-    """How older protocols write bytes; other encodings would look up codecs."""
+    """Decode bytes of older protocols; other encodings would look up codecs."""
     if encoding != "latin1":
         raise pickle.UnpicklingError(f"encoding {encoding!r} is not allowed")
     return text.encode("latin1")
 
 
 class _Sealed(type):
-    """Of classes that a pickle can name: it must not change them for the next file."""
+    """Metaclass of classes that a pickle can name; it must not change them for the next file."""
 
     def __setattr__(cls, name: str, value: object) -> None:
         raise pickle.UnpicklingError(f"it sets {name!r} of a class")
@@ -188,7 +187,7 @@ _ALLOWED: dict[tuple[str, str], Callable[..., Any]] = {
 
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:  # noqa: ANN401
-        """Only what is allowed, by its name, in a wrapper of its own: a pickle may set attributes of what it gets."""
+        """Return an allowed name, wrapped anew, because a pickle may set attributes of it."""
         if (found := _ALLOWED.get((module, name))) is None:
             raise pickle.UnpicklingError(f"it names {module}.{name}, which no RLBench demonstration needs")
         return found if found is _Instance else _wrapped(found)

@@ -4,7 +4,7 @@ robosuite moves one arm by end-effector poses and opens the gripper where the ac
 are the observations `NAME_pos` with `NAME_quat`; files that only have `object`, a vector of the task's own making, need
 a mapping or an objects file. Other layouts of the same kind (LIBERO) are read with a mapping.
 
-Only what lies in the file itself is read: links, storage and virtual datasets of HDF5 may also lead to any other file.
+Only data within the file are read: links, external storage and virtual datasets of HDF5 may point to any other file.
 """
 
 import json
@@ -21,7 +21,7 @@ from app.datasets.columns import parcel_of
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
 
-MAX_LINKS = 8  # of soft links one after the other: they may lead in a circle
+MAX_LINKS = 8  # soft links in a row: they may form a cycle
 SUFFIXES = (".hdf5", ".h5")
 CONTROL_FREQUENCY_HZ = 20.0  # robosuite's default, where env_args does not say
 DEFAULTS = {
@@ -36,12 +36,12 @@ _WORD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
 def open_file(path: object) -> Any:  # noqa: ANN401
-    """The file, as h5py opens it; raises MissingPackageError, OSError."""
+    """Open the file with h5py; raises MissingPackageError, OSError."""
     return _h5py().File(path, "r")
 
 
 def child(group: Any, name: str, links_left: int = MAX_LINKS) -> Any:  # noqa: ANN401
-    """The member of a group; raises DamagedError if it is a link to another file, KeyError if there is none."""
+    """Return a member of a group; raises DamagedError for a link to another file, KeyError for no member."""
     h5py = _h5py()
     where = f"{group.file.filename}: {group.name.rstrip('/')}/{name}"
     if not isinstance(group, h5py.Group):
@@ -59,12 +59,12 @@ def child(group: Any, name: str, links_left: int = MAX_LINKS) -> Any:  # noqa: A
 
 
 def members(group: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Every member of a group by its name; raises DamagedError if one is a link to another file."""
+    """Return the members of a group by name; raises DamagedError if one is a link to another file."""
     return {name: child(group, name) for name in group}
 
 
 def numbers(dataset: Any, budget: Budget, *, first: bool = False) -> np.ndarray[Any, Any]:  # noqa: ANN401
-    """The dataset's numbers, or only those of its first frame, if the budget allows them; raises DamagedError."""
+    """Return the dataset's numbers, or those of its first frame; raises DamagedError beyond the budget."""
     shape = dataset.shape[1:] if first else dataset.shape
     stored = shape if dataset.chunks is None else dataset.chunks  # a chunk is unpacked as a whole
     num_bytes = max(math.prod(shape), math.prod(stored)) * dataset.dtype.itemsize
@@ -74,7 +74,7 @@ def numbers(dataset: Any, budget: Budget, *, first: bool = False) -> np.ndarray[
 
 
 def _own(item: Any, where: str) -> Any:  # noqa: ANN401
-    """`item`, if its bytes are in this file."""
+    """Return `item`; raises DamagedError if its data are in another file."""
     if isinstance(item, _h5py().Dataset) and (item.external or item.is_virtual):
         raise DamagedError(where, "takes its numbers from another file: copy them into this one")
     return item
@@ -89,12 +89,12 @@ def _h5py() -> Any:  # noqa: ANN401
 
 
 def looks_like(path: Path) -> bool:
-    """Whether the name says HDF5."""
+    """Return whether the file name has a suffix of HDF5."""
     return path.is_file() and path.suffix.lower() in SUFFIXES
 
 
 def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
-    """The demonstrations in the order of their numbers; raises DatasetError if it cannot be read or has no `data`."""
+    """Return the demonstrations in the order of their numbers; raises DatasetError for a file without `data`."""
     try:
         with open_file(path) as file:
             data = child(file, "data")
@@ -138,7 +138,7 @@ def _columns(
     demo: Any,  # noqa: ANN401
     budget: Budget,
 ) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, np.ndarray[Any, Any]]]:
-    """The numbers of every frame, and the images of the first, by their paths."""
+    """Return the numbers of all frames, and the images of the first frame, by path."""
     columns, images = {}, {}
     observed = {f"obs/{name}": item for name, item in members(child(demo, "obs")).items()}
     for key, item in {"actions": child(demo, "actions"), **observed}.items():

@@ -1,6 +1,6 @@
-"""Workers in another environment: processes of its Python, which run functions of modules that both can import.
+"""Worker processes of another Python environment, which run functions of modules that both environments have.
 
-`python -m app.evaluation.foreign NUMBER` is such a process; the number is that of an inherited file descriptor.
+`python -m app.evaluation.foreign NUMBER` is such a process; NUMBER is an inherited file descriptor.
 """
 
 import os
@@ -22,7 +22,7 @@ END_TIMEOUT_S = 10.0
 
 
 class ForeignExecutor:
-    """One process for each core. They end with this one, whose end of their pipes closes then."""
+    """One process for each core. They end with this process, which closes its end of their pipes."""
 
     def __init__(self, python: Path) -> None:
         self.workers = usable_cores()
@@ -33,11 +33,11 @@ class ForeignExecutor:
         self._started: list[tuple[Connection, subprocess.Popen[bytes]]] = []
 
     def submit(self, job: Callable[..., Result], /, *arguments: object) -> Future[Result]:
-        """Run a module's function; arguments and result can be pickled."""
+        """Run a module-level function; arguments and result must be picklable."""
         return self._threads.submit(self._run, job, arguments)
 
     def close(self) -> None:
-        """Drop what has not begun, wait for what has, and end the processes."""
+        """Drop waiting jobs, wait for running ones, and end the processes."""
         self._threads.shutdown(cancel_futures=True)
         for connection, process in self._started:
             connection.close()
@@ -72,7 +72,7 @@ class ForeignExecutor:
 
 
 def main() -> None:
-    """Run what comes through the pipe, until it is closed."""
+    """Run the jobs from the pipe until it is closed."""
     with Connection(int(sys.argv[1])) as connection:
         while True:
             try:

@@ -1,7 +1,6 @@
-"""Which trials a report shows in detail, and pictures for them.
+"""Chooses the trials that a report shows in detail, and simulates them again with pictures.
 
-Successes come first, then failures, not so many that the report becomes huge. The trials are simulated again, since
-pictures take longer than the simulation.
+Pictures take longer than the simulation, so they are not taken in the first place.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,18 +20,18 @@ MAX_SUCCESSES = 2  # a task
 
 
 def failures_in_order(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
-    """All failed trials, by method and then as they were run."""
+    """Return the failed trials, by method and then in the order in which they ran."""
     return list(chain.from_iterable(_by_method(trials, methods, succeeded=False)))
 
 
 def detailed_failures(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
-    """At most 12 of them, the methods in turns; those of yardsticks only where nothing else is tried."""
+    """Return at most 12 failed trials, alternating methods; of yardsticks only if there is no other method."""
     chosen = _in_turns(_by_method(trials, _models(methods), succeeded=False))[:MAX_FAILURES]
     return [trial for trial in failures_in_order(trials, methods) if trial in chosen]
 
 
 def detailed_successes(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
-    """At most two, of different methods where possible; of yardsticks only where nothing else is tried."""
+    """Return at most two solved trials, of different methods if possible; of yardsticks only if there is no other."""
     in_turns = _in_turns(_by_method(trials, _models(methods), succeeded=True))
     return sorted(in_turns, key=lambda trial: trial.answer is None)[:MAX_SUCCESSES]
 
@@ -56,10 +55,7 @@ _Pictures = tuple[SceneView, RolloutResult | None]
 
 
 def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Iterator[TaskEvaluation]:
-    """The evaluation's tasks with pictures of the trials that a report shows.
-
-    One after the other: the pictures of one task take some 100 MB.
-    """
+    """Yield the evaluation's tasks with pictures of the detailed trials, one by one: a task's take some 100 MB."""
     methods = evaluation.methods
     shown = [
         [*detailed_failures(task.trials, methods), *detailed_successes(task.trials, methods)]
@@ -78,7 +74,7 @@ def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) 
 
 
 def _illustrate(trial: Trial, pictures: _Pictures) -> Trial:
-    """The trial with its pictures. The outcome stays that of the trial; where the pictures show another, it says so."""
+    """Return the trial with pictures. It keeps its outcome; a note says if the pictures show another one."""
     execution, (scene, again) = trial.execution, pictures
     if execution is not None and again is not None:
         note = (

@@ -1,6 +1,6 @@
-"""`python -m app.evaluation.leash MODULE ...`: run a module that ends with the process that started it.
+"""`python -m app.evaluation.leash MODULE ...` runs a module that ends with its parent process.
 
-Standard input is the leash: a pipe from the parent, which breaks when the parent ends, even if it was killed.
+Standard input is a pipe from the parent, which breaks when the parent ends, even if it was killed.
 """
 
 import os

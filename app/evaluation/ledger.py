@@ -1,7 +1,4 @@
-"""`results.jsonl`: a line for each trial, on disk as soon as the trial ends; what is there is not run again.
-
-A line is the trial's JSON document.
-"""
+"""Stores `results.jsonl`: a JSON document for each trial, on disk as soon as it ends, so that runs can resume."""
 
 import fcntl
 import hashlib
@@ -28,7 +25,7 @@ DIGEST_CHARS = 12
 
 
 def document_of(outcome: Trial | Crash) -> Document:
-    """What is kept of a trial: everything but pictures, which its actions give again."""
+    """Return a trial as JSON, without pictures, which can be made again from its actions."""
     if isinstance(outcome, Crash):
         return {"status": "error", **asdict(outcome)}
     execution = outcome.execution
@@ -52,7 +49,7 @@ def document_of(outcome: Trial | Crash) -> Document:
 
 
 def outcome_of(document: Document) -> Trial | Crash:
-    """The inverse of `document_of`."""
+    """Return the trial of a document; the inverse of `document_of`."""
     names = ("task", "seed", "method")
     task, seed, method = (document[name] for name in names)
     if document["status"] == "error":
@@ -79,7 +76,7 @@ def outcome_of(document: Document) -> Trial | Crash:
 
 
 def poses_of(document: Document) -> tuple[ObjectPose, ...]:
-    """The objects of a document, the service's or ours."""
+    """Return the object poses of a JSON document."""
     objects = document["objects"]
     return tuple(ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in objects)
 
@@ -93,26 +90,27 @@ def _action_json(action: EndEffectorAction) -> Document:
 
 
 def action_of(item: Document) -> EndEffectorAction:
-    """An action of a document, the service's or ours."""
+    """Return an action of a JSON document."""
     return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
 
 
 def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
-    """Differs wherever trials of the same label could come out differently.
+    """Return a digest of everything besides the label that can change a method's results.
 
     Args:
         taught: how the demonstrations are made.
     """
     everything = {**asdict(method), "taught_noise": method.taught_noise, **taught}
-    del everything["stored"], everything["noise_on"]  # `taught` tells how many were recorded
+    del everything["stored"], everything["noise_on"]  # `taught` has the number of recorded demonstrations
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 
 class Ledger:
-    """The outcomes of a folder's runs. A context manager; safe to share between threads.
+    """The outcomes in a file. A context manager; thread-safe.
 
     Raises:
-        LedgerInUseError, LedgerDamagedError.
+        LedgerInUseError: if another process has it open.
+        LedgerDamagedError: if a line is not an outcome.
     """
 
     def __init__(self, path: Path) -> None:
@@ -134,11 +132,11 @@ class Ledger:
         self._file.close()
 
     def find(self, task: str, seed: int, method: str, digest: str) -> Trial | Crash | None:
-        """The last outcome of a trial, if it has one."""
+        """Return the last outcome of a trial; None without one."""
         return self._outcomes.get((task, seed, method, digest))
 
     def append(self, outcome: Trial | Crash, digest: str) -> None:
-        """Keep an outcome; it survives a power cut from here on."""
+        """Write an outcome to disk."""
         document = {**document_of(outcome), "digest": digest, "at": datetime.now(UTC).isoformat(timespec="seconds")}
         line = json.dumps(document, allow_nan=False).encode() + b"\n"
         with self._lock:

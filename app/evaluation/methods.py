@@ -1,4 +1,4 @@
-"""What a method is, and the variants of methods that options ask for."""
+"""Methods that an evaluation compares, and their variants by command-line options."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,12 +8,11 @@ from typing import Any, Literal
 from app.llm.baselines import YARDSTICKS
 from roboprompt_client.errors import InvalidInputError
 
-# Where a method's actions come from; `app.evaluation.trials` has the function for each.
 Poses = Literal["given", "vision"]
 NoiseOn = Literal["both", "test"]
+# Where a method's actions come from; `app.evaluation.trials` has a function for each.
 Source = Literal[
     "service",
-    "nearest demonstration",
     "expert replay",
     "expert",
     "robot loop",
@@ -27,13 +26,13 @@ OF_THE_PANDA = frozenset[Source]({"robot loop", "expert replay", "voxposer oracl
 
 @dataclass(frozen=True)
 class Method:
-    """A way to get from a scene to actions: one configuration of a sweep.
+    """A way to get actions for a scene: one configuration of a sweep.
 
     Attributes:
-        label: how tables name it.
+        label: its name in tables.
         options: for `POST /predict`.
-        settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
-            different task names.
+        settings: for `PUT /tasks/{name}`, in addition to those of the evaluation; methods that differ here use
+            different tasks of the service.
         noise: added to poses, as a multiple of the error in `app.evaluation.paper`.
         noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
@@ -69,22 +68,22 @@ class Method:
 
     @property
     def asks_model(self) -> bool:
-        """Whether an LLM is asked, by the service or directly."""
+        """Whether an LLM is asked, through the service or directly."""
         return self.asks_service or self.source == "voxposer"
 
     @property
     def is_yardstick(self) -> bool:
-        """Whether models are held against it: no LLM has a part in its actions."""
+        """Whether it is a baseline without an LLM."""
         return not self.asks_model or self.options.get("model") in YARDSTICKS
 
     @property
     def sees_poses(self) -> bool:
-        """Whether the actions depend on where objects are seen."""
-        return self.asks_model or self.source in ("nearest demonstration", "voxposer oracle")
+        """Whether the actions depend on observed object poses."""
+        return self.asks_model or self.source == "voxposer oracle"
 
     @property
     def needs_panda(self) -> bool:
-        """Whether it uses what only the simulated Panda has."""
+        """Whether only the simulated Panda can run it."""
         return self.source in OF_THE_PANDA or self.poses == "vision" or self.shift_m > 0
 
     @property
@@ -94,14 +93,14 @@ class Method:
 
 
 def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> tuple[Method, ...]:
-    """The methods with noise on the poses that they see; those that see none stay as they are.
+    """Return the methods with noise on observed poses; methods that observe no poses are unchanged.
 
     Args:
         scale: in multiples of the paper's errors; None: each method's own.
 
     Raises:
-        InvalidInputError: if the scale is no size, if a method that sets its noise itself is given another, or if one
-            finds poses in images.
+        InvalidInputError: if the scale is negative or not finite, or for a method with noise of its own or with poses
+            from images.
     """
     if scale is not None and not (math.isfinite(scale) and scale >= 0):
         raise InvalidInputError("noise", f"is {scale}", "a finite number, 0 or above")
@@ -116,10 +115,10 @@ def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> t
 
 
 def with_shift(methods: Iterable[Method], shift_m: float) -> tuple[Method, ...]:
-    """Each method in scenes whose free objects are moved after the answer, and beside it the same looking again.
+    """Return each method, with free objects that move after the answer, twice: without and with looking again.
 
     Raises:
-        InvalidInputError: if the shift is no distance, or for methods whose actions the robot's loop does not ask for.
+        InvalidInputError: if the shift is not above 0, or for methods that do not ask the service with given poses.
     """
     if not (math.isfinite(shift_m) and shift_m > 0):
         raise InvalidInputError("shift", f"is {shift_m:g} m", "a finite distance above 0")
@@ -135,7 +134,7 @@ def with_shift(methods: Iterable[Method], shift_m: float) -> tuple[Method, ...]:
 
 
 def with_poses(methods: Iterable[Method], poses: Poses) -> tuple[Method, ...]:
-    """The methods with the service finding poses in the given way; those that do not ask it stay as they are.
+    """Return the methods with this source of poses; methods that do not ask the service are unchanged.
 
     Raises:
         InvalidInputError: for a method that needs given poses.
@@ -144,10 +143,10 @@ def with_poses(methods: Iterable[Method], poses: Poses) -> tuple[Method, ...]:
 
 
 def with_models(methods: Iterable[Method], models: Sequence[str]) -> tuple[Method, ...]:
-    """The methods with each of the models in turn; those that name a model or ask none stay as they are.
+    """Return the methods once for each model; those that name a model or ask none are unchanged.
 
     Args:
-        models: none leaves the choice to the service.
+        models: if empty, the service chooses.
     """
     crossed: list[Method] = []
     for method in methods:

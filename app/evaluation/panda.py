@@ -1,4 +1,4 @@
-"""The simulated Panda as a world, and what only it offers to an evaluation: pictures, shifted scenes, its robot."""
+"""The simulated Panda as a `World`, and what only this world has: binned expert keyframes and films."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -49,7 +49,6 @@ class Panda:
         return replace(self, control_frequency_hz=frequency_hz)
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
-        # Pictures take longer than the simulation; `app.evaluation.illustrate` takes them later.
         if not images:
             return _view(task, seed)
         return view_scene(task, seed, variation=_variation(task, seed), cameras=self._cameras)
@@ -72,7 +71,7 @@ class Panda:
 
 
 def binned_keyframes(task: str, seed: int) -> Actions:
-    """The keyframes of the expert in a test's scene, after binning. Runs in a worker."""
+    """Return the expert's keyframes in a test's scene, after binning. Runs in a worker."""
     trajectory, workspace = Panda().solve(task, seed).trajectory, Workspace.rlbench()
     actions = [trajectory.action_at(index) for index in merged(Motion.of(trajectory))]
     binned = discretize_actions(actions, workspace)
@@ -82,10 +81,10 @@ def binned_keyframes(task: str, seed: int) -> Actions:
 def film(
     scene: SceneView, actions: Sequence[EndEffectorAction] | None, shift_m: float
 ) -> tuple[SceneView, RolloutResult | None]:
-    """A test's scene with pictures, and the actions carried out in it once more, if any. Runs in a worker.
+    """Return a test's scene with pictures, and the result of its actions, if any, with a film. Runs in a worker.
 
     Args:
-        shift_m: how far its free objects are moved before that.
+        shift_m: how far its free objects are moved before the motion.
     """
     task, seed, variation = scene.task, scene.seed, _variation(scene.task, scene.seed)
     seen = view_scene(task, seed, variation=variation)

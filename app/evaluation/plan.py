@@ -1,4 +1,4 @@
-"""What to run, what of it a ledger has already, and whether the two belong together."""
+"""The trials of an evaluation, and which of them a ledger has already."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -52,18 +52,18 @@ class Plan:
 
     @property
     def seeds(self) -> range:
-        """Of the unseen scenes."""
+        """The seeds of the unseen scenes."""
         return range(self.first_test_seed, self.first_test_seed + self.episodes)
 
     def trials(self) -> Iterator[PlannedTrial]:
-        """Every trial. A method's trials on a task follow each other, so that the LLM keeps their common prefix."""
+        """Yield every trial; those of one method and task in a row, so that the LLM keeps their common prefix."""
         for task in self.tasks:
             for method in self.methods:
                 for seed in self.seeds:
                     yield PlannedTrial(task, seed, method)
 
     def digest(self, method: Method) -> str:
-        """See `app.evaluation.ledger`."""
+        """Return a digest of everything that can change a method's results; see `app.evaluation.ledger`."""
         taught: dict[str, Any] = {
             "demonstrations": self.demonstrations,
             "recorded": self.recorded,
@@ -71,26 +71,21 @@ class Plan:
             "settings": self.settings,
             **self.world.conditions(),
         }
-        if self.first_test_seed < self.world.first_test_seed:  # their number decides what is left to demonstrate
+        if self.first_test_seed < self.world.first_test_seed:  # demonstrations skip the seeds of tests
             taught["episodes"] = self.episodes
         return digest_of(method, taught)
 
     def outcome(self, ledger: Ledger, planned: PlannedTrial) -> Trial | Crash | None:
-        """What the ledger has of a trial."""
+        """Return a trial's outcome in the ledger; None without one."""
         return ledger.find(*planned.key, self.digest(planned.method))
 
     def remaining(self, ledger: Ledger) -> list[PlannedTrial]:
-        """The trials to be run: those without an outcome, and those that crashed."""
+        """Return the trials without an outcome and those that crashed."""
         return [planned for planned in self.trials() if not isinstance(self.outcome(ledger, planned), Trial)]
 
 
-def evaluation_of(
-    plan: Plan,
-    ledger: Ledger,
-    duration_s: float = 0.0,
-    models: Sequence[Mapping[str, Any]] = (),
-) -> Evaluation:
-    """What the ledger has of the plan."""
+def evaluation_of(plan: Plan, ledger: Ledger, duration_s: float = 0.0) -> Evaluation:
+    """Return the plan's outcomes in the ledger."""
     outcomes = [outcome for planned in plan.trials() if (outcome := plan.outcome(ledger, planned)) is not None]
     tasks = tuple(
         TaskEvaluation(
@@ -100,15 +95,11 @@ def evaluation_of(
         )
         for task in plan.tasks
     )
-    return Evaluation(plan.command, plan.methods, tasks, duration_s, tuple(models))
+    return Evaluation(plan.command, plan.methods, tasks, duration_s)
 
 
 def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str, Any]]) -> None:
-    """Refuse to go on with another LLM where methods leave it to the service.
-
-    Raises:
-        OtherModelError.
-    """
+    """Raise OtherModelError if stored results come from another default model than the service has now."""
     default = next(model["name"] for model in models if model["default"])
     for planned in plan.trials():
         outcome, method = plan.outcome(ledger, planned), planned.method

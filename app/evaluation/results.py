@@ -1,15 +1,15 @@
-"""What an evaluation produces: trials, and those that could not be run, by task."""
+"""The results of an evaluation: by task, the trials and those that could not be run."""
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from app.evaluation.methods import Method
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.types.poses import EndEffectorAction
 
-# How the errors of timeouts begin: status 504 of the service, no answer of the service itself, or none of an LLM
+# How messages of timeouts begin: status 504, no answer of the service, or none of an LLM.
 TIMED_OUT = re.compile(
     r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError|ModelTimeoutError)"
 )
@@ -93,4 +93,3 @@ class Evaluation:
     methods: tuple[Method, ...]
     tasks: tuple[TaskEvaluation, ...]
     duration_s: float
-    models: tuple[Mapping[str, Any], ...] = field(default=())

@@ -1,6 +1,6 @@
-"""A whole run: tasks taught, then every remaining trial, each kept as it ends; how long each phase takes is noted.
+"""Runs an evaluation: teaches the tasks, then runs the remaining trials; each outcome is stored as soon as it is known.
 
-A demo is a run of which only the report stays.
+A demo is a run of which only the report is kept.
 """
 
 import secrets
@@ -38,16 +38,16 @@ Item = TypeVar("Item")
 Phase = Literal["demonstrations_s", "trials_s", "report_s"]
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 SIMULATION = ("app.evaluation.trials", "app.evaluation.panda")  # what workers import once for all
-MAX_UNREACHABLE = 5  # trials in a row; then the service is gone and not just busy
+MAX_UNREACHABLE = 5  # trials in a row; after that many the service counts as lost
 
 _Recorded = tuple[RecordedDemonstration, ...]
-Lessons = Mapping[str, Lesson | Exception]  # by the suffix of the task's name; or why it could not be taught
+Lessons = Mapping[str, Lesson | Exception]  # by suffix of the task's name; or why it could not be taught
 
 
 def in_threads(
     work: Callable[[Item], None], items: Sequence[Item], threads: int, on_done: Callable[[Future[None]], None]
 ) -> None:
-    """Work on the items, in their order; stopped by Ctrl-C or an error of `on_done`, what is under way still ends."""
+    """Work on the items in threads. After Ctrl-C or an error of `on_done`, items that have begun are still finished."""
     with ThreadPoolExecutor(threads) as pool:
         try:
             for future in as_completed([pool.submit(work, item) for item in items]):
@@ -59,7 +59,7 @@ def in_threads(
 
 @dataclass
 class Timing:
-    """Seconds on the clock."""
+    """Wall-clock seconds of each phase."""
 
     demonstrations_s: float = 0.0
     trials_s: float = 0.0
@@ -67,7 +67,7 @@ class Timing:
 
     @contextmanager
     def measured(self, phase: Phase) -> Iterator[None]:
-        """Note how long the block takes, however it ends."""
+        """Measure how long the block takes, also if it fails."""
         started = time.perf_counter()
         try:
             yield
@@ -80,7 +80,7 @@ class Run:
     """One session of a plan.
 
     Args:
-        shared: whether the service is used by others as well: task names then are this session's own.
+        shared: whether others use the service as well; task names then contain an id of this session.
         models: for methods that ask an LLM without the service.
     """
 
@@ -95,7 +95,7 @@ class Run:
     _session: str = field(default_factory=lambda: secrets.token_hex(3))
 
     def __call__(self) -> Evaluation:
-        """Run what remains of the plan.
+        """Run the remaining trials of the plan.
 
         Raises:
             ServiceLostError, OtherModelError; KeyboardInterrupt: after the trials under way have ended.
@@ -107,10 +107,10 @@ class Run:
             lessons = self.teach()
         with self.timing.measured("trials_s"):
             self.run_trials(lessons)
-        return evaluation_of(self.plan, self.ledger, time.perf_counter() - started, models)
+        return evaluation_of(self.plan, self.ledger, time.perf_counter() - started)
 
     def teach(self) -> dict[str, Lessons]:
-        """Record each task's demonstrations once, and upload them in every way that remaining trials need."""
+        """Record each task's demonstrations once, and upload them for every group of methods with remaining trials."""
         bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.tasks))
         needed: dict[str, set[str]] = {task: {""} for task in self.plan.tasks}
         for planned in self.plan.remaining(self.ledger):
@@ -150,10 +150,10 @@ class Run:
             return error
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
-        """Run what remains, each trial kept as it ends.
+        """Run the remaining trials, and store each outcome.
 
         Raises:
-            ServiceLostError: what is under way still ends.
+            ServiceLostError: after the trials that have begun are finished.
         """
         remaining = self.plan.remaining(self.ledger)
         asking = threading.Semaphore(self.plan.predictions_at_once)
@@ -188,15 +188,15 @@ class Run:
 
 
 def executor_of(world: World) -> Executor:
-    """Workers on this machine that have what the world needs."""
+    """Return workers on this machine, in the environment that the world needs."""
     return LocalExecutor(imports=SIMULATION) if world.python is None else ForeignExecutor(world.python)
 
 
 def run_demo(plan: Plan, progress: Progress, data: Path, workers: int | None = None) -> Evaluation:
-    """Run the plan on a service of its own; with pictures for the report.
+    """Run the plan on a new service, and return the results with pictures for the report.
 
     Args:
-        data: folder of the service, which stays.
+        data: folder of the service, which is kept.
         workers: processes that simulate; None: one for each core.
 
     Raises:

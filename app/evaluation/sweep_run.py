@@ -1,4 +1,4 @@
-"""A sweep with everything that it leaves on disk: results, tables, record of the run and page of failures."""
+"""Runs a sweep and writes its folder: results, table, record of the run and report."""
 
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing, executor_of
-from app.evaluation.run_record import RunRecord, Session
+from app.evaluation.run_record import RunRecord
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
@@ -26,11 +26,11 @@ from app.llm.llm_settings import LlmSettings
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """What there is when a session ends.
+    """The result of a session.
 
     Attributes:
-        stopped: why it ended before everything was run; empty if it did not.
-        remaining: trials without an outcome, or with an error.
+        stopped: why it ended early; empty if it did not.
+        remaining: number of trials without an outcome, or with an error.
     """
 
     evaluation: Evaluation
@@ -38,7 +38,7 @@ class SweepResult:
     remaining: int
 
     def summary(self) -> dict[str, Any]:
-        """The results as one document, as `--json` prints it."""
+        """Return the results as one document, as `--json` prints it."""
         return {**sweep_summary(self.evaluation), "remaining": self.remaining, "stopped": self.stopped}
 
 
@@ -47,9 +47,9 @@ class SweepRun:
     """One session of a sweep in a folder of results.
 
     Attributes:
-        url: of a running service; None for one of its own.
-        wants_report: whether to write the page of failures, which takes a while.
-        llm: the settings of LLMs that methods ask without the service; None: no method does.
+        url: of a running service; None: start one.
+        wants_report: whether to write the report, which takes a while.
+        llm: settings of LLMs that methods ask without the service; None: no method does.
     """
 
     sweep: str
@@ -60,11 +60,11 @@ class SweepRun:
     llm: LlmSettings | None = None
 
     def __call__(self, progress: Progress) -> SweepResult:
-        """Run what the folder does not have yet; Ctrl-C ends it, with the folder in order.
+        """Run the trials that the folder does not have yet. Ctrl-C ends the session and leaves the folder valid.
 
         Raises:
-            EvaluationError: if it cannot begin.
-            ServiceUnreachableError, ServiceProblemError: if the service at `url` is none.
+            EvaluationError: if the session cannot begin.
+            ServiceUnreachableError, ServiceProblemError: if there is no service at `url`.
         """
         with Ledger(self.folder / "results.jsonl") as ledger:
             stopped = ""
@@ -76,28 +76,28 @@ class SweepRun:
 
     @property
     def report(self) -> Path:
-        """The page of failures."""
+        """The path of the report."""
         return self.folder / "report" / "index.html"
 
     def _session(self, ledger: Ledger, progress: Progress) -> str:
-        """Why it stopped; empty if it came to its end."""
+        """Run a session. Return why it ended early; empty if it did not."""
         self.report.unlink(missing_ok=True)
-        record = RunRecord(self.folder / "run.json", self.sweep, self.plan)
         with closing(executor_of(self.plan.world)) as executor:
-            session = Session(self.plan.command, executor.description, executor.workers)
-            record.write(session)
+            record = RunRecord(self.folder / "run.json", self.sweep, self.plan, executor)
             try:
-                evaluation = self._run(ledger, executor, progress, session.timing)
+                evaluation = self._run(ledger, executor, progress, record.timing)
                 if self.wants_report:
-                    self.write_results(evaluation)  # what there is, should the pictures take too long
-                    self._write_report(evaluation, executor, progress, session.timing)
+                    self.write_results(evaluation)  # in case somebody does not wait for the pictures
+                    with record.timing.measured("report_s"):
+                        has_pictures = isinstance(self.plan.world, Panda)
+                        tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks
+                        write_report(evaluation, self.report.parent, tasks)
             except KeyboardInterrupt:
                 return "interrupted"
             except ServiceLostError as error:
                 return f"the service does not answer any more: {error}"
             finally:
-                session.end()
-                record.write(session, evaluation_of(self.plan, ledger))
+                record.end(evaluation_of(self.plan, ledger))
         return ""
 
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
@@ -107,14 +107,8 @@ class SweepRun:
             models = None if self.llm is None else stack.enter_context(Models(self.llm))
             return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing, models)()
 
-    def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
-        with timing.measured("report_s"):
-            has_pictures = isinstance(self.plan.world, Panda)
-            tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks
-            write_report(evaluation, self.report.parent, tasks)
-
     def write_results(self, evaluation: Evaluation) -> None:
-        """The tables of what there is."""
+        """Write the table of the results so far."""
         shift_m = max(method.shift_m for method in self.plan.methods)
         shifted = f"objects moved by {shift_m:g} m after the answer: as answered, and looking again"
         about = shifted if shift_m else SWEEPS[self.sweep].about

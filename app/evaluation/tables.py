@@ -1,4 +1,4 @@
-"""The tables of an evaluation, beside the paper's numbers: as Markdown, on a terminal, and for programs."""
+"""Tables of an evaluation with the paper's numbers, as Markdown, for a terminal, and as JSON."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -39,19 +39,19 @@ Row = Sequence[str]
 
 @dataclass(frozen=True)
 class TextTable:
-    """Texts in rows, the rows in groups. The first column is text, the others are numbers."""
+    """A table of texts whose rows come in groups. The first column is text, the others are numbers."""
 
     header: Row
     groups: Sequence[Sequence[Row]]
 
     def markdown(self) -> str:
-        """For a page."""
+        """Return the table as Markdown."""
         align = ["---", *["---:"] * (len(self.header) - 1)]
         rows = [self.header, align, *(row for group in self.groups for row in group)]
         return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
     def terminal(self, title: str, caption: str | None = None) -> Table:
-        """For a terminal, with a line between the groups."""
+        """Return the table for a terminal, with a line between the groups."""
         table = Table(title=title, caption=caption, box=SIMPLE_HEAD)
         for number, header in enumerate(self.header):
             table.add_column(header, justify="right" if number else "left", overflow="fold")
@@ -63,11 +63,7 @@ class TextTable:
 
 
 def markdown(evaluation: Evaluation, about: str) -> str:
-    """The contents of `table.md`.
-
-    Args:
-        about: what the sweep compares, in one line.
-    """
+    """Return the contents of `table.md`, headed by what the sweep compares."""
     success = success_table(evaluation)
     methods = TextTable(["method", "asked", "all trials", *ENDED, *COSTS], [list(_method_rows(evaluation))])
     parts = [
@@ -85,13 +81,13 @@ def markdown(evaluation: Evaluation, about: str) -> str:
 
 
 def errors_section(evaluation: Evaluation) -> list[str]:
-    """The errors as paragraphs of a page; none without errors."""
+    """Return a section on errors as paragraphs; none without errors."""
     errors = [f"- {number} x {message}" for message, number in errors_of(evaluation)]
     return ["## Errors", "\n".join(errors)] if errors else []
 
 
 def success_table(evaluation: Evaluation) -> TextTable:
-    """A row for each task and one for the mean: our methods, then the paper's where it has any of the tasks."""
+    """Return success by task, and the mean: of our methods, then of the paper's if it has any of the tasks."""
     names = [task.task for task in evaluation.tasks]
     known = any(task in paper.SUCCESS_PERCENT[name] for task in names for name in paper.METHODS)
     published = paper.METHODS if known else ()
@@ -109,7 +105,7 @@ def success_table(evaluation: Evaluation) -> TextTable:
 
 
 def results_table(evaluation: Evaluation) -> Table:
-    """A row for each task and method, with medians."""
+    """Return success and medians by task and method, for a terminal."""
     header = ("task, method", "success", "LLM s", "other ms", "run s", "tokens")
     groups = [[[task.task, *[""] * 5], *_result_rows(task, evaluation.methods)] for task in evaluation.tasks]
     title = "success on unseen scenes (95 % interval), medians a prediction"
@@ -127,7 +123,7 @@ def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Ro
 
 
 def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
-    """Figures by task, of the first method and beside them of each, means, and the paper's."""
+    """Return figures by task (of the first method, and of each), means, and the paper's means."""
     names = [task.task for task in evaluation.tasks]
     crashes = [crash for task in evaluation.tasks for crash in task.crashes]
     timeouts = sum(crash.timed_out for crash in crashes)

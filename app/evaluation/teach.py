@@ -1,6 +1,6 @@
-"""Record demonstrations with a task's expert and upload them, under a task name for each way of reading them.
+"""Records demonstrations with a task's expert and uploads them, once for each group of methods with equal settings.
 
-With images only, object models are learned first, from a few labeled scenes.
+For methods that see images only, object models are learned first, from a few labeled scenes.
 """
 
 import json
@@ -27,16 +27,16 @@ from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
-FIRST_LABELED_SEED = 50_000  # neither demonstrations nor tests are drawn from these
+FIRST_LABELED_SEED = 50_000  # not used by demonstrations or tests
 LABELED_SCENES = 6
-# The problems that say of an observation, not of the service, that it cannot be read.
+# Problem types that mean that an object was not found in the images.
 UNSEEN = frozenset({"/problems/object-not-visible", "/problems/uncertain-pose"})
 MAX_FAILED_SHARE = 0.5
 MAX_SLUG_CHARS = 20
 
 
 def images_only(frames: Sequence[RgbdFrame], objects: Sequence[ObjectPose]) -> Observation:
-    """What cameras show of the objects: no poses, no masks."""
+    """Return an observation of images without poses and masks."""
     return Observation((), tuple(replace(frame, mask=None) for frame in frames), tuple(pose.name for pose in objects))
 
 
@@ -46,14 +46,14 @@ def learned_models(
     labeled: Sequence[RecordedDemonstration],
     yaw_symmetry_deg: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Models of every object: a box or cylinder where the service learns one, else what it looked like in the scenes.
+    """Return a model of every object: a box or cylinder if the service learns one, else a `registered` model.
 
     Args:
-        name: of the task that is to find objects by them; the labeled scenes come under a name of their own.
+        name: of the task that will use the models; the labeled scenes are uploaded to another task.
         yaw_symmetry_deg: of the objects, as for `PUT /tasks/{name}`.
 
     Raises:
-        NotLearnedError: if an object cannot be learned; says why.
+        NotLearnedError: if an object cannot be learned; with the reason.
         ServiceProblemError, ServiceUnreachableError.
     """
     school = f"{name}.labels"
@@ -77,10 +77,10 @@ def _model_from_labels(
     episodes: Sequence[tuple[str, SceneView]],
     symmetry_deg: float | None,
 ) -> Mapping[str, Any]:
-    """What an object looks like, from its mask and an arrow in each episode, as a person would draw them.
+    """Return a `registered` model, learned from the object's mask and an arrow in each episode, as a person labels.
 
-    The arrow points away from the robot in the first one, is good to ten degrees, and a symmetry that was not known is
-    found out by what the service says.
+    The arrow points away from the robot in the first episode and is accurate to ten degrees. An unknown symmetry is
+    tried out.
     """
     yaws_deg = [next(_yaw_deg(pose) for pose in scene.objects if pose.name == name) for _, scene in episodes]
     ahead_deg = 90 * round(yaws_deg[0] / 90)
@@ -106,7 +106,7 @@ def _yaw_deg(pose: ObjectPose) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TaughtEpisode:
-    """A demonstration, without its images, with the service's description of it (`POST /episodes`)."""
+    """A demonstration without its images, and the service's answer to its upload."""
 
     recorded: RecordedDemonstration
     document: Mapping[str, Any]
@@ -114,11 +114,11 @@ class TaughtEpisode:
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """Demonstrations as some methods are taught them.
+    """The demonstrations of a group of methods.
 
     Attributes:
         name: of the task at the service.
-        num_demonstrations: what a prompt has by default; there may be more.
+        num_demonstrations: that a prompt shows by default; there may be more.
     """
 
     name: str
@@ -127,9 +127,9 @@ class Lesson:
 
 
 def variants(methods: Sequence[Method]) -> dict[str, Method]:
-    """What has to be taught, by the suffix of its task name: the first of the methods that need it.
+    """Return, by suffix of a task's name, the first method of each group that is taught together.
 
-    Methods with given poses and without settings and noise of their own share the suffix ``""``, which is always there.
+    Methods with given poses and without own settings and noise have the suffix ``""``, which always exists.
     """
     found = {_variant(Method("")): ("", Method(""))}
     for method in methods:
@@ -139,7 +139,7 @@ def variants(methods: Sequence[Method]) -> dict[str, Method]:
 
 
 def suffix_of(method: Method, methods: Sequence[Method]) -> str:
-    """The suffix among `variants(methods)` under which `method` is taught."""
+    """Return the suffix in `variants(methods)` of the group of `method`."""
     return next(suffix for suffix, first in variants(methods).items() if _variant(first) == _variant(method))
 
 
@@ -159,11 +159,11 @@ def record(
     on_done: Callable[[], None] = lambda: None,
     first_seed: int = 0,
 ) -> tuple[RecordedDemonstration, ...]:
-    """`number` successful demonstrations, in the order of their seeds; a failed one is replaced by a further seed's.
+    """Return `number` successful demonstrations in the order of their seeds; failed ones are replaced by further seeds.
 
     Args:
-        unseen: seeds that no demonstration may be drawn from.
-        on_done: called after each.
+        unseen: seeds that demonstrations must not use.
+        on_done: called after each success.
 
     Raises:
         ExpertFailedError: if more than half of the expert's attempts fail.
@@ -193,14 +193,14 @@ def upload(
     settings: Mapping[str, Any],
     labeled: Sequence[RecordedDemonstration] = (),
 ) -> Lesson:
-    """Set the task `name` up as `method` wants it, and upload the demonstrations in their order.
+    """Configure the task `name` for `method`, and upload the demonstrations in their order.
 
     Args:
         settings: of the task.
-        labeled: from which object models are learned if `method` finds poses in images.
+        labeled: scenes from which object models are learned if `method` finds poses in images.
 
     Raises:
-        NotLearnedError: if that cannot be.
+        NotLearnedError: if objects cannot be learned.
         ServiceProblemError, ServiceUnreachableError.
     """
     if method.poses == "vision":
@@ -211,7 +211,7 @@ def upload(
 
 
 def with_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[str, Any]:
-    """A task's settings with object models; how symmetric an object is that has labels, these say."""
+    """Return a task's settings with object models; `registered` models decide their objects' symmetry."""
     symmetries = dict(settings["yaw_symmetry_deg"])
     for name, model in models.items():
         if model["estimator"] == "registered":
@@ -224,10 +224,10 @@ def with_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[
 def _taught(
     client: RoboPromptClient, name: str, shown: Sequence[RecordedDemonstration], method: Method
 ) -> Iterator[TaughtEpisode]:
-    """The demonstrations that the service takes; of those with images only, some may show too little.
+    """Yield the uploaded demonstrations; those in whose images the service does not find an object are left out.
 
     Raises:
-        NotLearnedError: if more than half show too little.
+        NotLearnedError: if more than half are left out.
     """
     refused = []
     for item in shown:

@@ -1,23 +1,21 @@
-"""One trial: ask for actions in an unseen scene, by the source that the method names, and carry them out."""
+"""Runs one trial: gets actions for an unseen scene from the source that the method names, and carries them out."""
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.evaluation.failures import ProgramRefusedError
-from app.evaluation.ledger import poses_of
 from app.evaluation.methods import Method, Source
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.panda import Actions, binned_keyframes
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Trial
 from app.evaluation.robot_loops import USELESS_REPLY, run_loop
-from app.evaluation.teach import UNSEEN, Lesson, TaughtEpisode, images_only
+from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.evaluation.voxposer.ask import Models, ask_for_program, oracle_actions, program_actions
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
@@ -29,13 +27,12 @@ from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import ObjectPose
 
-# The problems that say of an instruction, not of the service, that it is not understood
+# Problem types that mean that the instruction was not understood.
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
-LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
 
 
 class PlannedTrial(NamedTuple):
-    """A trial to be run."""
+    """A trial to be run. Its `key` is unique within a plan."""
 
     task: str
     seed: int
@@ -43,17 +40,17 @@ class PlannedTrial(NamedTuple):
 
     @property
     def key(self) -> tuple[str, int, str]:
-        """Task, seed and the method's label, which no two trials of a plan have in common."""
+        """Task, seed and the method's label."""
         return self.task, self.seed, self.method.label
 
 
 @dataclass(frozen=True, eq=False)
 class TrialRunner:
-    """Runs trials in threads, so that the LLM answers the next while the last is executed.
+    """Runs trials. Call it from several threads: the LLM then answers one trial while another is simulated.
 
     Attributes:
-        asking: held while the LLM is asked, so that it is not asked for more at once than it should be.
-        models: for methods that ask an LLM without the service; None where no method does.
+        asking: limits how many threads ask the LLM at once.
+        models: for methods that ask an LLM without the service; None if no method does.
     """
 
     client: RoboPromptClient
@@ -63,30 +60,27 @@ class TrialRunner:
     models: Models | None = None
 
     def run(self, planned: PlannedTrial, lesson: Lesson) -> Trial:
-        """Run a trial.
-
-        Args:
-            lesson: what its method was taught.
+        """Run a trial of a method that was taught `lesson`.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError, LanguageModelError, or what a worker raised: nothing is known
-                about the method.
+            ServiceProblemError, ServiceUnreachableError, LanguageModelError, or a worker's error: the trial does not
+                count.
         """
         return SOURCES[planned.method.source](self, planned, lesson, self.look(planned))
 
     def look(self, planned: PlannedTrial) -> SceneView:
-        """The scene of the trial, without pictures."""
+        """Return the trial's scene without pictures."""
         return call(self.executor, self.world.view, planned.task, planned.seed)
 
     def execute(self, trial: Trial, actions: Actions) -> Trial:
-        """The trial with what became of the actions."""
+        """Return the trial after carrying out the actions."""
         execution, seconds = call(self.executor, timed, self.world.execute, trial.scene, actions)
         return replace(trial, actions=actions, execution=execution, execute_s=seconds)
 
 
 def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     trial = Trial(*planned.key, scene)
-    seen, options = _seen(runner, planned, scene), planned.method.options
+    seen, options = _observation(runner, planned, scene), planned.method.options
     with runner.asking:
         started = time.perf_counter()
         try:
@@ -104,8 +98,8 @@ def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
     return trial
 
 
-def _seen(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Observation:
-    """What the robot sends of the scene."""
+def _observation(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Observation:
+    """Return what the robot sends of the scene: poses, or images only."""
     if planned.method.poses == "vision":
         photographed = call(runner.executor, runner.world.view, planned.task, planned.seed, True)
         return images_only(photographed.frames, scene.objects)
@@ -113,12 +107,12 @@ def _seen(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Obser
 
 
 def _observed(planned: PlannedTrial, scene: SceneView) -> tuple[ObjectPose, ...]:
-    """The objects with the method's noise."""
+    """Return the objects' poses with the method's noise."""
     return disturbed(scene.objects, planned.method.noise, planned.seed)
 
 
 def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
-    """What the service keeps of a prediction without actions, in the form of an answer."""
+    """Return the stored record of a prediction without actions, in the form of an answer."""
     stored = client.get(f"/predictions/{error.problem['prediction_id']}")
     timings = stored["timings_ms"]
     outside_llm_ms = sum(ms for name, ms in timings.items() if name != "llm")
@@ -126,66 +120,29 @@ def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> di
 
 
 def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """With the robot's own loop, in one worker: it asks before every action, or once and perhaps looks again."""
+    """Run the robot's own loop in a worker: it asks before every action, or once and may look again."""
     with runner.asking:
         return call(runner.executor, run_loop, runner.client.url, lesson.name, planned.seed, planned.method, scene)
 
 
-def _replay_nearest(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    taught = lesson.taught[: planned.method.options.get("num_demonstrations", lesson.num_demonstrations)]
-    symmetry = runner.world.tasks[planned.task]
-    actions = replayed(taught, scene.instruction, _observed(planned, scene), symmetry)
-    return runner.execute(Trial(*planned.key, scene), actions)
-
-
-def replayed(
-    taught: Sequence[TaughtEpisode],
-    instruction: str,
-    objects: Sequence[ObjectPose],
-    yaw_symmetry_deg: Mapping[str, float],
-) -> Actions:
-    """The keyframes that the service found in the demonstration whose object poses are nearest to `objects`.
-
-    Only demonstrations of the same instruction are considered, where there are any. The distance is the sum over the
-    objects of their shifts in meters and of their turns times 10 cm, up to their symmetry.
-    """
-    alike = [item for item in taught if item.recorded.scene.instruction == instruction] or list(taught)
-    observed = {pose.name: canonical_pose(pose, yaw_symmetry_deg.get(pose.name)) for pose in objects}
-
-    def distance_m(item: TaughtEpisode) -> float:
-        poses = poses_of(item.document)
-        return sum(_distance_m(canonical_pose(p, yaw_symmetry_deg.get(p.name)), observed[p.name]) for p in poses)
-
-    nearest = min(alike, key=distance_m)
-    return tuple(nearest.recorded.trajectory.action_at(item["index"]) for item in nearest.document["keyframes"])
-
-
-def _distance_m(a: ObjectPose, b: ObjectPose) -> float:
-    shift_m = float(np.linalg.norm(a.position_m - b.position_m))
-    if a.quaternion_xyzw is None or b.quaternion_xyzw is None:
-        return shift_m
-    turn_rad = (Rotation.from_quat(a.quaternion_xyzw).inv() * Rotation.from_quat(b.quaternion_xyzw)).magnitude()
-    return shift_m + LEVER_M * float(turn_rad)
-
-
 def _replay_own(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """A demonstration's keyframes in its own scene: what keyframes and execution leave to any prediction."""
+    """Carry out a demonstration's keyframes in its own scene: an upper bound for any prediction."""
     demonstration = lesson.taught[planned.seed % len(lesson.taught)]
     keyframes = runner.client.get(f"/episodes/{demonstration.document['id']}")["keyframes"]
     trajectory = demonstration.recorded.trajectory
-    # A keyframe has its own state of the gripper: it may stand a moment before or after the recorded switch.
+    # A keyframe stores the gripper's state: it may lie shortly before or after the recorded switch.
     actions = tuple(replace(trajectory.action_at(k["index"]), gripper_open=k["gripper_open"]) for k in keyframes)
     return runner.execute(Trial(*planned.key, demonstration.recorded.scene), actions)
 
 
 def _replay_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """The ceiling of any method that predicts the expert's keyframes in bins: these keyframes themselves."""
+    """Carry out the expert's own keyframes in bins: an upper bound for methods that predict bins."""
     actions = call(runner.executor, binned_keyframes, planned.task, planned.seed)
     return runner.execute(Trial(*planned.key, scene), actions)
 
 
 def _perform_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """The scene solved as demonstrations are: how often could it be taught at all?"""
+    """Let the expert solve the scene: how often could the task be demonstrated at all?"""
     solved, seconds = call(runner.executor, timed, runner.world.solve, planned.task, planned.seed)
     actions = solved.expert_actions
     execution = RolloutResult(len(actions), solved.succeeded, solved.failure)
@@ -193,7 +150,7 @@ def _perform_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, 
 
 
 def _ask_for_program(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """The baseline after VoxPoser; a program that is refused counts as a failure, with prompt and reply."""
+    """Ask for a program after VoxPoser; a refused program is a failure, kept with prompt and reply."""
     assert runner.models is not None
     symmetry, box = runner.world.tasks[planned.task], runner.client.get(f"/tasks/{lesson.name}")["workspace"]
     objects = tuple(canonical_pose(pose, symmetry.get(pose.name)) for pose in _observed(planned, scene))
@@ -206,13 +163,13 @@ def _ask_for_program(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson,
 
 
 def _plan_oracle(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """The baseline's planner with the program of a person; a program that it refuses counts as a failure."""
+    """Plan a program that a person wrote, with VoxPoser's planner; a refused program is a failure."""
     seen = replace(scene, objects=_observed(planned, scene))
     return _planned(runner, Trial(*planned.key, scene), oracle_actions, seen)
 
 
 def _planned(runner: TrialRunner, trial: Trial, plan: Callable[..., Actions], *arguments: object) -> Trial:
-    """The trial with the plan of a program carried out."""
+    """Return the trial after planning a program and carrying out the plan."""
     started = time.perf_counter()
     try:
         actions = call(runner.executor, plan, *arguments)
@@ -228,7 +185,6 @@ def _asked_s(trial: Trial) -> float:
 SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView], Trial]] = {
     "service": _ask_service,
     "robot loop": _ask_and_act,
-    "nearest demonstration": _replay_nearest,
     "own keyframes": _replay_own,
     "expert replay": _replay_expert,
     "expert": _perform_expert,

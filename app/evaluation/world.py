@@ -1,8 +1,7 @@
-"""What a benchmark is: a world of scenes with an expert that solves them. One evaluation drives every world.
+"""The Protocol of a benchmark: scenes, and an expert that solves them.
 
-The simulated Panda is a world (`app.evaluation.panda`); another is a module with a `WORLD` of this Protocol. A world
-that needs packages of its own names the interpreter that has them: its module, and nothing else of it, is then imported
-there as well.
+The simulated Panda is one (`app.evaluation.panda`); another is a module with a `WORLD` of this Protocol. A world that
+needs other packages names the interpreter that has them; only its module is imported there.
 """
 
 import importlib
@@ -19,44 +18,44 @@ Result = TypeVar("Result")
 
 
 class World(Protocol):
-    """Scenes, each determined by task and seed. Its methods run in worker processes, so that it can be pickled.
+    """Scenes, each determined by task and seed. Its methods run in worker processes, so it must be picklable.
 
-    The scene of a seed may be another one in a demonstration than in a test, where a task has variations.
+    If a task has variations, a seed may give different scenes in demonstrations and in tests.
     """
 
     @property
     def tasks(self) -> Mapping[str, Mapping[str, float]]:
-        """By name, of each symmetric object the turn about its z axis that leaves it unchanged, in degrees."""
+        """By task, the rotational symmetry about z (degrees) of each symmetric object."""
 
     @property
     def first_test_seed(self) -> int:
-        """The first seed of unseen scenes, unless another is asked for."""
+        """The default first seed of unseen scenes."""
 
     @property
     def python(self) -> Path | None:
-        """The interpreter of the world's own environment; None: it runs in that of the evaluation."""
+        """The interpreter of the world's environment; None: that of the evaluation."""
 
     def conditions(self) -> Mapping[str, Any]:
-        """What else the results depend on, for their record."""
+        """Return further conditions that change results, for their record."""
 
     def recorded_at(self, frequency_hz: float) -> "World":
-        """The same world with demonstrations recorded at another rate."""
+        """Return this world with demonstrations recorded at another rate."""
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
-        """What a test's scene shows before the arm moves."""
+        """Return a test's scene before the arm moves."""
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
-        """The expert in the scene of a demonstration. One that failed says so."""
+        """Return a demonstration by the expert, which may have failed."""
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
-        """The same in the scene of a test, without pictures."""
+        """Return the expert's attempt in a test's scene, without pictures."""
 
     def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
-        """Carry actions out in the scene as it was, and judge the outcome."""
+        """Carry out the actions in the scene, and judge the outcome."""
 
 
 def world_named(module: str) -> World:
-    """The `WORLD` of a module, e.g. ``benchmarks.metaworld.world``.
+    """Return the `WORLD` of a module, e.g. ``benchmarks.metaworld.world``.
 
     Raises:
         UnknownWorldError: if there is none.
@@ -71,6 +70,6 @@ def world_named(module: str) -> World:
 
 
 def timed(job: Callable[..., Result], /, *arguments: object) -> tuple[Result, float]:
-    """The job's result and the seconds that it took. Runs in a worker."""
+    """Return the job's result and its duration in seconds. Runs in a worker."""
     started = time.perf_counter()
     return job(*arguments), time.perf_counter() - started

@@ -79,8 +79,8 @@ def test_a_stream_ends_before_the_unsupported_action(far):
     assert FAR.startswith(last["reply_text"])
 
 
-def test_a_reply_that_is_unsupported_is_asked_for_again(tmp_path):
-    with service(tmp_path, FAR, GOOD) as http:
+def test_a_reply_that_is_unsupported_is_asked_for_again_and_one_that_ends_too_early_is_refused(tmp_path):
+    with service(tmp_path, FAR, GOOD, SHORT, SHORT) as http:
         response = ask(http)
         answer = response.json()
         assert response.status_code == 200, answer
@@ -89,24 +89,16 @@ def test_a_reply_that_is_unsupported_is_asked_for_again(tmp_path):
         assert answer["usage"]["completion_tokens"] > 0
         stored = http.get(f"/predictions/{answer['id']}").json()
         assert (stored["status"], stored["reply_text"]) == ("ok", f"{FAR}\n{GOOD}")
-
-
-def test_a_reply_that_ends_too_early_is_refused(tmp_path):
-    with service(tmp_path, SHORT) as http:
         problem = ask(http).json()
         assert problem["type"] == "/problems/unsupported"
         assert problem["errors"][0]["field"] == "actions[2]"
         assert problem["errors"][0]["valid"] == "3 actions"
 
 
-def test_samples_that_are_unsupported_do_not_count(tmp_path):
-    """Of five samples two are unsupported, each of them twice."""
-    with service(tmp_path, GOOD) as http:
-        samples = ask(http, num_samples=3).json()["samples"]
-        assert (samples["asked"], samples["used"]) == (3, 3)
-    with service(tmp_path / "far", FAR) as http:
-        response = ask(http, num_samples=3)
-        assert response.status_code == 502
-        stored = http.get(f"/predictions/{response.json()['prediction_id']}").json()
-        assert stored["actions"] is None
-        assert all("10." in reply["error"] for reply in stored["samples"]["replies"])
+def test_samples_that_are_unsupported_do_not_count(far):
+    """tests/e2e/test_samples.py has samples of which some count."""
+    response = ask(far, num_samples=3)
+    assert response.status_code == 502
+    stored = far.get(f"/predictions/{response.json()['prediction_id']}").json()
+    assert stored["actions"] is None
+    assert all("10." in reply["error"] for reply in stored["samples"]["replies"])

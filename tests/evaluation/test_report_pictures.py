@@ -1,72 +1,23 @@
-"""Charts, film strips and overlays of a report."""
-
-import io
+"""Film strips and overlays of a report."""
 
 import numpy as np
 import pytest
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from app.drawing import AXIS_COLORS, AXIS_M, Canvas
-from app.evaluation.report.charts import DARK, THEMES, success_chart
 from app.evaluation.report.page import duration_text, tokens_text
 from app.evaluation.report.pictures import (
     ACTION_COLOR,
-    LAST_FRAME_MS,
     MAX_COLUMNS,
     captions,
     draw_scene,
     film_grid,
     film_tiles,
-    write_gif,
 )
-from app.evaluation.scores import Result, Score
 from app.pipeline.geometry import backproject
-from app.pipeline.success_rate import SuccessRate
 from app.sim.world import calibrated
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
-
-
-def contrast(a, b):
-    """WCAG 2.2's contrast ratio of two colors '#rrggbb'."""
-    bright, dark = sorted(map(luminance, (a, b)), reverse=True)
-    return (bright + 0.05) / (dark + 0.05)
-
-
-def luminance(color):
-    srgb = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
-
-
-def result(task, method, successes):
-    return Result(task, method, Score(SuccessRate(successes, 4)))
-
-
-def test_the_success_chart_has_a_bar_and_an_interval_a_method_and_task():
-    figure = success_chart([result(t, m, k) for t in ("a", "b") for m, k in (("x", 0), ("y", 3))], DARK)
-    axes = figure.axes[0]
-    assert [bar.get_width() for bar in axes.patches] == [0, 0, 75, 75]
-    low, high = SuccessRate(3, 4).interval
-    whiskers = axes.collections[1].get_segments()[0]
-    np.testing.assert_allclose(whiskers[:, 0], [100 * low, 100 * high])
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
-
-
-@pytest.mark.parametrize("theme", THEMES, ids=lambda theme: theme.name)
-def test_charts_are_legible(theme):
-    for text in (theme.text, theme.muted):
-        assert contrast(text, theme.background) >= 4.5
-    for color in theme.series:
-        assert contrast(theme.text, color) >= 3
-
-
-@pytest.mark.parametrize("theme", THEMES, ids=lambda theme: theme.name)
-def test_figures_have_the_theme_s_background(theme):
-    image = io.BytesIO()
-    success_chart([result("a", "x", 1)], theme).savefig(image, format="png")
-    red, green, blue = Image.open(image).convert("RGB").getpixel((0, 0))
-    assert f"#{red:02x}{green:02x}{blue:02x}" == theme.background
 
 
 def test_numbers_for_people():
@@ -103,18 +54,6 @@ def test_a_tile_has_its_caption_below_the_picture():
     rows = np.nonzero((plain != captioned).any(axis=(1, 2)))[0]
     assert rows.min() >= 240
     assert captioned.max() > 200
-
-
-def test_an_animation_plays_every_picture_and_rests_on_the_last(tmp_path):
-    write_gif(tmp_path / "film.gif", tiles(4))
-    with Image.open(tmp_path / "film.gif") as film:
-        assert film.n_frames == 4
-        assert film.info["loop"] == 0
-        for k, color in enumerate(COLORS[:4]):
-            film.seek(k)
-            pixel = film.convert("RGB").getpixel((160, 100))
-            assert np.abs(np.subtract(pixel, color)).max() < 12
-        assert film.info["duration"] == LAST_FRAME_MS
 
 
 CAMERA = calibrated("front")

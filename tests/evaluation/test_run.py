@@ -22,7 +22,7 @@ from app.evaluation.results import Crash, Evaluation
 from app.evaluation.run import Run
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
-from app.evaluation.sweeps import EXPERT, NEAREST, REGRESSION, REPLAY
+from app.evaluation.sweeps import COPY, EXPERT, REGRESSION, REPLAY
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
@@ -99,12 +99,12 @@ def lines(tmp_path):
 
 
 def test_every_source_of_actions(run, lessons, tmp_path):
-    task = run(REGRESSION, NEAREST, REPLAY, episodes=2)
+    task = run(REGRESSION, EXPERT, REPLAY, episodes=2)
     assert [(trial.method, trial.seed) for trial in task.trials] == [
-        (method.label, 100_000 + k) for method in (REGRESSION, NEAREST, REPLAY) for k in range(2)
+        (method.label, 100_000 + k) for method in (REGRESSION, EXPERT, REPLAY) for k in range(2)
     ]
-    asked, nearest, replay = task.trials[::2]
-    assert (asked.answer["model"], nearest.answer, replay.answer) == ("regression", None, None)
+    asked, expert, replay = task.trials[::2]
+    assert (asked.answer["model"], expert.answer, replay.answer) == ("regression", None, None)
     assert all(trial.actions and trial.execution is not None for trial in task.trials)
     assert replay.succeeded, replay.failure
     assert [item.recorded.scene.seed for item in lessons[0].taught] == [0, 1, 2]
@@ -195,7 +195,7 @@ def test_noise_on_tests_alone_leaves_the_demonstrations_as_they_are(run, url):
 
 def test_continuous_recordings_and_other_scenes(run, lessons, tmp_path):
     scenes = {"world": Panda("continuous"), "first_test_seed": 1}
-    task = run(EXPERT, REPLAY, NEAREST, episodes=2, **scenes)
+    task = run(EXPERT, REPLAY, COPY, episodes=2, **scenes)
     assert [item.recorded.scene.seed for item in lessons[0].taught] == [0, 3, 4]  # 1 and 2 are tested
     assert {trial.seed for trial in task.trials} == {1, 2}
     expert, again, *_ = task.trials

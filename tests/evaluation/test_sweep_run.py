@@ -155,7 +155,7 @@ def test_the_page_of_failures(tmp_path):
     [
         (["--sweep", "everything"], "main, formats"),
         (["--task", "fold_laundry"], "open_drawer"),
-        (["--method", "best"], "'nearest demonstration'"),
+        (["--method", "best"], "'expert replay'"),
         (["--recordings", "shaky"], "'continuous'"),
         (["--noise-on", "demonstrations"], "'test'"),
         (["--noise", "-1"], "or equal to 0"),

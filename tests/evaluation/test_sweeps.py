@@ -6,7 +6,6 @@ from app.evaluation.methods import Method, with_models, with_noise, with_poses
 from app.evaluation.sweeps import (
     COPY,
     EXPERT,
-    NEAREST,
     REGRESSION,
     REPLAY,
     SIMPLE_NAMES,
@@ -77,7 +76,7 @@ def test_models():
     main = SWEEPS["main"].methods
     assert [m.label for m in with_models(main, [])] == [m.label for m in main]
     one = with_models(main, ["openai/gpt-4o"])
-    assert [m.options.get("model") for m in one] == ["openai/gpt-4o", "nearest", "regression", None, None]
+    assert [m.options.get("model") for m in one] == ["openai/gpt-4o", "nearest", "regression", None]
     assert one[0].label == "default"
     two = with_models(main, ["a", "b"])
     assert [m.label for m in two[:2]] == ["default, a", "default, b"]
@@ -95,7 +94,7 @@ def test_the_method_asked_for_comes_first():
 
 def test_vision_is_for_those_that_ask_the_service():
     methods = with_poses(SWEEPS["main"].methods, "vision")
-    assert [method.poses for method in methods] == ["vision", "vision", "vision", "given", "given"]
+    assert [method.poses for method in methods] == ["vision", "vision", "vision", "given"]
     assert len(variants(methods)) == 2
     assert suffix_of(methods[3], methods) == ""
 
@@ -109,7 +108,7 @@ def test_what_needs_given_poses_says_so(sweep):
 def test_methods_by_name():
     main = SWEEPS["main"].with_models(())
     assert chosen(main, (), ()) == main
-    assert chosen(main, ["nearest demonstration", "default"], ()) == (NEAREST, main[0])
+    assert chosen(main, ["expert replay", "default"], ()) == (REPLAY, main[0])
     assert chosen(main, ["replay", "nearest", "regression", "expert"], ()) == (REPLAY, COPY, REGRESSION, EXPERT)
     assert chosen(main, ["nearest", COPY.label, "nearest"], ()) == (COPY,)
 
@@ -137,9 +136,9 @@ def test_a_simple_name_takes_the_models():
 
 def test_noise_is_for_those_that_see_poses():
     noisy = with_noise(SWEEPS["main"].methods, 1.5, "test")
-    assert [(method.noise, method.taught_noise) for method in noisy] == [(1.5, 0.0)] * 4 + [(0.0, 0.0)]
+    assert [(method.noise, method.taught_noise) for method in noisy] == [(1.5, 0.0)] * 3 + [(0.0, 0.0)]
     both = with_noise(SWEEPS["main"].methods, 1.5, "both")
-    assert [method.taught_noise for method in both] == [1.5] * 4 + [0.0]
+    assert [method.taught_noise for method in both] == [1.5] * 3 + [0.0]
     assert len(variants(noisy)) == 1
     assert len(variants(both)) == 2
 

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation
-from app.evaluation.scores import reached, results_of
+from app.evaluation.scores import reached, task_result
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, results_table, sweep_summary
 from tests.evaluation.trials import ANSWER, trial
@@ -74,7 +74,7 @@ def test_timeouts_and_errors_count_apart_and_as_no_failures():
     assert (summary["trials"], summary["errors"], summary["timeouts"]) == (4, 1, 2)
     figures = summary["tasks"]["stack_cube"]
     assert (figures["trials"], figures["errors"], figures["timeouts"]) == (2, 1, 2)
-    ours, other = results_of(run)
+    ours, other = (task_result(run.tasks[0], method) for method in run.methods)
     assert (ours.score.not_run, str(ours.score.rate), other.score.not_run) == (
         "2 timeouts, 1 error",
         "1/2 (9-91 %)",

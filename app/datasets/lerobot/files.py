@@ -1,7 +1,7 @@
-"""The files of a LeRobot dataset, version 3.0 or 2.1 -> where each episode's rows, images and instruction are.
+"""Finds the rows, images and instruction of each episode in the files of a LeRobot dataset, version 3.0 to 2.0.
 
-v3.0 keeps many episodes in a file and says in meta/episodes which rows are whose; v2.1 has a file for each. What a
-LeRobot dataset has no place for stands beside its own files: objects, calibrated cameras and their first images.
+v3.0 has many episodes in a file, whose rows meta/episodes lists; v2 has a file for each. Objects, calibrated cameras
+and their first images, for which LeRobot has no place, are in additional files:
 
     meta/roboprompt/episode_000000/metadata.json   as it was uploaded
                                    rgb_front       the image files, byte for byte
@@ -27,7 +27,7 @@ _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", 
 
 
 def read_scene(root: Path, index: int, budget: Budget) -> tuple[dict[str, Any], dict[str, bytes]] | None:
-    """The episode's metadata, and its images by the names of their parts; None if there are none, or DamagedError."""
+    """Return the episode's metadata and its images by name; None if there are none. Raises DamagedError."""
     folder = _folder(root, index)
     if not folder.exists():
         return None
@@ -56,7 +56,7 @@ def _folder(root: Path, index: int) -> Path:
 
 @dataclass(frozen=True)
 class Info:
-    """What meta/info.json says."""
+    """The contents of meta/info.json."""
 
     version: str
     fps: float
@@ -66,29 +66,29 @@ class Info:
     chunks_size: int
 
     def named(self, *dtypes: str) -> list[str]:
-        """The features of these types."""
+        """Return the features of these types."""
         return [name for name, item in self.features.items() if item["dtype"] in dtypes]
 
     @property
     def numeric(self) -> list[str]:
-        """The features that are numbers in every frame."""
+        """The features that have numbers in every frame."""
         return self.named(*_NUMBERS)
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where an episode is."""
+    """The location of an episode."""
 
     index: int
     length: int
     instruction: str | None
     data_file: Path
     first_row: int | None  # in the data file; None in v2.1, whose files hold one episode each
-    row: Mapping[str, Any]  # of meta/episodes, where v3.0 says in which video file an episode begins when
+    row: Mapping[str, Any]  # of meta/episodes, which in v3.0 has the start of an episode in its video file
 
 
 def read_info(root: Path, budget: Budget) -> Info:
-    """The dataset's description; raises DatasetError if it is damaged or of another version."""
+    """Return the dataset's description; raises DatasetError if it is damaged or of another version."""
     try:
         document = json.loads(read_inside(root, INFO, budget))
         info = Info(
@@ -109,7 +109,7 @@ def read_info(root: Path, budget: Budget) -> Info:
 
 
 def read_places(root: Path, info: Info, budget: Budget) -> list[Place]:
-    """Every episode; raises DatasetError if their list cannot be read, or names files elsewhere."""
+    """Return every episode; raises DatasetError if their list is damaged or names files elsewhere."""
     try:
         return _places_3(root, info, budget) if info.version == "v3.0" else _places_2(root, info, budget)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
@@ -117,10 +117,11 @@ def read_places(root: Path, info: Info, budget: Budget) -> list[Place]:
 
 
 def path_of(root: Path, template: str, **values: object) -> Path:
-    """The file that a template such as ``data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet`` names.
+    """Return the file of a template such as ``data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet``.
 
     Raises:
-        DatasetError: if it has other places than `values`; DamagedError: if it leads out of the dataset.
+        DatasetError: if the template has other fields than `values`.
+        DamagedError: if the path leads out of the dataset.
     """
 
     def filled(match: re.Match[str]) -> str:

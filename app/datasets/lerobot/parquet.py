@@ -1,4 +1,4 @@
-"""Parquet files within a budget: a few bytes of one may stand for any number of rows or texts."""
+"""Reads Parquet files within a budget, as a few bytes may stand for any number of rows."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ _LARGEST_NUMBER_BYTES = 8
 
 
 def read_table(path: Path, columns: Sequence[str] | None, budget: Budget) -> Any:  # noqa: ANN401
-    """A file's columns, or all, as a pyarrow Table; raises DamagedError if it is damaged or beyond the budget."""
+    """Return columns of a file (None: all) as a pyarrow Table; raises DamagedError, also beyond the budget."""
     with _opened(path) as file:
         schema = file.schema_arrow
         names = schema.names if columns is None else list(columns)
@@ -33,7 +33,7 @@ def read_table(path: Path, columns: Sequence[str] | None, budget: Budget) -> Any
 
 
 def read_value(path: Path, column: str, row: int, budget: Budget) -> Any:  # noqa: ANN401
-    """One row's value; no more rows are read than stand beside it. Raises DamagedError, also for a row too many."""
+    """Return the value of one row, reading few others; raises DamagedError, also for a row that does not exist."""
     with _opened(path) as file:
         for group in range(file.num_row_groups):
             num_rows = file.metadata.row_group(group).num_rows
@@ -48,13 +48,13 @@ def read_value(path: Path, column: str, row: int, budget: Budget) -> Any:  # noq
 
 
 def column_names(path: Path) -> list[str]:
-    """Of a file's columns; raises DamagedError."""
+    """Return the names of a file's columns; raises DamagedError."""
     with _opened(path) as file:
         return list(file.schema_arrow.names)
 
 
 def numbers_of(table: Any, name: str) -> np.ndarray[Any, Any]:  # noqa: ANN401
-    """The column as (T,) or (T, k) numbers, in the precision that it was written in."""
+    """Return the column as (T,) or (T, k) numbers in the stored precision."""
     arrow, _ = require_arrow()
     column = table.column(name).combine_chunks()
     if not arrow.types.is_nested(column.type):
@@ -68,7 +68,7 @@ def numbers_of(table: Any, name: str) -> np.ndarray[Any, Any]:  # noqa: ANN401
 
 
 def require_arrow() -> tuple[Any, Any]:
-    """The modules pyarrow and pyarrow.parquet; raises MissingPackageError."""
+    """Return the modules pyarrow and pyarrow.parquet; raises MissingPackageError."""
     try:
         import pyarrow
         from pyarrow import parquet
@@ -93,7 +93,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _check(path: Path, metadata: Any, names: set[str], budget: Budget) -> None:  # noqa: ANN401
-    """Refuse a file whose own metadata say that it is too large."""
+    """Refuse a file that is too large by its own metadata."""
     num_bytes = 0
     for group in map(metadata.row_group, range(metadata.num_row_groups)):
         if group.num_rows < 0:
@@ -106,5 +106,5 @@ def _check(path: Path, metadata: Any, names: set[str], budget: Budget) -> None: 
 
 
 def _is_of(path: str, names: set[str]) -> bool:
-    """Whether a leaf such as ``observation.images.element`` belongs to a column; columns' names have dots, too."""
+    """Return whether a leaf such as ``observation.images.element`` belongs to one of the columns."""
     return path in names or any(path.startswith(f"{name}.") for name in names)

@@ -1,8 +1,7 @@
-"""LeRobot datasets, versions 3.0, 2.1 and 2.0 -> Parcels.
+"""Reads LeRobot datasets, versions 3.0, 2.1 and 2.0.
 
-A dataset that this project exported carries its scenes with it (`meta/roboprompt`) and needs nothing else. Of others
-the mapping says what their columns are; a column that is named like one of `DEFAULTS` needs no mapping. An episode's
-first frame of a camera is an embedded image, or the first picture of a video.
+A dataset exported by this project contains its scenes (`meta/roboprompt`). Other datasets need a mapping of their
+columns, unless these are named as in `DEFAULTS`. A camera's first frame is an embedded image or the start of a video.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,10 +20,10 @@ from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, rgb_png
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
-# FFmpeg tells a container by its content, and some name other files or addresses to play: those are left out.
+# FFmpeg detects containers by content, and some refer to other files or addresses: those are not allowed.
 VIDEO_OPTIONS = {"format_whitelist": "mov,matroska,avi", "protocol_whitelist": "file"}
 RGB_BYTES = 3
-NEAR_S = 0.5  # of a frame's duration: the picture that is shown at a time begins within it
+NEAR_S = 0.5  # tolerance for the time of a picture, in frame durations
 JOINT_VELOCITIES = "observation.joint_velocities"
 JOINT_POSITIONS = "observation.joint_positions"
 POSITIONS = "observation.end_effector_position"
@@ -47,7 +46,7 @@ FILES_IN_MEMORY = 2  # neighboring episodes share a file of up to 100 MB
 
 
 def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: str) -> bytes:
-    """The encoded first image of the episode; raises DamagedError, or MissingPackageError for a video without av."""
+    """Return the episode's encoded first image; raises DamagedError, or MissingPackageError for videos without av."""
     if feature not in info.features:
         raise DamagedError(root, f"has no images {feature}")
     if info.features[feature]["dtype"] == "image":
@@ -98,12 +97,12 @@ def _first_picture(path: Path, start_s: float, fps: float, budget: Budget) -> by
 
 
 def looks_like(path: Path) -> bool:
-    """Whether the folder says that it is a LeRobot dataset."""
+    """Return whether the folder has the description of a LeRobot dataset."""
     return (path / INFO).exists()
 
 
 def open_lerobot(root: Path, options: ImportOptions) -> Dataset:
-    """The episodes; raises DatasetError if their list cannot be read, or for a mapping of another form."""
+    """Return the episodes; raises DatasetError for an unreadable list or an invalid mapping."""
     root = root.resolve()
     budget = Budget(root, options.limits)
     info = read_info(root, budget)
@@ -150,7 +149,7 @@ def _read(
 def _exported(
     metadata: dict[str, Any], images: dict[str, bytes], columns: Columns, mapping: FeatureMap, options: ImportOptions
 ) -> Parcel:
-    """An episode that this project exported, as it was uploaded once."""
+    """Return an episode that this project exported, as it was uploaded."""
     tracked = _tracked(columns, [item["name"] for item in metadata["objects"]])
     if JOINT_VELOCITIES not in columns:
         columns = {**columns, JOINT_VELOCITIES: np.zeros((len(columns[POSITIONS]), 0))}
@@ -165,7 +164,7 @@ def _exported(
 
 
 def _tracked(columns: Columns, names: list[str]) -> list[dict[str, str]]:
-    """The mapping of tracked objects: their poses stand one after the other in two columns."""
+    """Return the mapping of tracked objects, whose poses are side by side in two columns."""
     if OBJECT_POSITIONS not in columns:
         return []
     turned = OBJECT_QUATERNIONS in columns

@@ -1,8 +1,7 @@
-"""Episodes -> a LeRobot dataset, version 3.0, that the package `lerobot` loads.
+"""Writes a LeRobot dataset, version 3.0, that the package `lerobot` loads.
 
-`observation.state` and `action` (the next frame's state) are what policies train on; the other columns hold the
-trajectory bit by bit. Statistics of the columns normalize what a policy sees. The first frame's images stand in
-meta/roboprompt: LeRobot knows only cameras that saw every frame, and to repeat the first would pretend so.
+Policies train on `observation.state` and `action` (the next frame's state); the other columns have the exact
+trajectory. The first frame's images are in meta/roboprompt, because LeRobot only has cameras with every frame.
 """
 
 import json
@@ -34,7 +33,7 @@ _NAMES = {
 
 
 def statistics(columns: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, dict[str, list[float]]]:
-    """Of each column (T,) or (T, k): a list of k numbers under min, max, mean, std, count and quantiles."""
+    """Return min, max, mean, std, count and quantiles of each column (T,) or (T, k), as lists of k numbers."""
     return {name: _of(column.reshape(len(column), -1)) for name, column in columns.items()}
 
 
@@ -51,7 +50,7 @@ def _of(column: np.ndarray[Any, Any]) -> dict[str, list[float]]:
 
 
 def write_data(path: Path, episodes: Sequence[Columns]) -> None:
-    """The frames of all episodes in one file, a row group for each episode."""
+    """Write the frames of all episodes into one file, with a row group for each episode."""
     arrow, parquet = require_arrow()
     path.parent.mkdir(parents=True)
     tables = [arrow.table({name: _column(arrow, values) for name, values in columns.items()}) for columns in episodes]
@@ -61,7 +60,7 @@ def write_data(path: Path, episodes: Sequence[Columns]) -> None:
 
 
 def write_tasks(path: Path, tasks: Sequence[str]) -> None:
-    """The instructions with their numbers; the instruction is the index of the frame that pandas makes of the file."""
+    """Write the instructions with their numbers; the instruction is the index of pandas' data frame."""
     arrow, parquet = require_arrow()
     table = arrow.table({"task_index": np.arange(len(tasks)), _INDEX: list(tasks)})
     columns = (("task_index", "task_index", "int64", "int64"), (None, _INDEX, "unicode", "object"))
@@ -82,7 +81,7 @@ def write_tasks(path: Path, tasks: Sequence[str]) -> None:
 def write_episodes(
     path: Path, episodes: Sequence[Columns], instructions: Sequence[str], stats: Sequence[Mapping[str, Any]]
 ) -> None:
-    """Where each episode's rows are, and its statistics."""
+    """Write the location of each episode's rows, and its statistics."""
     arrow, parquet = require_arrow()
     path.parent.mkdir(parents=True)
     rows = []
@@ -112,10 +111,10 @@ def _column(arrow: Any, values: np.ndarray[Any, Any]) -> Any:  # noqa: ANN401
 
 
 def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
-    """Write the dataset; returns the number of episodes.
+    """Write the dataset and return the number of episodes.
 
     Raises:
-        DatasetError: if there are none, their rates differ or are no whole numbers, or the folder exists.
+        DatasetError: without episodes, for rates that differ or are not whole numbers, or if the folder exists.
     """
     with in_one_step(target) as root:
         trajectories, instructions, rates_hz = [], [], []
@@ -147,7 +146,7 @@ def _common_rate(rates_hz: list[float]) -> int:
 
 
 def _numbered(trajectories: list[Trajectory], task_indices: list[int], fps: int) -> list[Columns]:
-    """The columns of every episode; those that not all episodes have are left to none."""
+    """Return the columns of every episode that all episodes have."""
     own = [_columns(trajectory) for trajectory in trajectories]
     shapes = [{name: column.shape[1:] for name, column in columns.items()} for columns in own]
     common = [name for name, shape in shapes[0].items() if all(item.get(name) == shape for item in shapes)]

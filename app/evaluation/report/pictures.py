@@ -1,8 +1,4 @@
-"""Image files of a report, each with what a page needs to show it.
-
-Poses and actions are drawn into a camera's image; the pictures of a rollout stand side by side, or follow one after the
-other.
-"""
+"""Pictures of a report: a camera's image with poses and actions drawn in, and a rollout's images side by side."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +9,6 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from app.drawing import Canvas, Color, RgbImage
-from app.evaluation.report.charts import THEMES, Draw
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -25,9 +20,6 @@ GAP_PX = 4
 MAX_COLUMNS = 4
 BACKGROUND = (24, 28, 34)
 CAPTION_COLOR = (240, 242, 245)
-FRAME_MS = 700
-LAST_FRAME_MS = 2000
-GIF_COLORS = 128
 JPEG_QUALITY = 85
 IMAGES = "images"
 OBJECT_COLOR: Color = (228, 130, 83)  # the paper's colors of object poses and actions
@@ -39,9 +31,9 @@ SAME_PLACE_PX = 8.0
 def draw_scene(
     image: RgbImage, camera: Camera, poses: Sequence[ObjectPose], actions: Sequence[EndEffectorAction] = ()
 ) -> RgbImage:
-    """A copy of `image` (H, W, 3) with objects as axes and names, and actions as a numbered path.
+    """Return a copy of `image` (H, W, 3) with objects as axes and names, and actions as a numbered path.
 
-    An action's dot is hollow where the gripper is open. What is outside of the image is left out.
+    An action's dot is hollow if its gripper is open. Whatever is outside of the image is left out.
     """
     canvas = Canvas(camera, image.copy())
     way_m = np.array([action.position_m for action in actions]).reshape(-1, 3)
@@ -58,7 +50,7 @@ def draw_scene(
 
 
 def _numbered(camera: Camera, way_m: Array) -> list[tuple[str, Array]]:
-    """The numbers of the actions at each place of the image, e.g. ``("1, 3", point)``."""
+    """Return the numbers of the actions at each place of the image, e.g. ``("1, 3", point_m)``."""
     places: list[tuple[list[int], Array, Array]] = []
     for number, (point_m, pixel) in enumerate(zip(way_m, camera.project(way_m)[0], strict=True), start=1):
         for numbers, _, place in places:
@@ -71,18 +63,18 @@ def _numbered(camera: Camera, way_m: Array) -> list[tuple[str, Array]]:
 
 
 def captions(num_images: int, num_actions: int | None) -> list[str]:
-    """What the pictures of a film strip show, of a rollout of `num_actions` (None: unknown)."""
+    """Return captions for the images of a rollout of `num_actions` (None: unknown)."""
     of_all = "" if num_actions is None else f" of {num_actions}"
     return ["before"] + [f"after action {k}{of_all}" for k in range(1, num_images)]
 
 
 def film_tiles(images: Sequence[RgbImage], texts: Sequence[str]) -> list[RgbImage]:
-    """Each image (H, W, 3) scaled down to a width of 320 pixels, its caption below."""
+    """Return each image (H, W, 3) scaled to a width of 320 pixels, with its caption below."""
     return [_captioned(image, text) for image, text in zip(images, texts, strict=True)]
 
 
 def film_grid(tiles: Sequence[RgbImage]) -> RgbImage:
-    """Tiles of one size row by row, at most four in a row."""
+    """Return tiles of one size as one image, at most four in a row."""
     columns = min(len(tiles), MAX_COLUMNS)
     rows = -(-len(tiles) // columns)
     height, width = tiles[0].shape[0] + GAP_PX, tiles[0].shape[1] + GAP_PX
@@ -92,13 +84,6 @@ def film_grid(tiles: Sequence[RgbImage]) -> RgbImage:
         top, left = k // columns * height + GAP_PX, k % columns * width + GAP_PX
         grid[top : top + tile.shape[0], left : left + tile.shape[1]] = tile
     return grid
-
-
-def write_gif(path: Path, tiles: Sequence[RgbImage]) -> None:
-    """An endless animation that rests on its last picture."""
-    first, *rest = [Image.fromarray(tile).quantize(GIF_COLORS) for tile in tiles]
-    durations_ms = [FRAME_MS] * len(rest) + [LAST_FRAME_MS]
-    first.save(path, save_all=True, append_images=rest, duration=durations_ms, loop=0)
 
 
 def _captioned(image: RgbImage, text: str) -> RgbImage:
@@ -114,51 +99,17 @@ def _captioned(image: RgbImage, text: str) -> RgbImage:
 
 @dataclass(frozen=True)
 class Picture:
-    """An image file.
-
-    Attributes:
-        src: the path relative to the page.
-        alt: what is to be seen, for those who do not see it.
-        dark_src: the same for dark pages, where that differs.
-    """
+    """An image file: its path relative to the page, its description for people who do not see it, and its size."""
 
     src: str
     alt: str
     width_px: int
     height_px: int
-    dark_src: str | None = None
 
 
-class PictureFolder:
-    """Writes images into the folder `images` beside the page; names are file names without suffix."""
-
-    def __init__(self, report: Path) -> None:
-        self._report = report
-        (report / IMAGES).mkdir(parents=True, exist_ok=True)
-
-    def photo(self, name: str, image: RgbImage, alt: str) -> Picture:
-        """A JPEG."""
-        path = self._path(f"{name}.jpg")
-        Image.fromarray(image).save(path, quality=JPEG_QUALITY, optimize=True)
-        return self._picture(path, alt)
-
-    def animation(self, name: str, tiles: Sequence[RgbImage], alt: str) -> Picture:
-        """The tiles one after the other, in a GIF."""
-        path = self._path(f"{name}.gif")
-        write_gif(path, tiles)
-        return self._picture(path, alt)
-
-    def chart(self, name: str, draw: Draw, alt: str) -> Picture:
-        """A PNG for light pages and one for dark ones."""
-        light, dark = (self._path(f"{name}-{theme.name}.png") for theme in THEMES)
-        for theme, path in zip(THEMES, (light, dark), strict=True):
-            draw(theme).savefig(path, format="png")
-        return self._picture(light, alt, dark)
-
-    def _path(self, file_name: str) -> Path:
-        return self._report / IMAGES / file_name
-
-    def _picture(self, path: Path, alt: str, dark: Path | None = None) -> Picture:
-        with Image.open(path) as image:
-            width, height = image.size
-        return Picture(f"{IMAGES}/{path.name}", alt, width, height, None if dark is None else f"{IMAGES}/{dark.name}")
+def save_photo(report: Path, name: str, image: RgbImage, alt: str) -> Picture:
+    """Write the image (H, W, 3) as a JPEG `name` into the folder `images` beside the page."""
+    path = report / IMAGES / f"{name}.jpg"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(image).save(path, quality=JPEG_QUALITY, optimize=True)
+    return Picture(f"{IMAGES}/{path.name}", alt, image.shape[1], image.shape[0])

@@ -1,9 +1,8 @@
-"""From a scene to actions by a program: of a language model, by one prompt for every task, or of a person.
+"""Gets actions for a scene from a program, which a language model or a person writes.
 
-The published method asks a chain of language models: one splits the instruction, one composes value maps, one writes
-each kind of map. Here one reply does all three, in a program of the same kinds of steps. `functions.txt` has what it
-may call, `examples.txt` worked examples, of tasks that no evaluation here has. People's programs, which measure the
-planner alone, are in `oracle_programs.txt`, a section for each task or several.
+The published method asks a chain of language models: one splits the instruction, one composes value maps, and one
+writes each kind of map. Here one reply is one program. `functions.txt` lists what it may call; `examples.txt` has
+examples of tasks that no evaluation has. `oracle_programs.txt` has people's programs, which measure the planner alone.
 """
 
 import json
@@ -39,7 +38,7 @@ def _text(name: str) -> str:
 
 
 def _programs() -> dict[str, str]:
-    """People's, by task; under `common` what each begins with."""
+    """Return people's programs by task; `common` is the beginning of each."""
     _, *sections = re.split(r"^## (.*)\n", _text("oracle_programs.txt"), flags=re.MULTILINE)
     named = zip(sections[::2], sections[1::2], strict=True)
     return {task: program for names, program in named for task in names.split(", ")}
@@ -57,7 +56,7 @@ _FENCED = re.compile(r"```(?:python|py)?[ \t]*\n(.*?)```", re.DOTALL)
 
 
 class Models:
-    """The models of a registry, asked from one event loop in a thread of its own. A context manager."""
+    """Asks the models of a registry, on an event loop in its own thread. A context manager."""
 
     def __init__(self, settings: LlmSettings) -> None:
         self._settings = settings
@@ -73,7 +72,7 @@ class Models:
         self._stack.close()
 
     def complete(self, name: str | None, request: CompletionRequest) -> tuple[str, Completion]:
-        """The model's name and its reply. Blocking; safe for concurrent use.
+        """Return the model's name and its reply. Blocking; thread-safe.
 
         Args:
             name: None: the default model.
@@ -89,13 +88,13 @@ class Models:
 
 
 def program_prompt(objects: Sequence[ObjectPose], instruction: str) -> Prompt:
-    """The prompt that asks for a program."""
+    """Return the prompt that asks for a program."""
     names = ", ".join(json.dumps(pose.name, ensure_ascii=False) for pose in objects)
     return Prompt(SYSTEM, EXAMPLES, f"# objects: {names}\n# task: {instruction}\n", STOP)
 
 
 def program_of(reply_text: str) -> str:
-    """The program in a reply: all of it, or what stands in its only ``` fence.
+    """Return the program in a reply: all of it, or the contents of its only ``` fence.
 
     Raises:
         ProgramRefusedError: if there are several fences, or one that does not end.
@@ -111,7 +110,7 @@ def program_of(reply_text: str) -> str:
 def ask_for_program(
     models: Models, model: str | None, objects: Sequence[ObjectPose], instruction: str
 ) -> tuple[Completion, dict[str, Any]]:
-    """The reply of the model, and the record of it in the form of an answer of the service, without actions.
+    """Return the model's reply, and a record of it in the form of the service's answer, without actions.
 
     Raises:
         LanguageModelError: if the model does not answer.
@@ -133,10 +132,10 @@ def ask_for_program(
 
 
 def program_actions(completion: Completion, scene: SceneView, workspace: Workspace) -> tuple[EndEffectorAction, ...]:
-    """What the planner makes of the program in a reply. Runs in a worker.
+    """Return the planned actions of the program in a reply. Runs in a worker.
 
     Args:
-        scene: with the objects as they are seen.
+        scene: with the objects as observed.
 
     Raises:
         ProgramRefusedError: if the program is cut off, not allowed, fails, or asks for nothing that can be planned.
@@ -147,7 +146,7 @@ def program_actions(completion: Completion, scene: SceneView, workspace: Workspa
 
 
 def oracle_actions(scene: SceneView) -> tuple[EndEffectorAction, ...]:
-    """What the planner makes of the program that a person wrote for the task. Runs in a worker.
+    """Return the planned actions of a person's program for the task. Runs in a worker.
 
     Raises:
         ProgramRefusedError: if the task has no program, or it is refused.
@@ -160,14 +159,14 @@ def oracle_actions(scene: SceneView) -> tuple[EndEffectorAction, ...]:
 
 
 def oracle_program(task: str, instruction: str, object_names: Sequence[str]) -> str:
-    """The program that solves a scene of the task; KeyError for a task without one."""
+    """Return a person's program for a scene of the task; KeyError for a task without one."""
     pattern = "|".join(re.escape(name) for name in sorted(object_names, key=len, reverse=True))
     mentioned = ", ".join(map(json.dumps, re.findall(pattern, instruction)))
     return f"mentioned = [{mentioned}]\n{PROGRAMS['common']}{PROGRAMS[task]}"
 
 
 def _planned(program: str, seen: SceneView, workspace: Workspace, radius_m: float) -> tuple[EndEffectorAction, ...]:
-    """Run the program, and plan what it asks for; the gripper is open before the first move."""
+    """Run the program and plan its moves; the gripper is open before the first one."""
     if seen.end_effector is None:
         raise ProgramRefusedError("the scene does not say where the end effector is")
     position_m, quaternion_xyzw = (np.array(values) for values in seen.end_effector)

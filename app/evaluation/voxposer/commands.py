@@ -1,6 +1,6 @@
-"""What a program can call: find objects, paint value maps, and move. Everything it asks for is plain data.
+"""The functions that a program can call: find objects, paint value maps, and move. Their results are plain data.
 
-A call with a wrong argument raises CommandError, which says what is valid.
+A wrong argument raises CommandError, which names valid ones.
 """
 
 import math
@@ -21,17 +21,17 @@ PLAIN: tuple[Callable[..., object], ...] = (range, len, enumerate, zip, min, max
 
 
 class CommandError(Exception):
-    """A command that cannot be carried out as it was called."""
+    """A command with a wrong argument, or one too many."""
 
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """What `detect` gives.
+    """The result of `detect`.
 
     Attributes:
         low, high: the corners of its bounding box.
-        voxels: those that hold a point of it.
-        position_m, quaternion_xyzw: its pose; programs do not see them.
+        voxels: those that contain a point of it.
+        position_m, quaternion_xyzw: its pose, which programs cannot read.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Thing:
 
     @classmethod
     def read(cls, value: Mapping[str, Any], voxels: Voxels) -> "Thing":
-        """An object as the scene has it."""
+        """Return an object of the scene's JSON."""
         points = tuple((x, y, z) for x, y, z in value["voxels"])
         low, high = (_voxel([pick(axis) for axis in zip(*points, strict=True)]) for pick in (min, max))
         steps = zip(low, high, voxels.step_m, strict=True)
@@ -66,7 +66,7 @@ class Thing:
 
 @dataclass(eq=False)
 class ValueMap:
-    """A map as a list of painted boxes; what is painted later lies on top.
+    """A map as a list of painted boxes; later ones lie on top.
 
     Attributes:
         kind: one of KINDS.
@@ -91,7 +91,7 @@ class ValueMap:
 
 
 class Commands:
-    """Called by the program; keeps the moves that it asks for.
+    """The functions of one program, and the moves that it asks for.
 
     Args:
         scene: see `sandbox.Scene.to_json`.
@@ -105,28 +105,28 @@ class Commands:
         self.moves: list[dict[str, list[tuple[Box, object]]]] = []
 
     def by_name(self) -> dict[str, Callable[..., object]]:
-        """What a program can call."""
+        """Return the functions by name."""
         maps = {f"empty_{kind}_map": partial(ValueMap, kind) for kind in KINDS}
         own = (self.detect, self.hand, self.shifted, self.shifted_along, self.set_voxels, self.set_object)
         more = (self.cm_to_voxels, self.voxels_to_cm, self.pointing_down, self.move)
         return {**{call.__name__: call for call in (*PLAIN, *own, *more)}, **maps}
 
     def detect(self, name: object) -> Thing:
-        """The object of that name in the first image."""
+        """Return the object of that name."""
         if not isinstance(name, str) or name not in self._things:
             raise CommandError(f"detect: there is no object {name!r:.60} (valid: {', '.join(map(repr, self._things))})")
         return self._things[name]
 
     def hand(self) -> Thing:
-        """The end effector before the first move."""
+        """Return the end effector before the first move."""
         return self._hand
 
     def shifted(self, where: object, x_cm: object = 0, y_cm: object = 0, z_cm: object = 0) -> Voxel:
-        """The voxel so far from an object or a voxel, along the world's axes."""
+        """Return the voxel at an offset from an object or a voxel, along the world's axes."""
         return self._moved(where, (x_cm, y_cm, z_cm), NO_TURN)
 
     def shifted_along(self, thing: object, x_cm: object = 0, y_cm: object = 0, z_cm: object = 0) -> Voxel:
-        """The same along the object's own axes."""
+        """Return the voxel at an offset from an object, along the object's own axes."""
         if not isinstance(thing, Thing):
             raise CommandError("shifted_along takes an object from detect first")
         return self._moved(thing, (x_cm, y_cm, z_cm), thing.quaternion_xyzw)
@@ -137,26 +137,26 @@ class Commands:
         return self._voxels.at([start + by for start, by in zip(start_m, by_m, strict=True)])
 
     def set_voxels(self, map: object, position: object, value: object = 1, radius_cm: object = 0) -> None:  # noqa: A002
-        """Paint the box of that radius about a voxel."""
+        """Paint a box around a voxel."""
         at = _voxel(position)
         _a_map("set_voxels", map).add(self._voxels.around(at, at, abs(_length_cm(radius_cm))), value)
 
     def set_object(self, map: object, thing: object, value: object = 1, margin_cm: object = 0) -> None:  # noqa: A002
-        """Paint the bounding box of an object, and a margin about it."""
+        """Paint the bounding box of an object with a margin."""
         if not isinstance(thing, Thing):
             raise CommandError("set_object takes a map, then an object from detect")
         _a_map("set_object", map).add(self._voxels.around(thing.low, thing.high, abs(_length_cm(margin_cm))), value)
 
     def cm_to_voxels(self, cm: object, axis: object = "z") -> int:
-        """How many voxels a length has along an axis."""
+        """Convert a length to a number of voxels along an axis."""
         return self._voxels.count(_length_cm(cm), _axis_number(axis))
 
     def voxels_to_cm(self, voxels: object, axis: object = "z") -> float:
-        """How long so many voxels are along an axis."""
+        """Convert a number of voxels along an axis to a length."""
         return 100 * _finite(voxels, "a number of voxels") * self._voxels.step_m[_axis_number(axis)]
 
     def pointing_down(self, yaw_deg: object = 0, tilt_deg: object = 0) -> tuple[float, ...]:
-        """A rotation of the gripper, its fingers closing at right angles to the yaw."""
+        """Return a rotation of the gripper whose fingers close perpendicular to the yaw."""
         return pointing_down(_finite(yaw_deg, "a yaw in degrees"), _finite(tilt_deg, "a tilt in degrees"))
 
     def move(
@@ -221,7 +221,7 @@ def _is_index(value: object) -> bool:
 
 
 def _span(part: object) -> tuple[int, int]:
-    """The voxels along one axis that an index means."""
+    """Return the range of voxels of an index along one axis."""
     if isinstance(part, slice) and part.step in (None, 1):
         first, last, _ = part.indices(SIZE)
         if first < last:
@@ -232,7 +232,7 @@ def _span(part: object) -> tuple[int, int]:
 
 
 def _map_value(kind: str, value: object) -> object:
-    """`value`, if a map of that kind holds such values."""
+    """Return `value` if it is valid in a map of that kind."""
     if kind == "rotation":
         if not (isinstance(value, tuple | list) and len(value) == 4):
             raise CommandError("a rotation map holds quaternions (valid: pointing_down(yaw_deg))")

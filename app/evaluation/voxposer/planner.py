@@ -1,10 +1,10 @@
-"""A program's moves -> value maps of 100^3 voxels -> a way -> end-effector actions.
+"""Plans a program's moves: value maps of 100^3 voxels -> a path -> end-effector actions.
 
-The way is the published planner's: greedy descent over the maps' cost, smoothed. The weights are those of its authors'
-demo: the cost is twice the distance to the nearest target plus the blurred obstacles, each between 0 and 1.
+The planner is the published one: greedy descent over the cost, smoothed. The weights are those of the authors' demo:
+the cost is twice the distance to the nearest target plus the blurred obstacles, each between 0 and 1.
 
-A robot goes straight from action to action, so that a way is sent by its corners and by the points where the rotation
-or the gripper changes. An action has no speed: programs may paint velocity maps, which nothing reads.
+A robot moves straight from action to action, so a path is sent as its corners and the points where the rotation or the
+gripper changes. An action has no speed: velocity maps are not read.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,15 +23,15 @@ from app.evaluation.voxposer.voxels import SIZE
 from roboprompt_client.types.arrays import Array, unit_quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
-MAX_ACTIONS = 100  # the way over value maps has more corners than a list of keyframes has rows
+MAX_ACTIONS = 100  # a path has more corners than a list of keyframes has rows
 TARGET_WEIGHT, OBSTACLE_WEIGHT = 2.0, 1.0
 BLUR_VOXELS = 10.0
 REACH = 2  # voxels that one step may go along each axis
 MAX_STEPS = 300
-STOP_BELOW = 0.001  # a step must promise more than to go by this much upwards
-VISITED = 1.0  # added to the cost of a voxel that was passed
+STOP_BELOW = 0.001  # the descent ends if every step raises the cost by at least this much
+VISITED = 1.0  # added to the cost of a visited voxel
 SMOOTHED_OVER, SMOOTH_ORDER = 19, 3
-CORNER_VOXELS = 1.0  # a way that strays by less from the straight line is one
+CORNER_VOXELS = 1.0  # a path that deviates less from a straight line counts as straight
 SAME_TURN = 1e-6  # between quaternions, of numbers with 32 bits
 Index = npt.NDArray[np.int_]
 Values = npt.NDArray[np.float32]
@@ -40,11 +40,11 @@ Painted = Sequence[tuple[Any, Any]]
 
 @dataclass(frozen=True, eq=False)
 class ValueMaps:
-    """Where one move is to go, and how.
+    """The maps of one move.
 
     Attributes:
-        affordance: (100, 100, 100) the higher, the rather the end effector is to be there.
-        avoidance: (100, 100, 100) the higher, the less.
+        affordance: (100, 100, 100) how desirable a position of the end effector is.
+        avoidance: (100, 100, 100) how undesirable it is.
         rotation: (100, 100, 100, 4) quaternions xyzw in the world frame.
         gripper: (100, 100, 100) 1 open, 0 closed.
     """
@@ -56,11 +56,11 @@ class ValueMaps:
 
     @classmethod
     def painted(cls, move: Mapping[str, Painted], quaternion_xyzw: Array, *, gripper_open: bool) -> "ValueMaps":
-        """The maps of a move.
+        """Return the maps of a move.
 
         Args:
-            move: for each kind that the program gave, boxes and values; later ones lie on top.
-            quaternion_xyzw, gripper_open: those of the moment, which hold where a map says nothing.
+            move: by kind of map, boxes and values; later ones lie on top.
+            quaternion_xyzw, gripper_open: the present state, which is kept where nothing is painted.
         """
         empty: dict[str, Any] = {
             "affordance": 0.0,
@@ -72,7 +72,7 @@ class ValueMaps:
 
     @property
     def targets(self) -> npt.NDArray[np.bool_]:
-        """(100, 100, 100) the voxels of the highest affordance; none if it is 0 everywhere."""
+        """(100, 100, 100): whether a voxel has the highest affordance; all False if it is 0 everywhere."""
         highest = float(self.affordance.max())
         found: npt.NDArray[np.bool_] = (self.affordance == highest) & (highest > 0)
         return found
@@ -90,7 +90,7 @@ def _map(painted: Painted, background: Any) -> Values:  # noqa: ANN401
 
 
 def plan_moves(moves: Sequence[Mapping[str, Painted]], scene: Scene) -> tuple[EndEffectorAction, ...]:
-    """The actions of all moves, one after the other.
+    """Return the actions of all moves.
 
     Raises:
         ProgramRefusedError: if a move has no target, or there are more than MAX_ACTIONS actions.
@@ -157,7 +157,7 @@ def cost_map(maps: ValueMaps) -> Array:
 
 
 def plan_way(maps: ValueMaps, start: Index) -> Array:
-    """Down the cost from voxel to voxel; where the descent ends short of a target, the last step goes there straight.
+    """Descend the cost from voxel to voxel; if the descent ends before a target, the last step goes straight to it.
 
     Args:
         maps: with at least one target.

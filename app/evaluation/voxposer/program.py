@@ -1,7 +1,7 @@
-"""The process that a program runs in: the program on standard input, what it asks for on standard output, as JSON.
+"""The sandboxed process of a program: reads the program from standard input, writes its moves to standard output.
 
-It gives up files, network, memory and time, then refuses what is not on a list of Python's constructs, above all
-attributes, by which a program could reach the process's objects. Only Python's own library is imported here.
+It gives up files, network, memory and time. Then it refuses every construct of Python that is not on a list, above all
+attributes, by which a program could reach other objects. Only the standard library is imported here.
 """
 
 import ast
@@ -33,7 +33,7 @@ OPERATORS = (
 PARTS = (ast.Module, ast.Load, ast.Store, ast.keyword, ast.arguments, ast.arg)
 ALLOWED = (*STATEMENTS, *EXPRESSIONS, *OPERATORS, *PARTS)
 WHAT_IS_ALLOWED = "assignments, for over a sequence, if, def, return, calls and arithmetic"
-# The only way from a value to another object: without further attributes a program has nothing but what it is given.
+# Without other attributes a program cannot get from its values to other objects.
 ATTRIBUTES = ("name", "position", "low", "high", "size_cm", "voxels", "yaw_deg")
 
 
@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def give_up_rights() -> None:
-    """Let the process open, write and start nothing, and end it when it takes too much."""
+    """Forbid files, sockets and processes, and limit memory and CPU time."""
     signal.signal(signal.SIGXCPU, signal.SIG_DFL)
     limits = {
         resource.RLIMIT_AS: MEMORY_BYTES,
@@ -71,7 +71,7 @@ def give_up_rights() -> None:
 
 
 def answer_to(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The moves of the program, or why there are none."""
+    """Return the moves of the program, or an error."""
     try:
         commands = Commands(asked["scene"])
         _run(compiled(asked["program"]), commands.by_name())
@@ -87,10 +87,10 @@ def answer_to(asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compiled(text: str) -> CodeType:
-    """The program, if all of it is allowed.
+    """Return the compiled program.
 
     Raises:
-        ProgramError: says where and why it is not.
+        ProgramError: if a construct is not allowed; with its line.
     """
     try:
         module = ast.parse(text)
@@ -112,7 +112,7 @@ def _check(node: ast.AST) -> None:
 
 
 def _run(code: CodeType, commands: Mapping[str, Callable[..., object]]) -> None:
-    """Carry out a program that has these commands and no builtins; an error names its line."""
+    """Run a program with these functions and without builtins; an error names its line."""
     try:
         exec(code, {"__builtins__": {}, **commands})  # noqa: S102
     except (CommandError, ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:

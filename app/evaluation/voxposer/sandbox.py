@@ -1,4 +1,4 @@
-"""A language model's program, run in a sandboxed process: no files, network or environment, and little time."""
+"""Runs a program in a sandboxed process without files, network or environment, and with little time."""
 
 import json
 import signal
@@ -31,11 +31,11 @@ COMMAND = (
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The world before the first move.
+    """The scene before the first move.
 
     Attributes:
         objects: in the world frame.
-        radius_m: of the ball about each object's position that stands for its points; 0: the position alone.
+        radius_m: of a ball around each object's position that stands for its points; 0: the position alone.
         start: the end effector's pose and the gripper's state.
     """
 
@@ -51,7 +51,7 @@ class Scene:
         return Voxels(tuple(low_m.tolist()), tuple(((high_m - low_m) / SIZE).tolist()))
 
     def to_json(self) -> dict[str, Any]:
-        """As the program's process reads it."""
+        """Return the scene as the program's process reads it."""
         hand = ObjectPose("hand", self.start.position_m, self.start.quaternion_xyzw)
         return {
             "min_m": self.voxels.min_m,
@@ -73,7 +73,7 @@ class Scene:
 
 
 def _ball_m(pose: ObjectPose, radius_m: float) -> Array:
-    """(N, 3) points of a ball about the object's position, in a grid along its axes."""
+    """Return points (N, 3) of a ball around the object's position, on a grid along its axes."""
     side = np.linspace(-radius_m, radius_m, int(2 * radius_m / SPACING_M) + 1)
     points_m = np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
     turn = Rotation.identity() if pose.quaternion_xyzw is None else Rotation.from_quat(pose.quaternion_xyzw)
@@ -83,7 +83,7 @@ def _ball_m(pose: ObjectPose, radius_m: float) -> Array:
 
 
 def run_program(program: str, scene: Scene) -> list[dict[str, Any]]:
-    """The moves that the program asks for: for each, the boxes that it painted in each map. Blocking.
+    """Return the moves that the program asks for: for each, the painted boxes by kind of map. Blocking.
 
     Raises:
         ProgramRefusedError: if it is not allowed or fails; names the line.

@@ -1,4 +1,4 @@
-"""The voxels of a workspace in plain numbers, for a process without numpy."""
+"""Voxels of a workspace and rotations in plain Python, for a process without numpy."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class Voxels:
     step_m: tuple[float, ...]
 
     def at(self, position_m: Sequence[float]) -> Voxel:
-        """The voxel that holds a position; outside of the workspace the nearest one."""
+        """Return the voxel that contains a position; outside of the workspace the nearest one."""
         x, y, z = (
             min(max(math.floor((value - low) / step), 0), SIZE - 1)
             for value, low, step in zip(position_m, self.min_m, self.step_m, strict=True)
@@ -31,17 +31,17 @@ class Voxels:
         return x, y, z
 
     def center_m(self, voxel: Sequence[float]) -> tuple[float, ...]:
-        """The middle of a voxel in the world frame."""
+        """Return the center of a voxel in the world frame."""
         return tuple(
             low + (number + 0.5) * step for number, low, step in zip(voxel, self.min_m, self.step_m, strict=True)
         )
 
     def count(self, length_cm: float, axis: int) -> int:
-        """How many voxels along an axis are nearest to a length."""
+        """Return the number of voxels along an axis that is nearest to a length."""
         return round(length_cm / (100 * self.step_m[axis]))
 
     def around(self, low: Sequence[int], high: Sequence[int], margin_cm: float) -> Box:
-        """From one voxel to another, both included, and a margin about them; cut off at the workspace's sides."""
+        """Return the box from one voxel to another (both included) with a margin, clipped to the workspace."""
         margins = [self.count(margin_cm, axis) for axis in range(3)]
         x, y, z = (
             (max(first - margin, 0), min(last + margin + 1, SIZE))
@@ -51,14 +51,14 @@ class Voxels:
 
 
 def pointing_down(yaw_deg: float, tilt_deg: float) -> tuple[float, float, float, float]:
-    """xyzw: about z by the yaw, about y by minus the tilt, about x by a half turn: the tool's z then points down."""
+    """Return xyzw: yaw about z, minus tilt about y, half a turn about x, so that the tool's z points down."""
     yaw, tilt = math.radians(yaw_deg) / 2, -math.radians(tilt_deg) / 2
     (cos_yaw, sin_yaw), (cos_tilt, sin_tilt) = ((math.cos(half), math.sin(half)) for half in (yaw, tilt))
     return cos_yaw * cos_tilt, sin_yaw * cos_tilt, -cos_yaw * sin_tilt, sin_yaw * sin_tilt
 
 
 def turned(quaternion_xyzw: Sequence[float], vector: Sequence[float]) -> tuple[float, float, float]:
-    """A vector of an object's axes in those of the world."""
+    """Rotate a vector from an object's axes to the world's."""
     x, y, z, w = quaternion_xyzw
     vx, vy, vz = vector
     # t = 2 q x v; v + w t + q x t
@@ -71,6 +71,6 @@ def turned(quaternion_xyzw: Sequence[float], vector: Sequence[float]) -> tuple[f
 
 
 def yaw_deg(quaternion_xyzw: Sequence[float]) -> float:
-    """The heading of the x axis, seen from above."""
+    """Return the heading of the x axis, seen from above."""
     x, y, _ = turned(quaternion_xyzw, (1.0, 0.0, 0.0))
     return math.degrees(math.atan2(y, x))
