@@ -26,6 +26,7 @@ from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_fro
 from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -59,6 +60,10 @@ def _parser() -> ArgumentParser:
         _add_url(added, argparse.SUPPRESS)
         return added
 
+    upload = add("upload", "store a recorded episode as a demonstration; print what was extracted from it", _upload)
+    _add_task(upload)
+    upload.add_argument("--objects", required=True, type=Path, metavar="FILE", help=f"what the robot saw, {OBJECTS}")
+    upload.add_argument("trajectory", type=Path, help=".npz with end_effector_positions, gripper_open ...")
     predict = add("predict", "print the actions for a scene; nothing moves", _predict)
     _add_task(predict)
     seen = predict.add_mutually_exclusive_group(required=True)
@@ -102,6 +107,16 @@ def _add_run(run: ArgumentParser) -> None:
     how.add_argument("--look-again", action="store_true", help=what)
     what = "where the service finds its answer dangerous (default: ask with --confirm, refuse without)"
     run.add_argument("--on-danger", choices=get_args(OnDanger), help=what)
+
+
+def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
+    scene = observation_from_file("--objects", arguments.objects)
+    try:
+        trajectory = trajectory_from_npz(arguments.trajectory.read_bytes())
+    except OSError as error:
+        raise InvalidInputError("trajectory", f"cannot be read: {error}", "an .npz file") from error
+    client.ping()
+    return _print_json(client.upload(arguments.task, arguments.instruction, trajectory, scene))
 
 
 def _predict(client: RoboPromptClient, arguments: Namespace) -> int:

@@ -14,7 +14,7 @@ from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableErro
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
-from tests.episodes import pick_trajectory
+from tests.episodes import arrays, npz, pick_trajectory
 
 PLACES_M = [(0.11, 0.02, 0.78), (0.21, -0.13, 0.78), (0.3, 0.2, 0.78), (0.05, -0.2, 0.78)]
 
@@ -91,10 +91,10 @@ def test_the_script(url, tmp_path):
             timeout=60,
         )
 
-    with RoboPromptClient(url) as client:
-        for place_m in PLACES_M[:2]:
-            cube = ObjectPose("cube", place_m)
-            client.upload("script", "pick up the cube", pick_trajectory(place_m), Observation(cube))
+    trajectory = tmp_path / "episode.npz"
+    trajectory.write_bytes(npz(**arrays(pick_trajectory(PLACES_M[0]))))
+    for _ in range(2):
+        assert len(json.loads(run("upload", *scene, str(trajectory)).stdout)["keyframes"]) == 3
     assert len(json.loads(run("predict", *scene, "--model", "regression").stdout)["actions"]) == 3
     refused = run("predict", *scene, "--model", "nobody")
     assert (refused.returncode, refused.stdout) == (1, "")
