@@ -140,7 +140,8 @@ class UploadEpisode:
 
     def _extract(self, upload: Upload, task: KnownTask) -> _Extracted:
         """Check the recording, find keyframes and poses, and collect the findings, in the order of the method."""
-        episode, given, sent, trajectory = upload.episode, upload.given, upload.object_names, upload.episode.trajectory
+        episode, given, sent = upload.episode, upload.given, upload.object_names
+        trajectory = episode.trajectory
         names, cameras = list(dict.fromkeys((*(task.object_names or ()), *sent))), [f.camera for f in episode.frames]
         settings = task.settings.with_joints_of(trajectory)
         queries = settings.with_models(upload.objects)
