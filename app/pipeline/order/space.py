@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 MARGIN_M = 0.02  # the uncertainty of poses from images; smaller differences count as equal
 CLEARLY_NEARER = 1.5  # ratio of the second nearest distance to the nearest

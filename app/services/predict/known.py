@@ -14,7 +14,7 @@ from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import Caches, TaskReading
 from app.services.task_settings import TaskSettings
 from app.store.store import Store
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types.poses import Pose
 
 
 @dataclass(frozen=True, eq=False)
