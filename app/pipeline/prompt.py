@@ -1,4 +1,4 @@
-"""Demonstrations + observation + instruction -> the text that the LLM continues (paper, section III-D, appendix B)."""
+"""Demonstrations, observation and instruction -> the prompt (paper, section III-D, appendix B)."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -68,10 +68,10 @@ class Prompt:
 
 @dataclass(frozen=True, eq=False)
 class PromptTemplate:
-    """All of a prompt that does not depend on the query; made once per task version and format.
+    """The part of a prompt that does not depend on the query; written once per task version and format.
 
     Attributes:
-        codec: fitted to the demonstrations; reads the replies as well.
+        codec: fitted to the demonstrations; also reads replies.
         rotated: objects whose rotation every demonstration has.
     """
 
@@ -82,13 +82,13 @@ class PromptTemplate:
 
     @classmethod
     def write(cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str) -> "PromptTemplate":
-        """The demonstrations that the codec needs in their order, each as observation, actions and separator."""
+        """Return the template of the demonstrations that the codec needs, as observation, actions and separator."""
         needed = codec.needed()
         prefix = "".join(codec.demonstration_text(item) for item in demonstrations if item in needed)
         return cls(codec, system, prefix, rotated_in_all(demonstrations))
 
     def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
-        """The observed objects with rotations just where the demonstrations have them, so that both read alike.
+        """Return the observed objects with rotations only where all demonstrations have them, so that both read alike.
 
         Raises:
             InvalidInputError: if an object lacks a rotation that every demonstration has.
@@ -99,7 +99,7 @@ class PromptTemplate:
         return tuple(pose if pose.name in self.rotated else replace(pose, quaternion_xyzw=None) for pose in objects)
 
     def ask(self, query: Query, max_actions: int, so_far: str = "") -> Prompt:
-        """The prompt that asks for the actions of a query.
+        """Return the prompt that asks for a query's actions.
 
         Args:
             so_far: the queries before it and their replies, where an instruction is asked for clause by clause.
@@ -110,13 +110,13 @@ class PromptTemplate:
 
 
 def rotated_in_all(demonstrations: Sequence[Demonstration]) -> frozenset[str]:
-    """Names of the objects whose rotation every demonstration has."""
+    """Return the names of the objects whose rotation every demonstration has."""
     known = [{pose.name for pose in item.objects if pose.quaternion_xyzw is not None} for item in demonstrations]
     return frozenset(set.intersection(*known))
 
 
 def system_prompt_text(choice: str) -> str:
-    """The text of a named system prompt (`a`, `b`, `c`, `kat`, `none`), or `choice` itself where it is free text.
+    """Return the text of a system prompt (`a`, `b`, `c`, `kat`, `none`), or `choice` itself where it is free text.
 
     Raises:
         InvalidInputError: if the text is longer than 4000 characters.
@@ -134,8 +134,8 @@ def check_object_names(given: Sequence[str], names: Sequence[str], needed: Colle
     instruction could not tell them apart.
 
     Args:
-        needed: of the names those that must be given; others may be missing, and new ones be there. None: all, and no
-            others.
+        needed: the names that must be given; the others may be missing, and new ones may be given. None: exactly
+            `names`.
 
     Raises:
         ObjectSetError: names what is missing, unknown, given twice or too much alike.

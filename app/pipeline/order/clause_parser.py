@@ -1,4 +1,4 @@
-"""The words of a text -> clauses, in every way in which they can be read."""
+"""Parse the words of a text into clauses; yields every parse."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,9 +16,9 @@ class ClauseParser:
     """The clauses of one instruction.
 
     Args:
-        fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
-        taught_verbs: verbs of taught instructions that no table has.
-        of_steps: whether it may ask for several steps by "before", "after", "all", "both", "each" and "except".
+        fixed: allowed words besides verb and objects; None: any (for taught instructions).
+        taught_verbs: verbs of taught instructions that no table lists.
+        of_steps: whether "before", "after", "all", "both", "each" and "except" may ask for several steps.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class ClauseParser:
         return at, frozenset(sorts)
 
     def _is_all_asked(self, at: int) -> bool:
-        """Whether a question ends here that asks for all of it: nothing but thanks follows."""
+        """Return whether nothing but punctuation and fillers ("thanks") follows."""
         while text := self._text(at):
             end = at + 1 if text in vocabulary.MARKS else self._end(at, vocabulary.FILLERS)
             if end is None:
@@ -104,7 +104,7 @@ class ClauseParser:
                     yield from self._arguments(after, ParsedClause(verb, ((DIRECT, phrases),)), forbidden)
 
     def _verb(self, at: int, *, passive: bool = False) -> Iterator[tuple[str, int]]:
-        """The verbs that stand here in the form of an order, or as a participle; "pushed" alone is a report."""
+        """Yield the verbs at this word in the imperative, or as a passive participle; "pushed" alone is a report."""
         for phrase in verbs.TABLE.all_at(self._texts, at):
             if self._has_form(at, phrase[0], passive=passive):
                 yield " ".join(phrase), at + len(phrase)
@@ -114,14 +114,14 @@ class ClauseParser:
             yield base, at + 1
 
     def _has_form(self, at: int, base: str, *, passive: bool) -> bool:
-        """Whether a verb has the form that an order has; a taught instruction may be written in any."""
+        """Return whether the verb is an imperative; in a taught instruction any form is accepted."""
         word = self._words[at]
         if self._fixed is None or passive or word.corrected or word.token.text == base:
             return True
         return word.token.text.endswith("ing") and at > 0 and self._text(at - 1) in vocabulary.BEFORE_GERUND
 
     def _arguments(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
-        """With everything that may follow the verb, wherever the clause may end."""
+        """Yield the clause with every sequence of arguments that may follow, and where it ends."""
         self._phrases.count_step()
         start = self._skip(at, vocabulary.FILLERS_OF_FORBIDDEN if forbidden else vocabulary.FILLERS)
         role, after = self._preposition(start)
@@ -141,7 +141,7 @@ class ClauseParser:
             yield clause, start
 
     def _with_fixed(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
-        """With a word that is no object, and the preposition and article before it."""
+        """Yield the clause with a further fixed word, and the preposition and article before it."""
         role, start = self._preposition(at)
         while self._text(start) in vocabulary.DETERMINERS:
             start += 1
@@ -153,7 +153,7 @@ class ClauseParser:
             yield from self._arguments(start + 1, clause.with_fixed(role, word), forbidden)
 
     def _fixed_word(self, at: int) -> str:
-        """The word as clauses keep it: in the form in which it stands, for "blocks" are more than a block."""
+        """Return the word as written, for "blocks" differs from "block"; "" for a word that may not be fixed."""
         word = self._words[at]
         if word.text in _NEVER_FIXED or not word.text[0].isalnum():
             return ""
@@ -182,7 +182,7 @@ class ClauseParser:
                 yield phrases, end
 
     def _each(self, at: int) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
-        """Every object that a noun and colors are true of: "all red mugs", "both tubes", "each of the tubes"."""
+        """Yield all objects that a noun phrase matches: "all red mugs", "both tubes", "each of the tubes"."""
         quantifier, start, of = self._text(at), at + 1, False
         while self._text(start) in ("of", "the"):
             start, of = start + 1, True
@@ -201,7 +201,7 @@ class ClauseParser:
                         yield left, after
 
     def _is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
-        """Whether a list may describe a single object: "the red and green button" may have two colors."""
+        """Return whether a list may name a single object: "the red and green button" may have two colors."""
         first, last = phrases[0], phrases[-1]
         with_article = tuple(self._text(each.start) in vocabulary.DETERMINERS for each in (first, last))
         nouns = first.with_noun, last.with_noun
@@ -222,7 +222,7 @@ class ClauseParser:
                     yield (phrase, *others), end
 
     def _object(self, at: int, forbidden: bool) -> tuple[NounPhrase, ...]:
-        """What stands for one object; in a clause that forbids something also what stands for none."""
+        """Return the phrases that name one object; in a clause that forbids something also those that name none."""
         found = self._phrases.at(at)
         if not forbidden:
             return found

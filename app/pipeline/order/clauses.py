@@ -1,8 +1,8 @@
-"""A clause as it was read: its verb, the objects in their roles, and what it says besides.
+"""A parsed clause: its verb, its objects by role, and its remaining words as fixed phrases.
 
-The last are fixed phrases: "to the left", "in the top drawer", "the dirt", "away". A taught one counts as a whole and
-with its own preposition: "from 5 to 2" has the words of "from 2 to 5". One that says which way, how often or in which
-manner may not be left out, since its opposite is another motion; a place may, as long as no other was taught.
+Fixed phrases are "to the left", "in the top drawer", "the dirt", "away". They are compared as wholes, with their
+prepositions: "from 5 to 2" has the same words as "from 2 to 5". A phrase of direction, number or manner must not be
+left out, since its opposite is another motion; a place may be, as long as no other place was taught.
 """
 
 from collections import Counter
@@ -18,7 +18,7 @@ from app.pipeline.order.words import NUMBERS
 
 DIRECT = ""  # the role of a direct object; the others are named after prepositions
 INSTRUMENT = "with"  # the role that may be left out
-# Words without which a clause asks for something else, as numbers are: "in the reverse order"
+# Words that change what a clause asks for, as numbers do: "in the reverse order"
 _ALTERING = frozenset({
     "reverse", "reversed", "backward", "backwards", "inverse", "inverted", "opposite", "contrary", "alternate",
     "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
@@ -38,7 +38,7 @@ class FixedPhrase(NamedTuple):
 
     Attributes:
         role: of the preposition before them (see `vocabulary.PREPOSITIONS`); empty without one.
-        describes: whether they stand right before an object, as "red" in "the red button" where nothing is named so.
+        describes: whether they stand right before an object, as "red" in "the red button" if no object name has "red".
     """
 
     role: str
@@ -47,7 +47,7 @@ class FixedPhrase(NamedTuple):
 
     @property
     def decides(self) -> bool:
-        """Whether a clause without them asks for something else."""
+        """Whether a clause would mean something else without them."""
         deciding = _DECIDING if self.role not in _PLACES else _ALTERING
         decides = any(word in deciding or word.isdigit() for word in self.words)
         return decides and not (self.describes and ADJECTIVES.issuperset(self.words))
@@ -57,7 +57,7 @@ Signature = tuple[str | None, tuple[tuple[str, int], ...], tuple[FixedPhrase, ..
 
 
 def fits(asked: Sequence[FixedPhrase], taught: Sequence[FixedPhrase]) -> bool:
-    """Whether a clause that asks with some phrases asks for what was taught with others."""
+    """Return whether a clause with the phrases `asked` means the same as one taught with the phrases `taught`."""
     remaining = Counter((phrase.role, phrase.words) for phrase in taught)
     loose = {word for phrase in taught if not phrase.role for word in phrase.words}
     for phrase in asked:
@@ -70,13 +70,13 @@ def fits(asked: Sequence[FixedPhrase], taught: Sequence[FixedPhrase]) -> bool:
 
 
 def _keys(phrase: FixedPhrase) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """As what a phrase may have been taught: "left" also as "to the left"."""
+    """Return the taught (role, words) that a phrase matches: "left" also matches "to the left"."""
     own = (phrase.role, phrase.words)
     return (own,) if phrase.role or phrase.describes else (own, ("to", phrase.words))
 
 
 def without(group: Sequence[NounPhrase], excepted: Sequence[NounPhrase]) -> tuple[NounPhrase, ...]:
-    """The objects of "all mugs" without the excepted ones; none where these are not some of the group."""
+    """Return the objects of "all mugs" without the excepted ones; empty if these do not belong to the group."""
     names = {phrase.name for phrase in excepted}
     left = tuple(phrase for phrase in group if phrase.name not in names)
     is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
@@ -89,9 +89,9 @@ class ParsedClause:
 
     Attributes:
         verb: in its base form, with its particle; None where a noun phrase stands alone.
-        roles: by preposition (see `vocabulary.PREPOSITIONS`) or `DIRECT` the objects, in their order.
-        fixed: what of taught instructions is no object, as "the dirt" in "sweep the dirt to the dustpan".
-        goes_on: whether a further word belongs to the last of `fixed`: no object stands between.
+        roles: the objects, in their order, by preposition (see `vocabulary.PREPOSITIONS`) or `DIRECT`.
+        fixed: phrases that name no object, as "the dirt" in "sweep the dirt to the dustpan".
+        goes_on: whether a further word continues the last phrase of `fixed`, with no object between.
     """
 
     verb: str | None
@@ -100,17 +100,17 @@ class ParsedClause:
     goes_on: bool = False
 
     def objects_in(self, role: str) -> tuple[NounPhrase, ...]:
-        """Those of a role; none if it is not filled."""
+        """Return the objects in a role; empty if there are none."""
         return dict(self.roles).get(role, ())
 
     def families_with(self, verb: str | None) -> list[Family]:
-        """The families in which its verb and another are alike."""
+        """Return the families of similar verbs that contain both its verb and another."""
         roles = {role for role, _ in self.roles if role != DIRECT}
         return [family for family in FAMILIES if {verb, self.verb} <= family.verbs and family.holds(roles)]
 
     @property
     def takes_somewhere(self) -> bool:
-        """Whether it says where something is taken to, or off."""
+        """Whether it has a destination, or "off"."""
         return any(role in DESTINATIONS or role == "off" for role, _ in self.roles)
 
     @property
@@ -120,27 +120,27 @@ class ParsedClause:
 
     @property
     def signature(self) -> Signature:
-        """What it asks for, whatever the objects."""
+        """What it asks for, independent of the objects."""
         return self.verb, tuple(sorted((role, len(phrases)) for role, phrases in self.roles)), self.fixed_phrases
 
     @cached_property
     def fixed_phrases(self) -> tuple[FixedPhrase, ...]:
-        """What it says besides; in any order the same."""
+        """The fixed phrases, sorted: their order has no meaning."""
         return tuple(sorted(self.fixed))
 
     def with_fixed(self, role: str, word: str) -> "ParsedClause":
-        """With a word that is no object, after a preposition or without one."""
+        """Return it with a further fixed word, after a preposition or without one."""
         *others, last = self.fixed if self.goes_on and not role else (*self.fixed, FixedPhrase(role, ()))
         return replace(self, fixed=(*others, last._replace(words=(*last.words, word))), goes_on=True)
 
     def with_objects(self, role: str, phrases: tuple[NounPhrase, ...], *, after_article: bool) -> "ParsedClause":
-        """With further objects, which fixed words right before them describe unless an article stands between."""
+        """Return it with further objects; fixed words right before them, without an article between, describe them."""
         fixed = self.fixed
         if self.goes_on and not (role or after_article or fixed[-1].role):
             fixed = (*fixed[:-1], fixed[-1]._replace(describes=True))
         return replace(self, roles=(*self.roles, (role, phrases)), fixed=fixed, goes_on=False)
 
     def about(self, phrase: NounPhrase) -> "ParsedClause":
-        """With a direct object instead of "it" or none."""
+        """Return it with this direct object, in place of "it" or of none."""
         others = tuple((role, phrases) for role, phrases in self.roles if role != DIRECT)
         return replace(self, roles=((DIRECT, (phrase,)), *others))

@@ -1,4 +1,4 @@
-"""What a noun phrase says of an object, and the objects of which it is true."""
+"""Description: the properties that a noun phrase states, and the objects that have them."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -7,21 +7,21 @@ from app.pipeline.order.lexicon import Lexicon, noun_of
 from app.pipeline.order.space import Layout, Pick, by_distance, extreme
 from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES
 
-# How an object was found, the least certain last: that is what an answer says of a phrase that used several.
+# How a phrase was matched to an object, by decreasing certainty. An answer reports the least certain of several.
 MEANS = ("name", "alias", "taught", "spelling", "color", "relation")
 
 
 class Description(NamedTuple):
-    """What was said so far, up to the word `end`.
+    """The part of a noun phrase that is parsed so far, up to (not including) the word `end`.
 
     Attributes:
-        exact: the object whose whole name or alias was said.
-        words: of names and aliases; `kinds` nouns that may stand for one, `colors` color words that no name has.
-        picks: relations, in the order in which they were said.
-        place: an ordinal that waits for a side to count from.
-        reach: "near" or "far", which waits for what it is near to or far from.
-        generic: whether "one" or "thing" was said.
-        plural: whether the noun stands in the plural.
+        exact: the object whose whole name or alias stands in it.
+        words: its words from names and aliases; `kinds`: synonyms of nouns; `colors`: color words that no name has.
+        picks: relations, in the order of the words.
+        place: an ordinal whose side to count from is still to come.
+        reach: "near" or "far" whose reference object is still to come.
+        generic: whether it has "one" or "thing" as its noun.
+        plural: whether its noun is in the plural.
     """
 
     end: int
@@ -38,39 +38,39 @@ class Description(NamedTuple):
 
     @property
     def says_something(self) -> bool:
-        """Whether it can stand for an object: colors and places only with a noun, for "the lemon" is no yellow cup."""
+        """Whether it can name an object. Colors and places need a noun: "the yellow" names none."""
         noun = bool(self.exact or self.words or self.kinds or self.generic)
         return noun and not (self.colors and not self.has_noun)
 
     @property
     def has_noun(self) -> bool:
-        """Whether it says what the object is, and not only which one."""
+        """Whether it has a noun, rather than adjectives alone."""
         return bool(self.exact or self.kinds or self.generic or not ADJECTIVES.issuperset(self.words))
 
     @property
     def is_place_alone(self) -> bool:
-        """Whether it is nothing but "left" or "top", which may as well say where to."""
+        """Whether it consists of "left" or "top" alone, which may be a direction instead."""
         return not self.has_noun and not self.colors and PLACE_ADJECTIVES.issuperset(self.words)
 
     def by(self) -> str:
-        """The least certain of the means."""
+        """Return the least certain of the means, one of `MEANS`."""
         return max(self.means, key=MEANS.index)
 
     def with_pick(self, pick: Pick, end: int) -> "Description":
-        """With a further relation."""
+        """Return it with a further relation."""
         return self._replace(picks=(*self.picks, pick), means=self.means | {"relation"}, end=end)
 
     def reaching(self, other: str | None, end: int) -> "Description":
-        """The pending nearest or farthest is measured from an object, or from the robot."""
+        """Return it with the pending `reach` measured from an object, or from the robot (None)."""
         pick = by_distance(other, self.place or 1, farthest=self.reach == "far")
         return self._replace(reach=None, place=None).with_pick(pick, end)
 
     def counted_from(self, side: str, end: int) -> "Description":
-        """The pending ordinal counts from a side."""
+        """Return it with the pending ordinal counted from a side."""
         return self._replace(place=None).with_pick(extreme(side, self.place or 1), end)
 
     def candidates(self, lexicon: Lexicon, layout: Layout | None) -> tuple[str, ...]:
-        """The objects that it may mean, in the task's order; several if it does not tell them apart."""
+        """Return the objects that it matches, in the task's order."""
         complete = self.reaching(None, self.end) if self.reach else self
         named = complete._named(lexicon)
         if not complete.picks:
@@ -81,7 +81,7 @@ class Description(NamedTuple):
             for pick in complete.picks:
                 named = pick(layout, named)
             return _in_order(lexicon.names, named)
-        # What is clear without the relation must agree with it: "the red button on the left" may be on the right.
+        # If the words alone match one object, the relation must be true of it: "the red button on the left".
         pool = complete._compared(lexicon)
         picked = [pick(layout, pool) for pick in complete.picks]
         agree = len(pool) > 1 and all(set(named) <= set(each) and len(each) < len(pool) for each in picked)
@@ -97,13 +97,13 @@ class Description(NamedTuple):
         found = _common(lexicon.names, sets)
         if self.words and not (self.exact or self.generic or self.kinds):
             found = tuple(name for name in found if lexicon.is_meant(name, self.words))
-        # Nouns of the same kind confirm what else was said; alone they tell nothing apart.
+        # Synonyms of nouns may confirm a match, but do not distinguish objects by themselves.
         kinds = [lexicon.kind_of(noun) for noun in self.kinds]
         confirms = len(found) == 1 or all(len(kind) > 1 for kind in kinds)
         return _common(found, kinds) if confirms else ()
 
     def _compared(self, lexicon: Lexicon) -> tuple[str, ...]:
-        """What a relation compares an object with: the others of its noun, or all others where there is none."""
+        """Return the objects that a relation compares: those with the same noun, or all if no other has it."""
         noun = noun_of(lexicon.phrases[self.exact][0]) if self.exact else self.words[-1] if self.words else ""
         kind = lexicon.with_noun(noun)
         return _in_order(lexicon.names, kind) if len(kind) > 1 else lexicon.names

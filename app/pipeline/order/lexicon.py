@@ -62,18 +62,18 @@ class Lexicon:
         self._is_word = is_word
 
     def read(self, text: str) -> list[Word]:
-        """The text's words, as far as they are known."""
+        """Return the text's words in base form, corrected where they are misspelled."""
         return [self._word(token) for token in tokens_of(text)]
 
     def kind_of(self, noun: str) -> frozenset[str]:
-        """The objects that a noun of the same kind stands for: a block for `red cube`."""
+        """Return the objects that a synonym of their noun may name: "block" for `red cube`."""
         kinds = [kind for kind in NOUN_KINDS if noun in kind]
         return frozenset(name for kind in kinds for other in kind for name in self.objects_of.get(other, ()))
 
     def is_meant(self, name: str, words: Iterable[str]) -> bool:
-        """Whether words of an object's name or alias suffice for it: its noun, all that no other has, or adjectives.
+        """Return whether these words of an object's name or alias suffice: noun, distinctive words, or adjectives.
 
-        "The cup" is no cup holder, and "the wine" no wine bottle.
+        "The cup" does not name a cup holder, nor "the wine" a wine bottle.
         """
         said = frozenset(words)
         nouns = {noun_of(phrase) for phrase in self.phrases[name]}
@@ -81,11 +81,11 @@ class Lexicon:
         return bool(said & nouns) or said <= ADJECTIVES or (bool(own) and own <= said)
 
     def with_noun(self, noun: str) -> frozenset[str]:
-        """The objects that are called so."""
+        """Return the objects with a name or alias that ends in this noun."""
         return frozenset(name for name, phrases in self.phrases.items() if any(noun_of(p) == noun for p in phrases))
 
     def of_color(self, color: str) -> frozenset[str]:
-        """The objects whose name or alias has a word for a like color."""
+        """Return the objects whose name or alias has a word for a similar color."""
         own = [word for word in self.objects_of if word in vocabulary.COLORS and vocabulary.look_alike(color, word)]
         return frozenset(name for word in own for name in self.objects_of[word])
 
@@ -100,7 +100,7 @@ class Lexicon:
         return Word(token, self._known(right) or right, corrected=True)
 
     def _known(self, text: str) -> str | None:
-        """The base form by which the text is known."""
+        """Return the base form of a known word; None for an unknown one."""
         if text in self.objects_of:
             return text
         if text in NUMBERS:
@@ -126,17 +126,17 @@ class Lexicon:
 
 
 def noun_of(phrase: Phrase) -> str:
-    """The last word that is no adjective: the drawer of `drawer_top`."""
+    """Return the last word that is no adjective: "drawer" of `drawer_top`."""
     return next((word for word in reversed(phrase) if word not in ADJECTIVES), phrase[-1])
 
 
 def phrase_of(text: str) -> Phrase:
-    """The words of a name or an alias."""
+    """Return the words of a name or an alias."""
     return tuple(token.text for token in tokens_of(text))
 
 
 def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """The aliases by object, if each may stand in an instruction and belongs to one object only.
+    """Return the aliases by object, checked: each may stand in an instruction and belongs to one object only.
 
     Raises:
         InvalidInputError: names the alias and the object that has it already.
@@ -155,9 +155,9 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
 
 
 def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
-    """Refuse aliases of unknown objects, and aliases that another object's name is or contains.
+    """Refuse aliases of unknown objects, and aliases contained in another object's name.
 
-    "Blue" for the red cube beside a blue cube would move the red one.
+    With the alias "blue" for a red cube, beside a blue cube, "pick up the blue cube" could move the red one.
 
     Args:
         names: the task's objects.
@@ -172,7 +172,7 @@ def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str])
 
 
 def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """What several tasks call their objects, without words by which another object of the scene is called as well.
+    """Return the aliases from several tasks, by object, without those that also fit another object of the scene.
 
     Args:
         of_tasks: the aliases of each task.
@@ -188,7 +188,7 @@ def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Seque
 
 
 def _contains(name: str, words: str) -> bool:
-    """Whether the words stand in the name, each in the singular or in the plural."""
+    """Return whether the name contains the words, each in the singular or in the plural."""
     shown, said = folded(name).split(), folded(words).split()
     starts = range(len(shown) - len(said) + 1)
     return any(
@@ -198,7 +198,7 @@ def _contains(name: str, words: str) -> bool:
 
 
 def _singular_and_plurals(words: str) -> tuple[str, ...]:
-    """The words as they are folded, and with the last one in the plural."""
+    """Return the folded words, and the same with the last one in the plural."""
     said = folded(words)
     before, space, last = said.rpartition(" ")
     return (said, *(f"{before}{space}{plural}" for plural in plurals_of(last)))

@@ -1,4 +1,4 @@
-"""Noun phrases: which object a stretch of words stands for."""
+"""Noun phrases of an instruction, and the object that each names."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -11,21 +11,21 @@ from app.pipeline.order.space import Layout, between, beyond, extreme, in_the_mi
 from app.pipeline.order.vocabulary import COLORS, SHADES_OF
 from app.pipeline.order.words import Word
 
-MAX_STEPS = 4000  # of one parse; an instruction that needs more is too involved to be sure of
+MAX_STEPS = 4000  # of one parse; an instruction that needs more is refused as too involved
 
 
 class TooInvolvedError(UngroundedInstructionError):
-    """The parse takes more steps than it may."""
+    """The parse takes more than `MAX_STEPS` steps."""
 
 
 class NounPhrase(NamedTuple):
     """The words from `start` to `end` stand for `name`.
 
     Attributes:
-        name: the object; None for "it" and "them", and for what is no object in a clause that forbids something.
-        by: how it was found, one of `descriptions.MEANS`.
-        plural: whether it stands for several, of which it may name the last: "the red and the blue buttons".
-        with_noun: whether it has a noun, unlike "the red" in that.
+        name: of the object; None for "it" and "them", and for an unknown thing in a clause that forbids something.
+        by: how it was matched, one of `descriptions.MEANS`.
+        plural: whether its noun is in the plural, as the last one of "the red and the blue buttons".
+        with_noun: whether it has a noun, unlike "the red" there.
     """
 
     start: int
@@ -37,7 +37,7 @@ class NounPhrase(NamedTuple):
 
 
 class Unmatched(NamedTuple):
-    """The words from `start` to `end` read like an object, but stand for none of the task, or for several."""
+    """The words from `start` to `end` are a noun phrase that matches no object of the task, or several."""
 
     start: int
     end: int
@@ -51,8 +51,8 @@ class NounPhrases:
         layout: where the objects are; None: no relation can be decided.
 
     Attributes:
-        words: of the instruction, as far as they are known.
-        unmatched: what read like an object and was none.
+        words: of the instruction, in base form where the lexicon has them.
+        unmatched: the noun phrases that matched no single object.
     """
 
     def __init__(self, instruction: str, lexicon: Lexicon, layout: Layout | None) -> None:
@@ -66,7 +66,7 @@ class NounPhrases:
         self.unmatched: set[Unmatched] = set()
 
     def count_step(self) -> None:
-        """Called at every step of a parse.
+        """Count one step of the parse.
 
         Raises:
             TooInvolvedError: after too many.
@@ -76,7 +76,7 @@ class NounPhrases:
             raise TooInvolvedError("instruction", "is too involved to be sure of", "fewer things at once")
 
     def at(self, start: int) -> tuple[NounPhrase, ...]:
-        """The noun phrases that begin there and stand for one object, the longest first, then the least literal."""
+        """Return the noun phrases that begin there and match one object, the longest first, then the least certain."""
         if start not in self._found:
             self._found[start] = ()  # a phrase cannot be part of what it begins with
             found = dict.fromkeys(self._phrases(start))
@@ -84,11 +84,11 @@ class NounPhrases:
         return self._found[start]
 
     def text_of(self, start: int, end: int) -> str:
-        """The words from `start` to `end` as they stand in the instruction."""
+        """Return the characters of the words from `start` to `end`, as they were written."""
         return self.instruction[self.words[start].token.start : self.words[end - 1].token.end]
 
     def with_names(self, phrases: Iterable[NounPhrase]) -> str:
-        """The instruction with these objects by their names."""
+        """Return the instruction with these phrases replaced by the objects' names."""
         text = self.instruction
         for phrase in sorted(set(phrases), key=lambda phrase: -phrase.start):
             start, end = self.words[phrase.start].token.start, self.words[phrase.end - 1].token.end
@@ -118,7 +118,7 @@ class NounPhrases:
                 self.unmatched.add(Unmatched(start, said.end, candidates))
 
     def _described(self, said: Description) -> Iterator[Description]:
-        """What may be said from here on: more of the words before and with the noun, then relations after it."""
+        """Yield every continuation: further words before the noun and the noun, then relations after it."""
         self.count_step()
         for more in self._modified(said):
             yield from self._described(more)
@@ -132,7 +132,7 @@ class NounPhrases:
         yield said
 
     def _modified(self, before: Description) -> Iterator[Description]:
-        """With the next word, in every way that it can be meant."""
+        """Yield the description extended by the next word, once for each meaning of the word."""
         at, text = before.end, self._text(before.end)
         if not text:
             return
@@ -240,7 +240,7 @@ class NounPhrases:
                 yield said.with_pick(between(one, other), after)
 
     def _on_a_side(self, at: int, said: Description, prepositions: Sequence[str]) -> Iterator[Description]:
-        """On the far left, in the middle, third from the right; "to the left" alone is where something is pushed."""
+        """Parse "on the far left", "in the middle", "third from the right"; "to the left" alone is a direction."""
         preposition, start = self._text(at), at + 1
         if preposition not in prepositions:
             return
@@ -261,12 +261,12 @@ class NounPhrases:
             yield said.with_pick(extreme(side) if very else on_side(side), end)
 
     def _ends_phrase(self, at: int) -> bool:
-        """Whether no noun follows: "put the mug in the bottom drawer" does not say where the mug is."""
+        """Return whether no noun follows: in "put the mug in the bottom drawer", "bottom" is no place of the mug."""
         text = self._text(at)
         return not text or text in vocabulary.FUNCTION_WORDS or text in verbs.FIRST_WORDS
 
     def _of_several(self, said: Description) -> Iterator[Description]:
-        """Of the buttons, of them all: says among which, which the noun says as well."""
+        """Parse "of the buttons", "of them all" after a relation; the words add the noun."""
         at = said.end
         if self._text(at) != "of" or not (said.picks or said.reach or said.place):
             return

@@ -1,6 +1,6 @@
-"""An instruction as a value: its clauses, what each asks for, and the objects that it names.
+"""An instruction as a value: its clauses, the form of each, and the objects that it mentions.
 
-An instruction is read where it enters. Whatever depends on its clauses or objects takes them from its `Order`.
+An instruction is parsed once, where it enters the service. All further code takes clauses and objects from its `Order`.
 """
 
 import re
@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
-MAX_REMEMBERED = 1024  # readings: a robot asks with the same instruction again and again
+MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 
 
 class Mention(NamedTuple):
-    """The characters from `start` to `end` of a text stand for the object `name`."""
+    """The characters from `start` to `end` of a text name the object `name`."""
 
     start: int
     end: int
@@ -43,10 +43,10 @@ class Clause(NamedTuple):
 
 @dataclass(frozen=True)
 class Grounding:
-    """What a phrase of an instruction was taken for.
+    """The object that a phrase of an instruction names.
 
     Attributes:
-        by: name, alias, spelling, color, relation, taught (nothing named it, but what was taught does), or llm.
+        by: name, alias, spelling, color, relation, taught (named by the taught instruction only), or llm.
     """
 
     phrase: str
@@ -54,7 +54,7 @@ class Grounding:
     by: str
 
     def to_json(self) -> dict[str, str]:
-        """As answers carry it."""
+        """Return it as answers have it."""
         return {"phrase": self.phrase, "object": self.object_name, "by": self.by}
 
 
@@ -65,8 +65,8 @@ class Order:
     Attributes:
         text: the canonical instruction: objects by their names, in the form of a taught instruction.
         names: the objects of the scene.
-        phrases: what the phrases of the original wording were taken for.
-        unfamiliar: why it is unlike every taught instruction, where that was allowed.
+        phrases: the objects that phrases of the original wording name.
+        unfamiliar: why it is unlike every taught instruction; None unless the request allowed that.
     """
 
     text: str
@@ -81,7 +81,7 @@ class Order:
 
     @cached_property
     def form(self) -> str:
-        """What is asked for, whatever the objects: see `Clause.form`."""
+        """What is asked for, independent of the objects: see `Clause.form`."""
         return clause_of(self.text, self.names).form
 
     @cached_property
@@ -96,22 +96,22 @@ class Order:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any], names: Sequence[str]) -> "Order":
-        """As `to_json` wrote it, about a scene with objects of these names."""
+        """Return the inverse of `to_json`, for a scene with objects of these names."""
         phrases = tuple(Grounding(item["phrase"], item["object"], item["by"]) for item in value["phrases"])
         return cls(value["instruction"], tuple(names), phrases, value["unfamiliar"])
 
 
 @lru_cache(MAX_REMEMBERED)
 def clause_texts(instruction: str) -> tuple[str, ...]:
-    """The parts that the instruction strings together with "then"."""
+    """Return the parts of an instruction that "then" separates."""
     return tuple(CLAUSE_SEPARATOR.split(instruction.strip()))
 
 
 @lru_cache(MAX_REMEMBERED)
 def clause_of(text: str, names: tuple[str, ...]) -> Clause:
-    """A text as one clause. It mentions those of `names` that stand in it as phrases ('_' in a name is a space).
+    """Return a text as one clause. It mentions the objects whose names it contains ('_' in a name is a space).
 
-    A name that nowhere stands as a phrase is mentioned by its distinctive words: "open the top drawer" mentions
+    A name that it does not contain is mentioned by its distinctive words: "open the top drawer" mentions
     `drawer_top` among `drawer_bottom` and `drawer_top`.
     """
     form = _spaced(text)
@@ -123,15 +123,15 @@ def clause_of(text: str, names: tuple[str, ...]) -> Clause:
 
 
 def mentions_in(text: str, names: Sequence[str]) -> tuple[Mention, ...]:
-    """Every mention, from left to right, by its place in the text, which has no space around it.
+    """Return every mention, from left to right; the text has no space around it.
 
-    None where lower case takes more characters than upper case, as with some letters of Turkish.
+    Empty where lower case changes the number of characters, as with some letters of Turkish.
     """
     return tuple(_mentions(names, _spaced(text))) if len(text.lower()) == len(text) else ()
 
 
 def _mentions(names: Sequence[str], text: str) -> list[Mention]:
-    """Every mention in `text`, from left to right; no two overlap."""
+    """Return every mention in `text`, from left to right, without overlap."""
     found: list[Mention] = []
     for name in sorted(names, key=len, reverse=True):
         phrases = _occurrences(_spaced(name), text, name)

@@ -1,6 +1,6 @@
-"""An instruction is read: every word finds its place in what the task was taught, or the instruction is refused.
+"""Parse an instruction into an `Order` against the instructions that a task was taught, or refuse it.
 
-A refusal says why, and what the task knows instead.
+Every word must have a role in a taught form. A refusal says which word has none, and lists what the task knows.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,15 +25,15 @@ _JOINT = ", then "
 
 
 def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allow_unfamiliar: bool = False) -> Order:
-    """The instruction as it is understood.
+    """Return the instruction as an `Order`: in a taught form, with objects by their names.
 
     Args:
-        layout: where the objects are, for relations.
-        allow_unfamiliar: let pass what is unlike every taught instruction, if its objects are clear.
+        layout: the objects' positions, for relations such as "the left one"; None: relations are refused.
+        allow_unfamiliar: accept an instruction unlike every taught one if it is clear which objects it names.
 
     Raises:
-        UngroundedInstructionError: if a phrase stands for no object or for several.
-        UnfamiliarInstructionError: if it is unlike every taught instruction, or has words that nothing explains.
+        UngroundedInstructionError: if a phrase matches no object or several.
+        UnfamiliarInstructionError: if it is unlike every taught instruction, or has words without a role.
     """
     if (literal := taught.literal(instruction)) is not None:
         return literal
@@ -55,7 +55,7 @@ def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grou
 
 @dataclass(frozen=True, eq=False)
 class Filled:
-    """A clause as a frame has it: by the objects of the frame those of the clause."""
+    """A clause matched to a taught frame; `objects` maps each object of the frame to the one of the clause."""
 
     frame: Frame
     objects: Mapping[str, str]
@@ -83,7 +83,7 @@ def _uncertainty(order: Order) -> tuple[int, int]:
 
 
 def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Filled, ...]]:
-    """The reading in frames that were taught one after the other, or each on its own."""
+    """Yield the reading's clauses matched to frames that were taught in this sequence, or that may each stand alone."""
     per_clause = [_choices(taught, clause) for clause in reading]
     for choice in islice(product(*per_clause), MAX_READINGS):
         plan = tuple(filled for part in choice for filled in part)
@@ -94,7 +94,7 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Fi
 
 
 def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[Filled, ...]]:
-    """The frames of a clause, one for each thing that it may ask for; "red and blue" is asked one by one."""
+    """Return the alternatives that a clause may ask for, each as matched frames: "red and blue" is two in sequence."""
     if whole := _best(taught, clause):
         return [(filled,) for filled in whole]
     objects = clause.objects_in(DIRECT)
@@ -105,7 +105,7 @@ def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[Filled, ...]]:
 
 
 def _best(taught: Taught, clause: ParsedClause) -> list[Filled]:
-    """The clause as frames have it, one for each thing that it may ask for: with the objects that were taught first."""
+    """Return the closest matching frame of each signature, preferring frames taught with the clause's own objects."""
     every = [
         Filled(frame, objects, clause)
         for frame in taught.frames
@@ -118,7 +118,7 @@ def _best(taught: Taught, clause: ParsedClause) -> list[Filled]:
 
 
 def closest(every: list[Filled]) -> list[Filled]:
-    """Those with the clause's own instrument, verb and words, where some have them."""
+    """Keep the matches with the clause's instrument, then verb, then fixed words, each as far as there are any."""
     with_instrument = [
         each
         for each in every
@@ -138,9 +138,9 @@ def _canonical(taught: Taught, plan: Sequence[Filled]) -> str | None:
 
 
 def _wants_moved(plan: Sequence[Filled]) -> bool:
-    """Whether an object is asked for again after it was taken elsewhere: only where it was seen is known.
+    """Return whether a clause uses an object that an earlier one moved: its pose is known only before the first action.
 
-    To pick it up twice is as it was said.
+    Picking the same object up twice in a row is allowed.
     """
     moved: set[str] = set()
     for k, filled in enumerate(plan):
@@ -154,10 +154,10 @@ def _wants_moved(plan: Sequence[Filled]) -> bool:
 
 
 def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> InstructionError:
-    """The error for an instruction without a meaning, or with several.
+    """Return the error for an instruction with no reading, or with several.
 
     Args:
-        meanings: the canonical instructions that it may stand for.
+        meanings: the canonical instructions that it may mean.
     """
     valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
     if meanings:
@@ -177,11 +177,11 @@ def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> In
 
 
 def _passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]]:
-    """The unfamiliar instruction with its objects by their names, and where it names them.
+    """Return the unfamiliar instruction with objects by their names, and the phrases that name them.
 
     Raises:
-        UngroundedInstructionError: if it names something else, names nothing though taught instructions do, or forbids
-            something: which object is acted on would be chance.
+        UngroundedInstructionError: if it names an unknown thing, names no object though taught instructions do, or
+            forbids something: the object acted on would be arbitrary.
     """
     valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
     if forbids(words):
@@ -198,14 +198,14 @@ def _passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[Noun
 
 
 def forbids(words: Sequence[Word]) -> bool:
-    """Whether it says what not to do."""
+    """Return whether some words forbid an action ("not", "skip", "instead of")."""
     texts = [word.text for word in words]
     tables = (vocabulary.NOT, vocabulary.SKIP, vocabulary.RATHER)
     return any(table.end_at(texts, k) is not None for table in tables for k in range(len(texts)))
 
 
 def _longest(phrases: NounPhrases) -> list[NounPhrase]:
-    """The objects from left to right, each phrase as long as possible."""
+    """Return the phrases that name objects, from left to right, each as long as possible, without overlap."""
     found: list[NounPhrase] = []
     for k in range(len(phrases.words)):
         if (not found or k >= found[-1].end) and (here := phrases.at(k)) and here[0].name:
@@ -214,7 +214,7 @@ def _longest(phrases: NounPhrases) -> list[NounPhrase]:
 
 
 def _missed(phrases: NounPhrases) -> Unmatched | None:
-    """The longest phrase that reads like an object and is none, unless it is a part of one that is; an unknown word."""
+    """Return the longest noun phrase that matches no single object (nor is part of one that does), or unknown noun."""
     found = _longest(phrases)
 
     def is_part(missed: Unmatched) -> bool:
@@ -226,12 +226,12 @@ def _missed(phrases: NounPhrases) -> Unmatched | None:
 
 
 def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:
-    """Whether a phrase without an object goes beyond one with an object: "the bottom drawer" beyond "drawer"."""
+    """Return whether an unmatched phrase contains a matched one and more: "the bottom drawer" contains "drawer"."""
     return missed.start <= phrase.start and phrase.end <= missed.end and missed[:2] != phrase[:2]
 
 
 def _unknown_thing(words: Sequence[Word]) -> Unmatched | None:
-    """The first unknown word where an object belongs: after an article, a preposition or a verb."""
+    """Return the first unknown word in the position of a noun: after an article, a preposition or a verb."""
     before = vocabulary.DETERMINERS | verbs.FIRST_WORDS | {phrase[-1] for phrase in vocabulary.PREPOSITIONS}
     for k, word in enumerate(words[1:], start=1):
         if not word.known and words[k - 1].text in before:
@@ -240,7 +240,7 @@ def _unknown_thing(words: Sequence[Word]) -> Unmatched | None:
 
 
 def _asks_for_taught(taught: Taught, words: Sequence[Word]) -> bool:
-    """Whether some verb of the instruction is like a taught one; a clause without a verb leaves that open."""
+    """Return whether a verb of the instruction equals or resembles a taught one; True for a clause without a verb."""
     clauses = [frame.clause for frame in taught.frames]
     said = [word.text for word in words if word.text in verbs.FIRST_WORDS or any(c.verb == word.text for c in clauses)]
     if not said:

@@ -1,7 +1,7 @@
-"""Sentences: what is to be done with which objects, clause by clause; what is forbidden is left out.
+"""Parse an instruction into the clauses to carry out, in their order; forbidden clauses are left out.
 
-Everything in an instruction must find its place here. Where a word does not, there is no reading, and the instruction
-is refused: an unknown word may change what the others mean.
+Every word must have a role. Otherwise there is no parse, and the instruction is refused: an unknown word may change the
+meaning of the others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,13 +22,13 @@ FORBIDDING: dict[Mood, PhraseTable] = {
 
 @dataclass(frozen=True)
 class Unit:
-    """A clause of a text, and how it is meant.
+    """A clause of a text, and whether it asks for or forbids something.
 
     Attributes:
         clause: with the verb of the one before where it has none of its own.
-        mood: whether it says what to do, or what not.
-        joined: by which sorts of words it is joined to the unit before, see `ClauseParser._separator`.
-        start, end: its words.
+        mood: "do", or the kind of words that forbid it.
+        joined: the kinds of words between it and the unit before, see `ClauseParser._separator`.
+        start, end: the range of its words.
     """
 
     clause: ParsedClause
@@ -40,30 +40,30 @@ class Unit:
 
 
 class Sentences(ClauseParser):
-    """The readings of one instruction."""
+    """The parses of one instruction."""
 
     def units(self) -> Iterator[tuple[Unit, ...]]:
-        """The clauses of the whole text, in every way in which it is an order.
+        """Yield every parse of the whole text that is an order.
 
         Raises:
-            TooInvolvedError: if that takes too many steps.
+            TooInvolvedError: if parsing takes too many steps.
         """
         return filter(self._is_order, self._units(0, (), frozenset()))
 
     def readings(self) -> Iterator[tuple[tuple[ParsedClause, ...], ...]]:
-        """The things to do, in their order, in every way that the whole text can be read.
+        """Yield, for every parse of the whole text, the clauses to carry out, in their order.
 
-        Where one way has several forms, of which the first that was taught is meant, these stand together.
+        A parse may have several equivalent forms, of which the first that was taught counts: they are yielded together.
 
         Raises:
-            TooInvolvedError: if that takes too many steps.
+            TooInvolvedError: if parsing takes too many steps.
         """
         for units in self.units():
             if done := wanted(units):
                 yield _without_pronouns(tuple(unit.clause for unit in done))
 
     def _is_order(self, units: Sequence[Unit]) -> bool:
-        """Whether the text asks to do something: "the red button?" and "it" alone do not."""
+        """Return whether the text asks for an action: "the red button?" and "it" alone do not."""
         if any(unit.own_verb for unit in units):
             return True
         phrases = units[0].clause.phrases
@@ -71,10 +71,10 @@ class Sentences(ClauseParser):
         return (len(units) > 1 or named) and all(word.text != "?" for word in self._words)
 
     def _units(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[tuple[Unit, ...]]:
-        """The text from here on.
+        """Yield every parse of the text from word `at` on.
 
         Args:
-            joined: by what the unit that begins here is joined to the one before.
+            joined: the kinds of words between the unit that begins here and the one before.
         """
         self._phrases.count_step()
         start = self._skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
@@ -94,12 +94,15 @@ class Sentences(ClauseParser):
                     yield from self._after(after, (*units, _unit(clause, units, "do", joined, begin, after)))
 
     def _goes_on(self, clause: ParsedClause, units: Sequence[Unit]) -> bool:
-        """Whether a clause without a verb may describe the object before it further."""
+        """Return whether a clause without a verb may be a further description of the object before it."""
         before = units[-1].clause.phrases if units else ()
         return clause.verb is None and bool(before) and self._is_one_thing((before[-1], *clause.phrases[:1]))
 
     def _leads_after(self, units: tuple[Unit, ...], joined: frozenset[str]) -> tuple[PhraseTable, ...]:
-        """A later "first" would change the order, and an "instead" after what was wanted takes that back."""
+        """Return the words that may begin the next unit.
+
+        A later "first" would change the sequence, and "instead" after a wanted clause would take it back.
+        """
         if joined & vocabulary.ORDERING:
             return (vocabulary.YOU,)
         if not units:
@@ -107,7 +110,7 @@ class Sentences(ClauseParser):
         return () if any(unit.mood == "do" for unit in units) else (vocabulary.INSTEAD,)
 
     def _after(self, at: int, units: tuple[Unit, ...]) -> Iterator[tuple[Unit, ...]]:
-        """What follows a unit: the end, a separator, or what is not meant."""
+        """Yield every parse of what follows a unit: the end, a separator, or a forbidden clause."""
         if (
             len(units) == 1
             and units[0].mood == "do"
@@ -124,7 +127,7 @@ class Sentences(ClauseParser):
 
 
 def wanted(units: Sequence[Unit]) -> tuple[Unit, ...]:
-    """The units that say what to do; none where the text is no clear order, see `_is_other`."""
+    """Return the units to carry out; empty where what is forbidden leaves the order unclear, see `_is_other`."""
     done = tuple(unit for unit in units if unit.mood == "do")
     clauses = [unit.clause for unit in done]
     says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
@@ -133,10 +136,10 @@ def wanted(units: Sequence[Unit]) -> tuple[Unit, ...]:
 
 
 def _is_other(forbidden: ParsedClause, wanted: Sequence[ParsedClause]) -> bool:
-    """Whether what is forbidden is something else that might have been wanted.
+    """Return whether the forbidden clause is an alternative to the wanted ones.
 
-    It is not where it is wanted as well, nor where it is another kind of motion: "do not touch the blue one" bounds the
-    way to the red one, of which nothing here knows.
+    It is none if it contradicts a wanted clause, nor if it forbids another kind of motion: "do not touch the blue one"
+    would restrict the path to the red one, which this parser cannot express.
     """
     return any(_same_verb(forbidden, clause) for clause in wanted) and not any(
         _contradict(forbidden, clause) for clause in wanted
@@ -162,10 +165,10 @@ def _unit(
 
 
 def _may_follow(clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
-    """Whether a clause goes on with what is wanted.
+    """Return whether a clause can be a further wanted one after these units.
 
-    "Do not push the red one and the blue one" wants nothing, and "push the red one, the blue one" is perhaps a
-    correction; "not the red one, the blue one" is none.
+    "Do not push the red one and the blue one" asks for nothing, and "push the red one, the blue one" may be a
+    correction; "not the red one, the blue one" is unambiguous.
     """
     before = units[-1] if units else None
     if before is None:
@@ -181,9 +184,9 @@ def _may_follow(clause: ParsedClause, units: Sequence[Unit], joined: frozenset[s
 
 
 def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedClause, ...], ...]:
-    """The clauses with "it" replaced; first of all "pick up X and put it on Y" as the single clause "put X on Y".
+    """Return the clauses with "it" resolved, preceded by the form in which "pick up X and put it on Y" is "put X on Y".
 
-    Demonstrations begin with an empty gripper: one that puts something somewhere picks it up by itself.
+    Demonstrations begin with an empty gripper, so that putting an object somewhere includes picking it up.
     """
     resolved: list[ParsedClause] = []
     merged: list[ParsedClause] = []

@@ -1,7 +1,7 @@
-"""Relations that the objects' poses decide, in the robot's frame: x forward, y left, z up.
+"""Spatial relations between objects, in the robot's frame: x forward, y left, z up.
 
-Every function picks from candidates, and gives back several where the poses do not clearly decide. Distances are in
-meters, to the robot horizontal; its base stands at `robot_m` in the world frame and looks along +x.
+Every relation selects from candidates, and returns several where the positions do not decide clearly. Distances are in
+meters, those to the robot horizontal; its base is at `robot_m` in the world frame and faces along +x.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,10 +11,10 @@ import numpy as np
 
 from roboprompt_client.types.arrays import Array
 
-MARGIN_M = 0.02  # poses from images are that uncertain; what differs by less counts as equal
-CLEARLY_NEARER = 1.5  # the second nearest must be so many times as far
-MOSTLY = 0.5  # of the distance must lie in the direction, which is within 60 degrees of it
-ALONGSIDE = 0.35  # of the distance between two objects: what is this far off the line is not between them
+MARGIN_M = 0.02  # the uncertainty of poses from images; smaller differences count as equal
+CLEARLY_NEARER = 1.5  # ratio of the second nearest distance to the nearest
+MOSTLY = 0.5  # share of the distance along the direction: within 60 degrees of it
+ALONGSIDE = 0.35  # greatest offset from the line between two objects, as a share of its length, to be between them
 Names = tuple[str, ...]
 Pick = Callable[["Layout", Names], Names]
 AXES: Mapping[str, tuple[int, int]] = {
@@ -24,18 +24,18 @@ AXES: Mapping[str, tuple[int, int]] = {
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the objects are: positions (3,) in the world frame by name, and the robot's base (3,)."""
+    """Positions (3,) of the objects by name and of the robot's base, in meters, world frame."""
 
     positions_m: Mapping[str, Array]
     robot_m: Array
 
     def along(self, name: str, side: str) -> float:
-        """How far an object lies towards a side, a key of `AXES`."""
+        """Return how far (m) an object lies from the robot toward a side, a key of `AXES`."""
         axis, sign = AXES[side]
         return float(sign * (self.positions_m[name][axis] - self.robot_m[axis]))
 
     def distance_m(self, name: str, other: str | None) -> float:
-        """Between an object and another, or the robot where there is no other."""
+        """Return the distance of an object from another, or from the robot (None)."""
         if other is None:
             return float(np.linalg.norm((self.positions_m[name] - self.robot_m)[:2]))
         return float(np.linalg.norm(self.positions_m[name] - self.positions_m[other]))
@@ -115,7 +115,7 @@ def _without(names: Names, *others: str | None) -> Names:
 
 
 def _nth(names: Names, key: Callable[[str], float], place: int) -> Names:
-    """The name of that place by increasing key; with it those whose key is as good as the same."""
+    """Return the name at that place (from 1) by increasing key, with all whose keys are within `MARGIN_M` of its."""
     if not 1 <= place <= len(names):
         return ()
     ordered = sorted(names, key=key)

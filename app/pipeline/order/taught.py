@@ -1,4 +1,4 @@
-"""What a task was taught: its objects, what they are called, and its instructions, as frames for other objects."""
+"""A task's vocabulary: object names, aliases, and taught instructions as frames that other objects can fill."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ MAX_CHOICES = 200  # instructions that a model can be asked to choose from
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One clause of a taught instruction, with places for objects that others can fill.
+    """One clause of a taught instruction whose objects can be replaced.
 
     Attributes:
         text: as it was taught.
-        clause: as it was read.
-        named: where the text names objects so that prompts find them.
+        clause: as it was parsed.
+        named: the places in the text that name objects.
         plan: the signatures of all clauses of its instruction.
     """
 
@@ -34,11 +34,11 @@ class Frame:
 
     @property
     def may_stand_alone(self) -> bool:
-        """Whether its instruction asks for nothing but this, once or several times."""
+        """Whether its instruction consists of this clause alone, once or repeated."""
         return set(self.plan) == {self.clause.signature}
 
     def filled(self, clause: ParsedClause, names: Sequence[str]) -> Mapping[str, str] | None:
-        """By the objects of the frame those that `clause` puts in their place; None if it asks for something else."""
+        """Return the object of `clause` for each object of the frame; None if the clause asks for something else."""
         one_destination = self._one_destination(clause)
         if one_destination is None or not fits(clause.fixed_phrases, self.clause.fixed_phrases):
             return None
@@ -59,25 +59,25 @@ class Frame:
         return filled if is_clear and all(a in replaceable or a == b for a, b in filled.items()) else None
 
     def _one_destination(self, clause: ParsedClause) -> bool | None:
-        """Whether a destination may be put in any way; None if the verbs ask for different things.
+        """Return whether prepositions of destination are interchangeable; None if the verbs mean different actions.
 
-        A clause without a verb leaves it to what is taught.
+        A clause without a verb takes the frame's.
         """
         same = clause.verb in (None, self.clause.verb)
         families = self.clause.families_with(self.clause.verb if same else clause.verb)
         return any(family.one_destination for family in families) if same or families else None
 
     def _of_the_only(self, clause: ParsedClause, name: str) -> Mapping[str, str] | None:
-        """A task's only object need not be named, neither by what is taught nor by what is asked.
+        """Return the match of a task with one object, which neither the taught nor the asked clause must name.
 
-        A particle may then be about the robot: "turn around".
+        None if a particle may refer to the robot instead: "turn around".
         """
         number = len(clause.objects_in(DIRECT))
         clear = number == 1 or clause.verb is None or " " not in clause.verb or clause.verb == self.clause.verb
         return {name: name} if number <= 1 and clear else None
 
     def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str | None:
-        """The taught text with other objects; None if it would not name them in the order that they have."""
+        """Return the taught text with other objects; None if it would then not mention them in the same order."""
         if any(filled.get(name, name) != name for name in self._scattered):
             return None
         wanted = tuple(filled[name] for name in clause_of(self.text, tuple(names)).objects if name in filled)
@@ -92,7 +92,7 @@ class Frame:
 
     @cached_property
     def _scattered(self) -> frozenset[str]:
-        """What is named by words apart, for which no other name can stand: "pour water from the bottle"."""
+        """The objects named by separate words, which no other name can replace: "pour water from the bottle"."""
         mentions = zip(self.named, self.named[1:], strict=False)
         return frozenset(
             one.name for one, next_ in mentions if one.name == next_.name and self.text[one.end : next_.start].strip()
@@ -100,7 +100,7 @@ class Frame:
 
 
 def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool) -> str:
-    """What a text calls an object that stands where `was` was called `before`: its name, or the words of its own."""
+    """Return the words for object `name` in place of `before`, which named `was`: its name or distinctive word."""
     if "_" in before:
         return name
     others = {word for other in names if other != name for word in other.replace("_", " ").lower().split()}
@@ -110,7 +110,7 @@ def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool)
 
 
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
-    """The frames of a taught instruction's clauses; none if one of them is beyond this grammar."""
+    """Return the frames of a taught instruction's clauses; empty if the grammar does not parse one of them."""
     texts = clause_texts(instruction)
     clauses = [clause for text in texts if (clause := _read(text, lexicon)) is not None]
     plan = tuple(clause.signature for clause in clauses)
@@ -121,13 +121,13 @@ def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
 
 
 def taught_verb(text: str, lexicon: Lexicon) -> str:
-    """The first word of a taught clause, which is taken for its verb even if no table has it."""
+    """Return the first word of a taught clause, taken as its verb even if no table lists it."""
     words = [word for word in lexicon.read(text) if word.text != "please"]
     return words[0].text if words else ""
 
 
 def _read(text: str, lexicon: Lexicon) -> ParsedClause | None:
-    """The reading of a taught clause in which most words are understood."""
+    """Return the parse of a taught clause with the fewest fixed words; None without a parse that has its objects."""
     own = frozenset({taught_verb(text, lexicon)} - lexicon.objects_of.keys())
     sentences = Sentences(NounPhrases(text, lexicon, None), None, own)
     try:
@@ -145,13 +145,13 @@ def _unlikelihood(clause: ParsedClause) -> tuple[bool, int, int]:
 
 
 class Taught:
-    """What instructions are read against. Made once per task version.
+    """The vocabulary and taught instructions that new instructions are parsed against. Built once per task version.
 
     Args:
-        names: the task's objects.
-        aliases: by object what else it is called.
-        instructions: those that the demonstrations carry out.
-        is_word: whether a word is English; such a word is never taken for a misspelled other.
+        names: of the task's objects.
+        aliases: other names, by object.
+        instructions: of the demonstrations.
+        is_word: whether a word is English; an English word is never corrected to another one.
     """
 
     def __init__(
@@ -163,11 +163,11 @@ class Taught:
         self.lexicon = Lexicon(self.names, self.aliases, self.instructions, is_word)
 
     def order(self, text: str, phrases: Sequence[Grounding], unfamiliar: str | None = None) -> Order:
-        """A text about these objects that needs no more reading."""
+        """Return a canonical text about these objects as an `Order`."""
         return Order(text, self.names, tuple(phrases), unfamiliar)
 
     def literal(self, instruction: str) -> Order | None:
-        """The instruction itself, if it is a taught one or such a one about other objects."""
+        """Return the instruction as it stands if it is a taught one, with the same or other objects; otherwise None."""
         whole, parts = self._forms
         clauses = [clause_of(text, self.names) for text in clause_texts(instruction)]
         named = [name for clause in clauses for name in clause.objects]
@@ -180,7 +180,7 @@ class Taught:
         return self.order(instruction, self.mentioned(instruction))
 
     def mentioned(self, instruction: str) -> tuple[Grounding, ...]:
-        """The phrases that are names; the whole instruction for the task's only object, which need not be named."""
+        """Return the phrases that are object names; the whole instruction where the task's only object is not named."""
         mentions = mentions_in(instruction, self.names)
         found = [Grounding(instruction[start:end], name, "name") for start, end, name in mentions]
         if not found and len(self.names) == 1:
@@ -189,7 +189,7 @@ class Taught:
 
     @cached_property
     def choices(self) -> tuple[str, ...]:
-        """What an instruction can stand for: the taught ones, and these about other objects."""
+        """The instructions that an unclear one may mean: the taught ones, and the same with other objects."""
         found = dict.fromkeys(self.instructions)
         for text in islice(self._about_others(), MAX_CHOICES):
             if len(found) < MAX_CHOICES and self.literal(text) is not None:
@@ -198,12 +198,12 @@ class Taught:
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
-        """The taught instructions, each clause a frame."""
+        """A frame for each clause of the taught instructions."""
         return tuple(frame for text in self.instructions for frame in frames_of(text, self.lexicon))
 
     @cached_property
     def fixed_words(self) -> frozenset[str]:
-        """What taught clauses say besides verb and objects."""
+        """The words of taught clauses besides verb and objects, with their prepositions' roles as "role:"."""
         said = [phrase for frame in self.frames for phrase in frame.clause.fixed]
         return frozenset(word for phrase in said for word in (f"{phrase.role}:", *phrase.words))
 
@@ -222,13 +222,13 @@ class Taught:
 
     @cached_property
     def _forms(self) -> tuple[frozenset[str], frozenset[str]]:
-        """Of whole taught instructions, and of clauses that need not stand beside others."""
+        """The forms of whole taught instructions, and of clauses that may stand alone."""
         whole = frozenset(clause_of(text, self.names).form for text in self.instructions)
         parts = [{clause_of(part, self.names).form for part in clause_texts(text)} for text in self.instructions]
         return whole, frozenset(part for each in parts if len(each) == 1 for part in each)
 
     def _says_where_only(self, instruction: str) -> bool:
-        """Whether words of place stand for an object without its noun, where a direction can stand as well."""
+        """Return whether a word of place names an object without its noun, so that it may be a direction instead."""
         said = {word.text for word in self.lexicon.read(instruction)}
         return any(
             instruction[start:end].lower() in PLACE_ADJECTIVES and noun_of(phrase_of(name)) not in said

@@ -1,7 +1,4 @@
-"""An instruction's words: cut out, put into their base form, and corrected where they are misspelled.
-
-Tables of phrases are looked up at every word.
-"""
+"""Tokens of an instruction, inflection, spelling correction, and tables of phrases to look up at a word."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -46,25 +43,25 @@ class PhraseTable:
         return (phrase for phrases in self._by_first.values() for phrase in phrases)
 
     def all_at(self, texts: Sequence[str], at: int) -> Iterator[Phrase]:
-        """The phrases that stand there, the longest first."""
+        """Yield the phrases of the table that begin at word `at`, the longest first."""
         if at < len(texts):
             for phrase in self._by_first.get(texts[at], ()):
                 if len(phrase) == 1 or tuple(texts[at : at + len(phrase)]) == phrase:
                     yield phrase
 
     def end_at(self, texts: Sequence[str], at: int) -> int | None:
-        """Where the longest phrase that stands there ends; None if none does."""
+        """Return the end of the longest phrase that begins at word `at`; None without one."""
         phrase = next(self.all_at(texts, at), None)
         return None if phrase is None else at + len(phrase)
 
 
 def phrases(text: str) -> PhraseTable:
-    """The phrases that a text lists, with commas between them."""
+    """Return a table of the phrases in a comma-separated text."""
     return PhraseTable(tuple(part.split()) for part in text.split(","))
 
 
 class Token(NamedTuple):
-    """A word or mark of the text from character `start` to `end`, without differences of case and Unicode form."""
+    """A word or punctuation mark from character `start` to `end`, in lower case and normalized Unicode."""
 
     text: str
     start: int
@@ -73,13 +70,13 @@ class Token(NamedTuple):
 
 @dataclass(frozen=True)
 class Word:
-    """A token as it was understood.
+    """A token looked up in the lexicon.
 
     Attributes:
-        text: the known word that it stands for; the token's own text where nothing is known.
-        known: whether the vocabulary has it.
-        corrected: whether it was misspelled.
-        plural: whether it is the plural of what it stands for.
+        text: its base form; the token's own text if it is unknown.
+        known: whether the lexicon has it.
+        corrected: whether its spelling was corrected.
+        plural: whether the token is the plural of `text`.
     """
 
     token: Token
@@ -90,7 +87,7 @@ class Word:
 
 
 def tokens_of(text: str) -> list[Token]:
-    """The words and marks of a text; contractions are written out, quotation marks and hyphens left out."""
+    """Return the tokens of a text, with contractions written out and without quotation marks and hyphens."""
     found: list[Token] = []
     for match in _TOKEN.finditer(text):
         said = folded_characters(match[0]) if match[0].isalnum() else match[0].lower()

@@ -1,6 +1,6 @@
-"""Observation and instruction -> actions, by an LLM that continues the demonstrations' pattern.
+"""`POST /predict`: observation and instruction -> actions, by an LLM that continues the demonstrations' pattern.
 
-While a prediction takes long, people see it from whichever process they look.
+A prediction that takes long is noted in the store, so that the pages of every worker process show it.
 """
 
 import asyncio
@@ -34,8 +34,8 @@ from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.types.names import checked_instruction
 
-SHOWN_AFTER_S = 0.5  # shorter ones are never written down
-GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more
+SHOWN_AFTER_S = 0.5  # no note is written of shorter predictions
+GRACE_S = 5.0  # a note that a killed process leaves expires so long after its request's deadline
 FAILURES = (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError)
 Arriving = PredictedAction | TextDelta | Reading
 logger = logging.getLogger(__name__)
@@ -46,9 +46,9 @@ class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads.
 
     Args:
-        limits: how much a request may ask for.
-        current: the limits of motion of the moment.
-        record: None: what is asked leaves no record, as no robot asks it.
+        limits: of a request's size.
+        current: reads a task's present limits of motion.
+        record: stores predictions; None: they are not stored, as those of `check`, which no robot carries out.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class PredictActions:
         self._record = record
 
     async def __call__(self, request: PredictRequest) -> Prediction:
-        """Prepare, and complete; timed for itself.
+        """Return the recorded prediction, with timings of its own.
 
         Raises:
             as `prepare` and `complete`.
@@ -79,11 +79,10 @@ class PredictActions:
             return await self.complete(await self.prepare(request))
 
     async def prepare(self, request: PredictRequest, *, ask_meaning: bool = True) -> Question:
-        """The question as it would be put to the LLM.
+        """Return the question to the LLM, with its prompt.
 
         Args:
-            ask_meaning: where the words of the instruction are not clear, ask a chat model which of the instructions
-                that the task knows they mean; otherwise no LLM is called.
+            ask_meaning: whether a chat model may be asked which known instruction an unclear one means.
 
         Raises:
             as `question_of`.
@@ -99,8 +98,8 @@ class PredictActions:
             return await anyio.to_thread.run_sync(question_of, meant, self._known, self._limits)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
-        """The instruction that an unclear one stands for, if the request's model finds it."""
-        if not error.choices or request.alike:  # a model that sees no places would guess which one
+        """Return the known instruction that an unclear one means, as the request's model judges; None without one."""
+        if not error.choices or request.alike:  # positions decide between equal names, and the model does not see them
             return None
         with timed("words"):
             profile = self._known.profile_of(request.options.model)
@@ -108,7 +107,7 @@ class PredictActions:
                 return await ask_meaning(model, request.instruction, error.choices, request.options.deadline_s(profile))
 
     async def complete(self, question: Question) -> Prediction:
-        """The whole prediction, recorded.
+        """Ask the LLM; return the whole prediction, recorded.
 
         Raises:
             LanguageModelError: if the LLM did not answer; recorded.
@@ -125,7 +124,7 @@ class PredictActions:
         return await self._recorded(reply, motion)
 
     async def stream(self, question: Question) -> AsyncGenerator[Arriving | Prediction, None]:
-        """The actions (and, if asked for, pieces of text) as they become complete, then the prediction, recorded.
+        """Yield each action (and, if requested, pieces of text) once it is complete, then the prediction, recorded.
 
         Raises:
             as `complete`.
@@ -145,7 +144,7 @@ class PredictActions:
 
     @asynccontextmanager
     async def _asked(self, question: Question) -> AsyncIterator[Reply]:
-        """The reply that the block waits for; meanwhile people see that it is under way, and no prefix is warmed."""
+        """Yield the reply for the block to read; meanwhile the prediction is shown, and no prefix is read ahead."""
         async with self._models.using(question.known.profile.name) as model:
             reply = SampledReply(question, model) if question.samples else Reply(question, model)
             try:
@@ -170,9 +169,9 @@ class PredictActions:
 
 
 def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
-    """What is known -> the demonstrations of the plan that the scene calls for -> the instruction -> the question.
+    """Return the question: read the task, choose the demonstrations, parse the instruction, write the prompt.
 
-    Synchronous: call it in a thread. Raises as each step.
+    Synchronous: call it in a thread. Raises what the called functions raise.
     """
     instruction = checked_instruction("instruction", request.instruction)
     known = read(request)
@@ -185,7 +184,7 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
 
 @asynccontextmanager
 async def _watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
-    """Let the prediction be seen while the body runs, if it runs for long. The body waits for nothing of this."""
+    """Note the prediction in the store while the body runs, if that takes longer than `SHOWN_AFTER_S`."""
     request, started_s, ended = question.request, time.time(), asyncio.Event()
 
     def show() -> None:
@@ -209,6 +208,6 @@ async def _show(notes: UnderWayNotes, note: UnderWay, ended: asyncio.Event) -> N
     try:
         await anyio.to_thread.run_sync(notes.begin, note)
     except StoreUnavailableError as error:
-        logger.warning("%s", error)  # it is not seen, but goes on
+        logger.warning("%s", error)  # the prediction goes on without a note
     await ended.wait()
     await anyio.to_thread.run_sync(notes.end, note.id)

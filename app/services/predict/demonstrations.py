@@ -1,4 +1,4 @@
-"""Stored episodes -> demonstrations, with the task's symmetries and plans whose rows agree."""
+"""Stored episodes -> demonstrations with symmetric objects at canonical yaw, and rows aligned within each plan."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -24,10 +24,10 @@ class Demonstrations:
     """Some of a task's demonstrations.
 
     Attributes:
-        shown: as a prompt shows them.
-        recorded: the same as they were recorded, before rows of one plan were made to agree.
-        aligned: whether those of one plan have equally many rows.
-        hands: what the hand did in the recording of each; empty where that is not needed.
+        shown: as prompts show them, with rows of one plan at their robust center.
+        recorded: the same with rows as they were recorded.
+        aligned: whether demonstrations of one plan have equally many rows.
+        hands: the hand's recorded path for each; empty where it is not needed.
     """
 
     shown: tuple[Demonstration, ...]
@@ -37,13 +37,13 @@ class Demonstrations:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
-        """The recordings' demonstrations."""
+        """Return the recordings' demonstrations."""
         recorded = demonstrated(recordings)
         aligned = bool(recordings) and recordings[0].rule.aligned
         return cls(agreeing(recorded) if aligned else recorded, recorded, aligned)
 
     def only(self, names: Collection[str]) -> "Demonstrations":
-        """The same with these of their objects."""
+        """Return the same without their other objects."""
         shown, recorded = (tuple(item.only(names) for item in items) for items in (self.shown, self.recorded))
         return replace(self, shown=shown, recorded=recorded)
 
@@ -54,12 +54,12 @@ class Demonstrations:
 
     @cached_property
     def plans(self) -> PlanChooser | None:
-        """Chooses among their plans; None where their rows are not aligned."""
+        """The chooser among their plans; None if rows are not aligned."""
         return PlanChooser(self.recorded) if self.aligned else None
 
 
 def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) -> tuple[RecordedHand, ...]:
-    """What the hand did in each recording; `shown` are their demonstrations as prompts have them."""
+    """Return the hand's path in each recording; `shown` are its demonstrations as prompts have them."""
     hands = []
     for recording, demonstration in zip(recordings, shown, strict=True):
         kept_to = kept(recording.motion, demonstration.actions, recording.rule.delta_rad_s)
@@ -70,7 +70,7 @@ def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) ->
 def read_compared(
     connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
 ) -> tuple[Compared, ...]:
-    """The poses of the episodes' objects that came with images in which the objects were then found."""
+    """Return the objects' uploaded poses paired with the poses found in the same episodes' images."""
     return tuple(
         pair
         for record in episodes.by_ids(connection, task, ids).values()
@@ -83,7 +83,7 @@ def read_compared(
 def recordings_of(
     connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
 ) -> list[Recording]:
-    """The demonstrations of records as they were found, each with the motion that it was made from."""
+    """Return each record's demonstration with the motion of its trajectory; objects that not all have are left out."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
     found = [canonical_demonstration(record.demonstration(), settings) for record in records]
@@ -95,10 +95,10 @@ def recordings_of(
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
-    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
+    """Return the demonstration with symmetric objects at their canonical yaw."""
     return replace(demonstration, objects=settings.canonical(demonstration.objects))
 
 
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Those of the first scene's names that all scenes have."""
+    """Return the names that all scenes have, in the first scene's order."""
     return tuple(name for name in names[0] if all(name in others for others in names)) if names else ()

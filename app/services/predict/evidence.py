@@ -1,4 +1,4 @@
-"""What recorded predictions are judged by: their demonstrations and the robot's path."""
+"""Compare stored predictions with their demonstrations, and preview the robot's path to their actions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 @dataclass(frozen=True)
 class Explanation:
-    """Where objects and actions of a prediction lie among its demonstrations.
+    """How objects and actions of a prediction differ from its demonstrations.
 
     Attributes:
         reaches: by object name; empty without demonstrations.
@@ -34,7 +34,7 @@ class Explanation:
 
 
 def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations) -> Explanation:
-    """Hold a prediction against those of its demonstrations that are still stored."""
+    """Compare a prediction with those of its demonstrations that are still stored."""
     shown_names = [[pose.name for pose in item.objects] for item in demonstrations.recorded]
     names = in_all([[item.name for item in record.objects], *shown_names])
     shown = demonstrations.only(names).recorded
@@ -55,10 +55,10 @@ def _actions(record: PredictionRecord) -> Iterator[EndEffectorAction]:
 
 
 def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed, ...]:
-    """Each action with its distance from the base, its reach, and the boxes of today's settings on the way to it.
+    """Return each action with distance from the base, reachability, and the present keep-out boxes in the way.
 
-    The arm, where the settings name one, is thought to come from its maker's ready pose straight to where the request
-    said that the hand was.
+    An arm that the settings name is assumed to move straight from its maker's ready pose to the request's end effector
+    pose.
     """
     hand = record.request.get("end_effector")
     pose = None if hand is None else Pose(tuple(hand["position"]), tuple(hand["quaternion_xyzw"]))
@@ -66,10 +66,10 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
 
 
 def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand: Pose | None) -> tuple[Previewed, ...]:
-    """The same of actions that may become a prediction.
+    """Return the same for actions that are not stored.
 
     Args:
-        hand: where it is before the first, where that is known.
+        hand: its pose before the first action; None if unknown.
     """
     base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
     geometry = None if settings.arm is None else PandaGeometry(settings.arm)
@@ -90,7 +90,7 @@ def _start(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Arr
 
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:
-    """The settings that a prediction was made with, as a request names them."""
+    """Return the options that a prediction was made with, by their names in requests."""
     asked = (
         "selection",
         "seed",

@@ -1,7 +1,7 @@
-"""A request's instruction -> what it asks for, in the words of the demonstrations that the prompt shows.
+"""Parse a request's instruction against those of the demonstrations that the prompt shows.
 
-A dictionary tells a misspelling from another word; where words alone do not explain an instruction, a chat model may
-find the one that the task knows.
+A dictionary distinguishes misspellings from other words. Where the parser finds no meaning, a chat model may choose
+one of the instructions that the task knows.
 """
 
 import gzip
@@ -63,15 +63,15 @@ def _frequency_list() -> bytes:
 
 
 def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
-    """The instruction.
+    """Return the parsed instruction.
 
     Args:
-        instruction: the request's, checked.
+        instruction: of the request, checked.
         taught: the instructions of the demonstrations that the prompt shows.
 
     Raises:
-        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
-            the task's.
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is unclear, or may mean an object that is not the
+            task's.
     """
     scene = known.scene
     order = _grounded(request, instruction, taught, known.settings, scene.objects)
@@ -94,7 +94,7 @@ def _grounded(
     settings: TaskSettings,
     objects: Sequence[ObjectPose],
 ) -> Order:
-    """The instruction as it is understood where there are these objects."""
+    """Return the instruction parsed in a scene of these objects."""
     names = tuple(pose.name for pose in objects)
     aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
     known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
@@ -110,17 +110,17 @@ def _grounded(
 def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
 ) -> Taught:
-    """What instructions about these objects are read against; kept, because robots ask again and again."""
+    """Return what instructions about these objects are parsed against; cached, because robots repeat themselves."""
     return Taught(names, dict(aliases), instructions, is_english)
 
 
 async def ask_meaning(
     model: LanguageModel, instruction: str, choices: Sequence[str], timeout_s: float = TIMEOUT_S
 ) -> str | None:
-    """The one of `choices` that `instruction` means, as the model understands it.
+    """Ask the model which of `choices` the instruction means.
 
     Returns:
-        None if the model says none, says anything else, or does not answer: the instruction is then refused as it is.
+        None if the model says "none" or anything else, or does not answer: the instruction is then refused.
     """
     if model.profile.style != "chat" or not choices:
         return None

@@ -19,16 +19,15 @@ from roboprompt_client.types.poses import Pose
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What is known of a request before its question is written.
+    """A request's task and demonstrations as the store has them, with the observed scene.
 
     Attributes:
         settings: of the task.
-        end_effector: where it is before the first action, where that is known.
-        scene: as it was observed.
-        profile: of the model that is asked.
-        demonstrations: that the request names or its selection finds.
+        end_effector: its pose before the first action; None if unknown.
+        profile: of the model to ask.
+        demonstrations: those that the request names, or that its selection finds.
         chosen: whether the request names them.
-        taught: all demonstrations of the task, which an answer is held against.
+        taught: all demonstrations of the task, with which an answer is compared.
     """
 
     settings: TaskSettings
@@ -42,10 +41,10 @@ class Known:
 
 
 class KnownReader:
-    """Reads what requests need; keeps what does not depend on the request. Synchronous: call it in a thread.
+    """Reads tasks for requests, and caches what does not depend on the request. Synchronous: call it in a thread.
 
     Args:
-        profile_of: the profile of a model by its name, of the default for None; raises UnknownModelError.
+        profile_of: returns the profile of a named model, or of the default one (None); raises UnknownModelError.
     """
 
     def __init__(
@@ -60,7 +59,7 @@ class KnownReader:
         self._caches: Caches = {}
 
     def __call__(self, request: PredictRequest) -> Known:
-        """What the request needs.
+        """Return the task, demonstrations and scene of a request.
 
         Raises:
             UnknownModelError: for an unknown model.
@@ -101,21 +100,21 @@ class KnownReader:
         )
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
-        """What requests that name nothing but the task show.
+        """Return demonstrations, settings and prompt style of a request with default options.
 
         Raises:
-            as for such a request.
+            as `__call__` for such a request.
         """
         request = PredictRequest(task_name, "", ())
         with self._store.read() as connection:
             task = TaskReading(connection, task_name, self._caches)
             style = PromptStyle.of(request, task.settings, self.profile_of(None))
-            task.taught(style.from_start)  # an answer needs it next
+            task.taught(style.from_start)  # cached for the next prediction
             return task.demonstrations(_ids(task, request)), task.settings, style
 
 
 def _ids(task: TaskReading, request: PredictRequest, scene: Scene | None = None) -> tuple[str, ...]:
-    """The demonstrations that the request names or its selection finds."""
+    """Return the ids of the demonstrations that the request names, or that its selection finds."""
     options = request.options
     if options.episode_ids is not None:
         task.refuse_left_out(options.episode_ids)

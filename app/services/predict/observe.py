@@ -1,4 +1,4 @@
-"""What a request observed: its objects' poses in the task's order, given or found in images."""
+"""A request's scene: the objects' poses in the task's order, as given or as estimated from images."""
 
 from dataclasses import dataclass
 
@@ -22,12 +22,12 @@ from roboprompt_client.types.poses import ObjectPose
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a request observed.
+    """The objects that a request observed.
 
     Attributes:
-        objects: of the task, in its order.
-        absent: names of the task's other objects.
-        bystanders: that some demonstration does not have.
+        objects: those of the task, in its order.
+        absent: names of the task's objects that were not observed.
+        bystanders: observed objects that the task does not have.
     """
 
     objects: tuple[ObjectPose, ...]
@@ -37,16 +37,16 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The scene as it was found with the settings of `task`."""
+    """A scene estimated from images with the settings of `task`."""
 
     task: TaskRecord
     scene: Scene
 
     def scene_of(self, task: TaskRecord) -> Scene:
-        """The scene, if `task` still wants its objects found so.
+        """Return the scene if `task` has the settings and objects that it was estimated with.
 
         Raises:
-            ConflictError: if not.
+            ConflictError: if they changed.
         """
         if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
             raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
@@ -54,7 +54,7 @@ class Seen:
 
 
 def look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> Seen:
-    """What the images show, found without a transaction open: a server may be asked.
+    """Estimate poses from the request's images, outside of a transaction: a pose server may take seconds.
 
     Raises:
         as `observed`; NotFoundError for an unknown task.
@@ -68,7 +68,7 @@ def look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> Se
 
 
 def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> Scene:
-    """The observed objects' poses, symmetric objects at their canonical yaw. Objects of the task may be absent.
+    """Return the observed objects' poses, symmetric objects at their canonical yaw; some of the task's may be absent.
 
     Raises:
         NoDemonstrationsError: if the task has no demonstrations.

@@ -1,6 +1,6 @@
-"""The demonstrated plans in the observed scene: whether one stays in the workspace, and with which turn of the gripper.
+"""Place the demonstrated plans in the observed scene: refuse those outside the workspace, choose the gripper's turn.
 
-One turn holds for all actions of an answer: nothing spins while it is held, nor close to what was let go.
+The turn (0 or 180 degrees) is the same for all actions of an answer, so that no held object is spun.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,10 +32,10 @@ Plans = Mapping[str, tuple[PlacedPlan, ...] | None]  # by instruction of a part;
 def place_plans(
     known: Known, prefix: Prefix, parts: Sequence[Query], options: PredictOptions
 ) -> tuple[Plans, list[Finding]]:
-    """The demonstrated rows of each part of the instruction, and why the hand is turned in them, if it is.
+    """Return the demonstrated rows of each part of the instruction, and a finding if the hand is turned in them.
 
     Raises:
-        SceneOutOfBoundsError: if every plan of a part leaves the workspace here; no model can help.
+        SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
         InvalidInputError: if the parts take more actions than the request allows.
     """
     placed = {part.instruction: prefix.support.placed(part) for part in parts}
@@ -58,7 +58,7 @@ def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limi
 
 
 def _breach(plan: PlacedPlan, limits: MotionLimits) -> SceneOutOfBoundsError | None:
-    """The object whose place leads out of the workspace, and the bound."""
+    """Return the error for the first row outside the workspace, with object and bound; None if all are inside."""
     guard = MotionGuard(limits, len(plan))
     for number, row in enumerate(plan, start=1):
         try:
@@ -109,7 +109,7 @@ def _wrist(taught: Taught, base_m: tuple[float, ...] | None) -> WristRange:
 
 
 def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pose | None) -> int:
-    """To how many actions the arm, if it is known, finds no straight way."""
+    """Return how many actions the arm cannot reach on a straight path; 0 for an unknown arm."""
     if settings.arm is None:
         return 0
     return sum(not item.reachable for plan in plans for item in previewed([row.action for row in plan], settings, hand))

@@ -1,4 +1,4 @@
-"""What an LLM reads before the query, made once for each version of a task and style of prompt: the demonstrations."""
+"""A prompt's prefix: system prompt and demonstrations, written once for each task version and prompt style."""
 
 import hashlib
 from collections.abc import Collection
@@ -22,12 +22,12 @@ MAX_PREFIXES = 256
 
 @dataclass(frozen=True, eq=False)
 class Prefix:
-    """The system prompt and the demonstrations, written, with what the demonstrations say of a reply.
+    """The system prompt and the demonstrations as text, with what replies are checked against.
 
     Attributes:
-        template: writes the query after them.
-        demonstration_ids: in the order in which they are shown.
-        support: what the demonstrations support.
+        template: has the text, and writes queries.
+        demonstration_ids: in the order of the prompt.
+        support: checks actions against the demonstrated plans.
         instructions: of the demonstrations.
     """
 
@@ -38,14 +38,14 @@ class Prefix:
 
     @cached_property
     def cache_key(self) -> str:
-        """Equal for equal prompts up to the query."""
+        """A digest of the prompt up to the query."""
         return hashlib.sha256(f"{self.template.system}\0{self.template.prefix}".encode()).hexdigest()[:16]
 
 
 def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
-    """What the LLM reads before the query in this scene, and why.
+    """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
 
-    Of several plans it is shown those that the scene calls for; of demonstrations that the request names, all.
+    Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
 
     Raises:
         as `write_prefix`.
@@ -57,7 +57,7 @@ def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
 
 
 def usual_prefixes(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:
-    """What is read in scenes of the usual plans, the most usual first."""
+    """Return the prefixes of the most frequent plans, the most frequent first."""
     workspace, plans = settings.workspace.workspace(), demonstrations.plans
     choices = [None] if plans is None else [choice.shown for choice in plans.likely()]
     return [write_prefix(demonstrations, workspace, style, shown) for shown in choices]
@@ -71,11 +71,11 @@ def write_prefix(
     of_scene: tuple[Demonstration, ...] | None = None,
     absent: tuple[str, ...] = (),
 ) -> Prefix:
-    """Fit the representation and write the demonstrations. Nothing but the arguments may change a prefix's bytes.
+    """Fit the representation and write the demonstrations. The text depends on the arguments alone, byte for byte.
 
     Args:
-        of_scene: those of them whose plans the scene calls for, as they were recorded; None for all.
-        absent: objects of the task that the scene does not have.
+        of_scene: the recorded demonstrations of the plans that the scene calls for; None: all.
+        absent: objects of the task that the scene lacks.
 
     Raises:
         InvalidInputError: without demonstrations.
@@ -95,6 +95,6 @@ def write_prefix(
 
 
 def _as_asked(demonstration: Demonstration, absent: Collection[str], from_start: bool) -> Demonstration:
-    """With the objects and the start that the question has as well."""
+    """Return the demonstration without absent objects, and without the start pose if the request has none."""
     present = demonstration.only([pose.name for pose in demonstration.objects if pose.name not in absent])
     return present if from_start else replace(present, start=None)

@@ -1,4 +1,4 @@
-"""The question that is put to an LLM, with what is doubtful before it is asked."""
+"""The question to an LLM: its prompt, the plans that a reply is checked against, and findings before it is asked."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -31,17 +31,16 @@ class Question:
     """Everything that is fixed before the LLM is asked.
 
     Attributes:
-        request: without what was decoded.
-        grounded: the instruction as it is understood.
-        seen: the same of the task's objects as they were found, in the task's order.
-        parts: what is asked for one after the other, of the objects as the prompt has them: with rotations where
-            demonstrations have them.
-        prefix: what the LLM reads before the query.
-        prompt: asks for the first of the parts.
-        plans: by instruction of a part, the demonstrated rows in the observed scene; None where they are unknown.
-        turned: whether actions have the hand turned by half a turn from what a reply says, as `plans` have.
-        findings: what is doubtful before anything is asked.
-        samples: where several replies are asked for, the same question for each, with a seed of its own.
+        request: without decoded images.
+        grounded: the instruction as it was parsed.
+        seen: the instruction with the task's objects as they were observed, in the task's order.
+        parts: the queries to ask one after the other, one for a whole instruction or one for each clause; their objects
+            have rotations only where the demonstrations have them.
+        prompt: of the first part.
+        plans: by a part's instruction, the demonstrated rows placed in the observed scene; None where unknown.
+        turned: whether the hand is turned by 180 degrees from what a reply says, in `plans` and in the actions.
+        findings: those known before the LLM is asked.
+        samples: if several replies are requested, the question for each, with its own seed.
     """
 
     request: PredictRequest
@@ -58,18 +57,18 @@ class Question:
 
     @property
     def deadline_s(self) -> float:
-        """How long the answer may take."""
+        """The deadline of the answer, from the start of the request to the LLM."""
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
 
 
 def write_question(
     request: PredictRequest, known: Known, prefix: Prefix, why: Sequence[Finding], order: Order, limits: Limits
 ) -> Question:
-    """The question that `request` puts to its model.
+    """Return the question that `request` asks its model.
 
     Args:
-        why: the prefix is shown.
-        order: the instruction as it is understood.
+        why: findings about the choice of the prefix.
+        order: the parsed instruction.
 
     Raises:
         SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
@@ -98,13 +97,13 @@ def _start(end_effector: Pose | None) -> EndEffectorAction | None:
 
 
 def _sample(question: Question, number: int) -> Question:
-    """The question for one of several replies, with a seed of its own."""
+    """Return the question for one of several replies, with its own seed."""
     seed = (question.request.options.seed + number) % SEEDS
     return replace(question, request=question.request.with_options(seed=seed))
 
 
 def doubts_before(question: Question) -> Iterator[Finding]:
-    """What deserves a look before the LLM is asked, causes first: the objects, the words, demonstrations and scene."""
+    """Yield the findings before the LLM is asked, causes first: objects, words, demonstrations, scene."""
     known, order, seen = question.known, question.grounded, question.seen
     scene, taught = known.scene, known.taught
     followed = taught.followed(order)
@@ -146,7 +145,7 @@ def _new_roles(order: Order, taught: Sequence[str]) -> Iterator[Finding]:
 
 
 def _parts(question: Question) -> Iterator[Finding]:
-    """The parts of the instruction that no demonstration shows alone, or strung together like this."""
+    """Report the parts of the instruction that no demonstration shows alone, or in this sequence."""
     for part in question.parts:
         if part.instruction in question.plans and question.plans[part.instruction] is None:
             number = len(part.order.clauses)

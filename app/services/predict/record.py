@@ -1,4 +1,4 @@
-"""What became of a question to an LLM, kept: the prediction's row, its images, and the service's figures."""
+"""Store the outcome of a question to an LLM: the prediction's row and images, and the service's metrics."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -34,8 +34,8 @@ class Prediction:
     """A recorded answer.
 
     Attributes:
-        id: empty where it is not kept.
-        findings: what deserves a look.
+        id: empty if it was not stored.
+        findings: of the question and the reply.
     """
 
     id: str
@@ -53,7 +53,7 @@ class PredictionRecorder:
         self._metrics = metrics
 
     async def answered(self, reply: Reply, motion: MotionCheck) -> Prediction:
-        """Store a reply that is passed on, and count it.
+        """Store a reply whose actions are answered, and count it.
 
         Raises:
             UnsafeActionError: if limits of motion that were set since forbid an action; nothing is stored.
@@ -63,7 +63,7 @@ class PredictionRecorder:
         return Prediction(id_, reply.question, reply, timings().ms, findings)
 
     async def failed(self, reply: Reply, error: RoboPromptError) -> RoboPromptError:
-        """Store a reply that is not passed on, and count it; returns the error that says so."""
+        """Store a refused reply, and count it; return the error to raise."""
         status, message, refusal = _refusal(error)
         draft = _draft(reply, status, message, (*_findings(reply), _failure(status, message)))
         id_ = await self._store_reply(reply, draft, None)
@@ -88,7 +88,7 @@ class PredictionRecorder:
 
 
 def _refusal(error: RoboPromptError) -> tuple[PredictionStatus, str, Callable[[str, str], RefusedReplyError] | None]:
-    """How a reply that is not passed on is kept, why, and the error of its text and id; None for that of the LLM."""
+    """Return a refused reply's status, its message, and a factory of the error; None where the LLM failed."""
     if isinstance(error, ReplyParseError):
         return "parse_error", error.message, partial(UnparsableReplyError, error)
     if isinstance(error, UnsafeActionError):
@@ -103,7 +103,7 @@ def _findings(reply: Reply) -> tuple[Finding, ...]:
 
 
 def _failure(status: PredictionStatus, error: str) -> Finding:
-    """Why there are no actions."""
+    """Return the finding that says why there are no actions."""
     rule, where, what = FAILURES[status]
     return rule.finding(f"{what}: {error}. The robot got no actions.", where)
 

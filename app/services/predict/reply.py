@@ -30,14 +30,14 @@ Actions = list[PredictedAction]
 
 
 class Reply:
-    """What a model replies, as far as it came: `whole` or `stream` reads it, and what they raise ends it.
+    """A model's reply as far as it has arrived; read by `whole` or `stream`.
 
     Attributes:
-        prompt: the last that was asked: with several instructions it holds the replies to those before.
-        text: every reply so far, while it streams also one that broke off; None while there is none.
-        usage: the replies' together.
-        actions: those that demonstrations support, so far.
-        samples: of several replies each, as stored; None where one is asked for.
+        prompt: the last one asked; for a later part it contains the replies to the parts before.
+        text: all replies so far, also an incomplete one; None before the first.
+        usage: tokens of all replies.
+        actions: those so far, all supported by the demonstrations.
+        samples: each of several replies, as stored; None if one was requested.
     """
 
     def __init__(self, question: Question, model: LanguageModel) -> None:
@@ -55,14 +55,14 @@ class Reply:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What in it deserves a look."""
+        """The findings about its actions."""
         actions, question = [item.action for item in self.actions], self.question
         passing = passing_findings(question.seen, actions, question.known.taught.ways, question.known.scene.bystanders)
         odd = question.known.taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
         return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
 
     async def whole(self) -> AsyncGenerator[Actions, None]:
-        """The actions of each part; one that the demonstrations do not support is asked for once more.
+        """Yield the actions of each part; a part whose actions the demonstrations do not support is asked once more.
 
         Raises:
             ReplyParseError: if a reply is not a list of valid actions.
@@ -79,7 +79,7 @@ class Reply:
             yield actions
 
     async def stream(self) -> AsyncGenerator[Actions | TextDelta | Reading, None]:
-        """Actions as soon as their rows are complete; if the request asks for it, progress of reading and the text.
+        """Yield actions once their rows are complete; if requested, also the progress of reading and the text.
 
         Raises:
             as `whole`; what was handed out may not be all of the reply.
@@ -108,7 +108,7 @@ class Reply:
             self._doubts += part.doubts
 
     def _parts(self) -> Iterator[Query]:
-        """The parts of the instruction, one after the other; `prompt` asks for it."""
+        """Yield the parts of the instruction, setting `prompt` for each."""
         question, most = self.question, self._options.max_actions
         for number, part in enumerate(question.parts):
             if (remaining := most - len(self.actions)) <= 0:
@@ -122,7 +122,7 @@ class Reply:
             yield part
 
     async def _actions(self, asked: Query, temperature: float) -> Actions:
-        """Those of the whole reply to one part."""
+        """Return the actions of the whole reply to one part."""
         part = PartReply(self.question, asked, len(self.actions))
         with timed("llm"):
             completion = await complete(self._model, self._request(temperature))
@@ -137,7 +137,7 @@ class Reply:
         self.usage = self.usage.plus(completion.usage)
 
     def _request(self, temperature: float) -> CompletionRequest:
-        """The prompt as it is put to the LLM.
+        """Return the request to the LLM.
 
         Raises:
             ModelTimeoutError: if no time is left.

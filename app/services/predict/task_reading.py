@@ -1,4 +1,4 @@
-"""A task as one transaction reads it: its settings and demonstrations, and what is made of them once a version."""
+"""A task within one read transaction: settings, selections and demonstrations, cached by the task's version."""
 
 import random
 from collections.abc import Callable, Sequence
@@ -91,7 +91,7 @@ class Scenes:
         return cls(tuple(stored), names, positions_m.reshape(len(stored), len(names), 3))
 
     def nearest_last(self, objects: Sequence[ObjectPose], number: int) -> Ids:
-        """The ids of the `number` scenes nearest to these objects, as far as scenes have them, the nearest last."""
+        """Return the ids of the `number` scenes whose objects are nearest to these, the nearest last."""
         by_name = {pose.name: pose.position_m for pose in objects}
         places = [place for place, name in enumerate(self.names) if name in by_name]
         observed_m = np.array([by_name[self.names[place]] for place in places]).reshape(-1, 3)
@@ -101,7 +101,7 @@ class Scenes:
 def kept(
     capacity: int,
 ) -> Callable[[Callable[Concatenate["TaskReading", P], V]], Callable[Concatenate["TaskReading", P], V]]:
-    """For methods whose value depends on the task's version and the arguments alone: it is made once."""
+    """Return a decorator that caches a method's value by the task's version and the arguments."""
 
     def keeping(make: Callable[Concatenate["TaskReading", P], V]) -> Callable[Concatenate["TaskReading", P], V]:
         name = make.__name__
@@ -125,7 +125,7 @@ class TaskReading:
         record: as it is stored.
 
     Args:
-        caches: what was made of tasks; nothing in it depends on an observed scene or on words.
+        caches: shared by requests; their values depend on no observed scene and no instruction.
 
     Raises:
         NotFoundError: if there is no such task.
@@ -143,7 +143,7 @@ class TaskReading:
         return TaskSettings.model_validate(self.record.settings)
 
     def ids(self, selection: Selection, number: int, seed: int, objects: Sequence[ObjectPose]) -> Ids:
-        """The ids of at most `number` episodes of the task.
+        """Return the ids of at most `number` episodes of the task.
 
         Args:
             selection: `first` and `recent` by time of upload; `random` by `seed`; `nearest` by the distance of the
@@ -198,17 +198,17 @@ class TaskReading:
 
     @property
     def _held_against(self) -> Ids:
-        """The ids of the demonstrations that answers are held against."""
+        """The ids of the demonstrations with which answers are compared."""
         return self._diverse(MAX_HELD_AGAINST)
 
     @kept(128)
     def taught(self, from_start: bool) -> Taught:
-        """All demonstrations of the task, whichever a request names; of very many those that lie farthest apart.
+        """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.
 
-        Those that a program names may be of one way by chance: the service cannot know that a person chose them.
+        They do not depend on the episodes that a request names, which may show one of several ways by chance.
 
         Args:
-            from_start: whether rows may be relative to where the end effector is.
+            from_start: whether rows may be relative to the end effector's start pose.
 
         Raises:
             NoDemonstrationsError: if there is none, or all are left out.

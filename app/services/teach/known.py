@@ -1,6 +1,6 @@
-"""What the store knows of an upload's task: read in one transaction, held against the episode, and at the commit.
+"""The task of an upload: as the store has it before extraction, compared with the episode, and locked for the commit.
 
-An episode may have other objects than its task, if nothing depends on them; and says which object it is about.
+An episode may lack objects of its task, or have further ones, where no motion depends on them.
 """
 
 from collections.abc import Sequence
@@ -38,13 +38,13 @@ MAX_COMPARED = 30  # demonstrations that an upload is held against
 
 @dataclass(frozen=True, eq=False)
 class KnownTask:
-    """A task as an upload found it.
+    """A task as it was read before an episode is extracted for it.
 
     Attributes:
-        stored: its settings, or those that a new task is made with.
-        object_names: in its order; None while it has no episode.
-        demonstrations: its first.
-        recordings: of these, for an upload that has some of its objects, but not all, or others besides.
+        stored: its settings as JSON; of a new task those that it will be created with.
+        object_names: in the task's order; None while it has no episode.
+        demonstrations: its first `MAX_COMPARED`.
+        recordings: of these demonstrations; None unless the episode's objects are partly the task's.
     """
 
     name: str
@@ -56,7 +56,7 @@ class KnownTask:
 
     @classmethod
     def read(cls, connection: Connection, name: str, objects: Sequence[ObjectQuery]) -> "KnownTask":
-        """The task that an episode with these objects is for."""
+        """Read the task that an episode with these objects is uploaded to."""
         if (task := tasks.find(connection, name)) is None:
             by_masks = all(query.position_m is None and query.mask_ids for query in objects)
             settings = TaskSettings(pose_estimator="masks" if by_masks else "given")
@@ -70,18 +70,19 @@ class KnownTask:
 
     @cached_property
     def settings(self) -> TaskSettings:
-        """The settings, checked."""
+        """The validated settings."""
         return TaskSettings.model_validate(self.stored)
 
     @property
     def first(self) -> tuple[DemonstrationRecord, ...]:
-        """The demonstrations that say how large the task is."""
+        """The demonstrations whose extent bounds how far an upload may widen the workspace."""
         return self.demonstrations[:FIRST]
 
     def locked(self, connection: Connection) -> "KnownTask | None":
-        """The task as it is now, until the transaction ends; None if it is gone, or has episodes extracted otherwise.
+        """Lock the task and return it as it is now, or None where the episode must be extracted again.
 
-        Its workspace may have grown, and others of its demonstrations be the first.
+        That is: where the task was deleted, or its objects or a setting that extraction depends on changed. Its
+        workspace and first demonstrations may have changed.
         """
         if self.is_new:
             task = tasks.get_or_create(connection, self.name, self.stored)
@@ -96,39 +97,41 @@ class KnownTask:
 
 
 def _extracting(settings: JsonObject) -> JsonObject:
-    """The settings that an extraction depends on: not the workspace, which grows with every episode that needs it."""
+    """Return the settings that extraction depends on: all but the workspace, which uploads widen."""
     return {name: value for name, value in settings.items() if name != "workspace"}
 
 
-def saying_which(
-    instruction: str, motion: Motion, given: Sequence[ObjectPose], alike: Sequence[Alike], base_m: Array
+def numbered_instruction(
+    instruction: str, motion: Motion, given: Sequence[ObjectPose], alike: Sequence[Alike], base_m: Sequence[float]
 ) -> str:
-    """The instruction, with the number of each of several objects of one name that it is about.
+    """Return the instruction in which objects of one name have their numbers ("the bowl" -> "the bowl 2").
 
     Args:
-        given: the objects whose poses came with the recording, those of one name by their numbers.
-        base_m: (3,) where the robot stands.
+        given: the objects whose poses came with the recording, those of one name already numbered.
+        base_m: (3,) position of the robot's base in meters, world frame.
 
     Raises:
-        UngroundedInstructionError: if it is not clear which is meant, or the hand goes to another.
+        UngroundedInstructionError: if it is not clear which object is meant, or the hand goes to another one.
     """
     if not alike:
         return instruction
-    layout = Layout({pose.name: pose.position_m for pose in given}, base_m)
+    layout = Layout({pose.name: pose.position_m for pose in given}, np.array(base_m))
     return with_numbers(instruction, layout, _acts_at_m(motion), alike, is_english)
 
 
 def check_objects(
     task: KnownTask, instruction: str, sent: Sequence[str], given: Sequence[ObjectPose], motion: Motion
 ) -> tuple[Finding, ...]:
-    """Refuse an episode whose objects are not the task's, unless rows follow and words name none that differ.
+    """Refuse an episode whose objects differ from the task's where the difference matters; report it otherwise.
+
+    An object matters if prompts have rows relative to it, the instruction names it, or the hand acts on it.
 
     Args:
-        sent: the names of its objects.
-        given: those whose poses came with the recording.
+        sent: names of the episode's objects.
+        given: those of them whose poses came with the recording.
 
     Raises:
-        ObjectSetError: naming what is missing, or what is new and matters to the episode.
+        ObjectSetError: naming the missing objects, or the new ones that matter.
     """
     if task.object_names is None:
         return ()
@@ -138,7 +141,7 @@ def check_objects(
         return ()
     named = frozenset(Order(instruction, tuple(dict.fromkeys((*names, *sent)))).objects)
     taught = Taught(Demonstrations.of(task.recordings).only(names).recorded)
-    # Two demonstrations do not tell what rows follow, but what is missing from here on no row can follow.
+    # Two demonstrations do not show which objects rows follow; but no row can follow an object that an episode lacks.
     many = len(task.recordings) >= FEWEST
     check_object_names(sent, names, named | (taught.needed if many else taught.decisive))
     new = [name for name in sent if name not in names]
@@ -149,7 +152,7 @@ def check_objects(
 
 
 def _is_acted_on(name: str, given: Sequence[ObjectPose], motion: Motion) -> bool:
-    """Whether the hand acts at an object, or may: where that is, is not known before it is found in images."""
+    """Return whether the hand grasps, releases or touches the object; True if its pose is not known yet."""
     own_m = next((pose.position_m for pose in given if pose.name == name), None)
     if own_m is None:
         return True
@@ -161,7 +164,7 @@ def _is_acted_on(name: str, given: Sequence[ObjectPose], motion: Motion) -> bool
 
 
 def _acts_at_m(motion: Motion) -> Array:
-    """(K, 3) where the gripper switches; without a switch where the hand is lowest."""
+    """Return (K, 3) positions of the hand where the gripper switches; without a switch, its lowest position."""
     positions_m = motion.trajectory.positions_m
     frames = [switch.frame for switch in motion.acting_switches] or [int(positions_m[:, 2].argmin())]
     acts: Array = positions_m[frames]

@@ -1,11 +1,10 @@
-"""Take an episode in: recognize, extract, hold it against its task, then commit one row."""
+"""`POST /episodes`: check an episode, extract keyframes and object poses, compare it with its task, store one row."""
 
 import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
-import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
@@ -20,14 +19,14 @@ from app.pipeline.prompt import check_object_names
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import Extracted, extract
-from app.services.teach.known import KnownTask, check_objects, saying_which
+from app.services.teach.extract import extract
+from app.services.teach.known import KnownTask, check_objects, numbered_instruction
 from app.services.teach.room import room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields
 from app.store.store import Store
-from app.store.values import CameraRecord, JsonObject
+from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.names import checked_name
@@ -89,27 +88,26 @@ Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
 
 @dataclass(frozen=True, eq=False)
-class _Ready:
-    """An episode, extracted for its task as it was read.
+class _Extracted:
+    """An episode as it is to be stored, extracted with `settings`.
 
     Attributes:
         settings: of the task, with the arm's number of joints.
-        findings: apart from those on the workspace.
+        findings: all but those about the workspace.
     """
 
-    task: KnownTask
     settings: TaskSettings
     draft: EpisodeDraft
     findings: tuple[Finding, ...]
 
     def outcome(self, task: KnownTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
-        """What becomes of the task with the workspace and first demonstrations of now: its settings, and the answer."""
-        box = task.settings.workspace
-        if not self.draft.left_out:
-            box = uploaded(box, self.draft, task.first)
+        """Return the task's settings after the upload, with its new workspace, and the answer."""
+        box, draft = task.settings.workspace, self.draft
+        if not draft.left_out:
+            box = uploaded(box, draft, task.first)
         settings = self.settings.within(box)
-        findings = (*room_findings(box, self.draft, task.first), *self.findings)
-        answer = {**respond(self.draft, settings), "findings": [finding.to_json() for finding in findings]}
+        findings = (*room_findings(box, draft, task.first), *self.findings)
+        answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in findings]}
         return settings.model_dump(mode="json"), answer
 
 
@@ -136,84 +134,72 @@ class UploadEpisode:
                     return answer
                 _check_link(connection, upload)
                 task = KnownTask.read(connection, upload.task, upload.objects)
-            ready = self._ready(upload, task)
-            if (answer := self._commit(upload, ready, respond)) is not None:
+            if (answer := self._commit(upload, task, self._extract(upload, task), respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
-    def _ready(self, upload: Upload, task: KnownTask) -> _Ready:
-        """The steps of the method: what was recorded, is it of this task, keyframes and poses, what deserves a look."""
+    def _extract(self, upload: Upload, task: KnownTask) -> _Extracted:
+        """Check the recording, find keyframes and poses, and collect the findings, in the order of the method."""
         episode, given, sent = upload.episode, upload.given, upload.object_names
-        names = list(dict.fromkeys((*(task.object_names or ()), *sent)))
-        settings = task.settings.with_joints_of(episode.trajectory)
+        trajectory = episode.trajectory
+        names, cameras = list(dict.fromkeys((*(task.object_names or ()), *sent))), [f.camera for f in episode.frames]
+        settings = task.settings.with_joints_of(trajectory)
         queries = settings.with_models(upload.objects)
-        motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
+        motion = settings.motion_of(trajectory, episode.control_frequency_hz)
         self._pose_servers.check(settings.object_models)
-        check_recording(motion, given, [frame.camera for frame in episode.frames])
-        instruction = saying_which(episode.instruction, motion, given, upload.alike, np.array(settings.robot_base))
+        check_recording(motion, given, cameras)
+        instruction = numbered_instruction(episode.instruction, motion, given, upload.alike, settings.robot_base)
         others = check_objects(task, instruction, sent, given, motion)
         settings.check_models(names)
         extracted = extract(motion, queries, episode.frames, settings, names, self._store.blobs)
-        compared = settings.compared(upload.objects, extracted.poses)
-        new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes)
-        shown = [record.demonstration() for record in task.demonstrations]
+        new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes).demonstration()
         findings = (
             *others,
             *alike_findings(upload.alike, instruction),
-            *unit_findings(episode.trajectory, extracted.poses),
-            *compared_findings(compared),
+            *unit_findings(trajectory, extracted.poses),
+            *compared_findings(settings.compared(upload.objects, extracted.poses)),
             *recording_findings(motion, extracted.keyframes, settings.keyframes.keyframe_rule()),
             *contact_findings(motion, sent, episode.extra),
-            *unlike_findings(new.demonstration(), shown),
+            *unlike_findings(new, [record.demonstration() for record in task.demonstrations]),
         )
-        cameras = put_images(self._store.blobs, [frame.camera for frame in episode.frames], upload.images)
-        trajectory = trajectories.pack(episode.trajectory)
-        return _Ready(task, settings, _draft(upload, instruction, extracted, cameras, trajectory), findings)
+        draft = EpisodeDraft(
+            task=upload.task,
+            instruction=instruction,
+            control_frequency_hz=episode.control_frequency_hz,
+            keyframes=extracted.keyframes,
+            objects=extracted.objects,
+            given_objects=tuple(asdict(query) for query in upload.objects),
+            cameras=put_images(self._store.blobs, cameras, upload.images),
+            extra=dict(episode.extra),
+            prediction_id=upload.prediction_id,
+            left_out=upload.left_out,
+            note=upload.note,
+            uploaded_instruction=upload.uploaded_instruction
+            or (None if instruction == episode.instruction else episode.instruction),
+            num_frames=len(trajectory),
+            trajectory=trajectories.pack(trajectory),
+        )
+        return _Extracted(settings, draft, findings)
 
-    def _commit(self, upload: Upload, ready: _Ready, respond: Respond) -> JsonObject | None:
-        """The answer, or None if the task changed in what matters since it was read, or was deleted."""
-        task, key = ready.task, upload.idempotency_key
-        settings, answer = ready.outcome(task, respond)  # before the transaction: on SQLite others wait for it
+    def _commit(self, upload: Upload, task: KnownTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:
+        """Store the episode; return the answer, or None if the task was deleted or must be extracted for anew."""
+        settings, answer = extracted.outcome(task, respond)  # not in the transaction: on SQLite other writers wait
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
             if (now := task.locked(connection)) is None:
                 return None
-            if (now.stored, now.first) != (task.stored, task.first):  # another upload has come in
-                settings, answer = ready.outcome(now, respond)
-            episodes.add(connection, ready.draft)
-            if key is not None:
-                idempotency.save(connection, SCOPE, key, upload.digest, answer)
+            if (now.stored, now.first) != (task.stored, task.first):  # another upload changed the workspace meanwhile
+                settings, answer = extracted.outcome(now, respond)
+            episodes.add(connection, extracted.draft)
+            if upload.idempotency_key is not None:
+                idempotency.save(connection, SCOPE, upload.idempotency_key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
         return answer
 
 
-def _draft(
-    upload: Upload, instruction: str, extracted: Extracted, cameras: tuple[CameraRecord, ...], trajectory: bytes
-) -> EpisodeDraft:
-    """The episode's row, under an instruction that may have been given numbers."""
-    episode = upload.episode
-    sent = None if instruction == episode.instruction else episode.instruction
-    return EpisodeDraft(
-        task=upload.task,
-        instruction=instruction,
-        control_frequency_hz=episode.control_frequency_hz,
-        keyframes=extracted.keyframes,
-        objects=extracted.objects,
-        given_objects=tuple(asdict(query) for query in upload.objects),
-        cameras=cameras,
-        extra=dict(episode.extra),
-        prediction_id=upload.prediction_id,
-        left_out=upload.left_out,
-        note=upload.note,
-        uploaded_instruction=upload.uploaded_instruction or sent,
-        num_frames=len(episode.trajectory),
-        trajectory=trajectory,
-    )
-
-
 def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
-    """What the same request was answered with, while its episode is there: after a deletion it may be sent again."""
+    """Return the stored answer to the same request; None if it is new, or its episode was deleted since."""
     if upload.idempotency_key is None:
         return None
     stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
