@@ -1,4 +1,4 @@
-"""Objects that a turn leaves unchanged: their axis, and their unseen sides from those that were seen."""
+"""Objects with a rotation symmetry: their axis, and the completion of sides that no camera saw."""
 
 from dataclasses import replace
 
@@ -15,19 +15,19 @@ from roboprompt_client.arrays import Array
 
 NUM_TURNS = 24  # in which a round object is completed
 NUM_STEPS = 10  # of the robust least squares that find an axis
-NEAR_AXIS_M = 0.01  # nearer to the axis, distances do not count
+NEAR_AXIS_M = 0.01  # least distance from the axis in relative errors
 OFF_AXIS_M = 0.002  # a radius that differs from those of its height by as much counts half
 CURVE_NEIGHBORS, CURVE_REACH_M = 200, 0.008  # of a point on the curve of radius and height of a round object
-MAX_OFF_AXIS_SHARE = 0.25  # of its distance, in the median, by which a normal misses the axis of a round object
-MAX_OFF_M = 0.004  # a point from its like on the other side, in the median
-ALL_AROUND, MAX_GAP_DEG = 6, 120.0  # yaws that look alike, and the largest gap between them
+MAX_OFF_AXIS_SHARE = 0.25  # median distance of normals from the axis, relative to the point's radius
+MAX_OFF_M = 0.004  # median distance of points from the rotated template
+ALL_AROUND, MAX_GAP_DEG = 6, 120.0  # equally good yaws of a round object: least number, largest gap
 
 
 def completed(name: str, template: Template) -> Template:
-    """The template with its axis as origin's, and with its sides as its symmetry makes them.
+    """Return the template with its origin on its axis, its points copied to all sides of the symmetry.
 
     Raises:
-        ObjectModelError: if it is not as symmetric as said.
+        ObjectModelError: if it does not have its symmetry.
     """
     symmetry_deg = template.yaw_symmetry_deg
     if symmetry_deg is None:
@@ -48,7 +48,7 @@ def completed(name: str, template: Template) -> Template:
 
 
 def centered(template: Template) -> Template:
-    """The template with its origin at half its height; in its middle, unless it has an axis."""
+    """Return the template with its origin at half its height, in its middle or on its axis."""
     middle_m = (template.points_m.min(axis=0) + template.points_m.max(axis=0)) / 2
     if template.above_table_m < STANDS_WITHIN_M:
         middle_m[2] = (template.bottom_m + template.points_m[:, 2].max()) / 2
@@ -58,7 +58,7 @@ def centered(template: Template) -> Template:
 
 
 def _moved(template: Template, origin_m: Array) -> Template:
-    """The template with another origin (3,), given in its frame."""
+    """Return the template with another origin (3,), given in its frame."""
     views = []
     for view in template.free_views:
         pose = view.camera.camera_to_world.copy()
@@ -69,7 +69,7 @@ def _moved(template: Template, origin_m: Array) -> Template:
 
 
 def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> bool:
-    """Whether a view from which the template was learned fits it at every yaw."""
+    """Return whether a view of the template fits it at every yaw."""
     found = hypotheses(template, lit, index)
     yaws = np.sort([item.yaw_deg for item in (found[0], *yaw_rivals(template, found))])
     gaps = np.diff(yaws, append=yaws[0] + 360)
@@ -77,7 +77,7 @@ def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> b
 
 
 def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg: float, turn_deg: float) -> bool:
-    """Whether the view from which a template was learned, there at a yaw, fits it turned by so much as well."""
+    """Return whether a view, which shows the template at a yaw, fits it turned by `turn_deg` as well."""
     own, turned = (hypotheses(template, lit, index, np.array([yaw]))[0] for yaw in (yaw_deg, yaw_deg + turn_deg))
     return not own.beats(turned)
 
@@ -155,7 +155,7 @@ def _onto_lines(places_m: Array) -> Array:
 
 
 def _turn_axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
-    """(2,) the axis about which a turn brings the template onto itself, and why none does, if none does."""
+    """Return the axis (2,) of a rotation that maps the template onto itself, and why there is none (or empty)."""
     middle_m = template.points_m.mean(axis=0)
     turn = about_z(symmetry_deg)
     start = Poses(turn, (middle_m - turn[0] @ middle_m)[None])
