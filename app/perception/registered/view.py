@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.registered.geometry import Bools, Index
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX = 800  # wider images are downsampled by an integer factor
 FLYING_STEP_M = 0.02  # a larger step between neighbors makes a pixel unreliable
