@@ -24,7 +24,7 @@ MAX_MEAN_ANGLE_DEG = 20.0
 STEADY = 0.8  # share of scenes that must agree on the rank: in others two distances may be equal
 ROUND_TO_M = 1e-4
 EQUAL_SIDES_SHARE, EQUAL_SIDES_M = 0.06, 0.002  # sides that differ by less are a square's
-CENTRED_M = 0.003  # an origin nearer than this to the shape's axis is on it
+CENTERED_M = 0.003  # an origin nearer than this to the shape's axis is on it
 MAX_TURN_DEG = 15.0  # between the given rotations of an object that is taken for round
 SAME_M = 0.02  # a pose found nearer than this to the given one is right
 SAME_HUE_DEG, SAME_SIZE = 10.0, 0.2  # objects of smaller differences in hue and relative size look alike
@@ -84,7 +84,7 @@ def _model(
     origin_m = np.median(offsets_m, axis=0) if offsets_m else np.zeros(3)
     model = CuboidModel(_rounded((x, y, z)), color, shape, (0.0, 0.0, _rounded(origin_m)[2]))
     off_axis_m = np.hypot(*origin_m[:2])
-    if off_axis_m < CENTRED_M:
+    if off_axis_m < CENTERED_M:
         return model
     away_from = _away_from(name, scenes)
     if away_from is None:
