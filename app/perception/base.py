@@ -1,7 +1,6 @@
 """The interface of pose estimators, g(V, M_j) of the paper (section III-C).
 
-The simplest is `GivenPoses`: poses that the request itself carries. A labeled scene is a first frame with what is
-known of its objects; from such scenes models are learned.
+The simplest is `GivenPoses`: it returns poses that the request contains. Object models are learned from labeled scenes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,13 +23,13 @@ ESTIMATOR_NAMES = ("given", "masks", "cuboid", "markers", "registered", "remote"
 
 @dataclass(frozen=True)
 class ObjectQuery:
-    """An object to be found, with what the caller knows of it.
+    """An object to find, with the caller's knowledge about it.
 
     Attributes:
-        position_m: (3,) in the world frame, where the caller has it.
-        quaternion_xyzw: (4,) in the world frame, where the caller has it.
-        mask_ids: the ids that its pixels have in the mask images.
-        model: its shape, color or markers, for estimators that need them.
+        position_m: (3,) in the world frame, if the caller knows it.
+        quaternion_xyzw: (4,) in the world frame, if the caller knows it.
+        mask_ids: the ids of its pixels in the mask images.
+        model: its shape, color or markers, for the estimator.
     """
 
     name: str
@@ -46,7 +45,7 @@ class ObjectQuery:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Self:
-        """The inverse of `dataclasses.asdict`, also after a way through JSON."""
+        """Return the query whose `dataclasses.asdict`, perhaps read back from JSON, is given."""
         position, quaternion, model = value["position_m"], value["quaternion_xyzw"], value.get("model")
         return cls(
             value["name"],
@@ -58,13 +57,13 @@ class ObjectQuery:
 
 
 def model_of(query: ObjectQuery, kind: type[M], example: str) -> M:
-    """The query's object model, which must be of a kind.
+    """Return the query's object model, which must be of the class `kind`.
 
     Args:
         example: a valid model as JSON, for the error.
 
     Raises:
-        ObjectModelError: if there is none, or it is for another estimator.
+        ObjectModelError: if the query has no model, or one for another estimator.
     """
     if isinstance(query.model, kind):
         return query.model
@@ -76,18 +75,18 @@ class PoseEstimator(Protocol):
     """Finds named objects in calibrated RGB-D frames."""
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        """One pose per object, in the given order.
+        """Return one pose for each object, in the given order.
 
         Raises:
             InvalidInputError: if a query lacks what this estimator needs.
             ObjectNotVisibleError: if no camera sees an object; names it.
-            UncertainPoseError: if an object is seen, but its pose is not certain; names it, the cameras and why.
+            UncertainPoseError: if an object is seen but its pose is uncertain; names object, cameras and cause.
         """
         ...
 
 
 class GivenPoses:
-    """Takes each object's pose from its query; looks at no image."""
+    """Takes each object's pose from its query and ignores images."""
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
         poses = []
@@ -101,7 +100,7 @@ class GivenPoses:
 
 
 def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery, ...], tuple[Alike, ...]]:
-    """The objects, each with a name of its own, and those that came with the name of another; raises as `numbered`."""
+    """Return queries with unique names, and which of them shared a name before; raises as `numbered`."""
     if len({query.name for query in objects}) == len(objects):
         return tuple(objects), ()
     names, alike = numbered([query.name for query in objects], [query.position_m for query in objects])
@@ -110,11 +109,11 @@ def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery,
 
 @dataclass(frozen=True, eq=False)
 class LabeledScene:
-    """A first frame with what is known of its objects.
+    """The first images of a demonstration, with labeled objects.
 
     Attributes:
         frames: RGB-D of one or more cameras; with masks for objects that have mask ids.
-        objects: each with mask ids, a position, or both; a position makes the model's origin that of the object.
+        objects: each with mask ids, a position, or both; a given position defines the origin of the learned model.
     """
 
     frames: tuple[RgbdFrame, ...]

@@ -1,6 +1,6 @@
-"""Checks of RGB-D frames before estimation: color and usable depth are there, and the camera's pose is plausible.
+"""Checks of RGB-D frames before estimation: color, usable depth, and a plausible camera pose.
 
-Tables and floors are level: a camera that sees them tilted is not where its calibration says.
+Tables and floors are level: if a camera sees them tilted, its calibration is wrong.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ from roboprompt_client.cameras.table import find_flat_surface
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
 
-NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
-MAX_BELOW_M = 4.0  # of a table or floor below its camera; depths in tenths of their unit put it ten times as deep
+NEAREST_M, FARTHEST_M = 0.05, 20.0  # bounds of the median depth of a robot's workspace
+MAX_BELOW_M = 4.0  # largest height of a camera above table or floor; a depth scale ten times too large exceeds it
 DEPTH_UNITS = "meters in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimeters"
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
 
 
 def check_cameras(frames: Sequence[RgbdFrame]) -> None:
-    """Refuse no camera at all, and what `check_rgbd` refuses.
+    """Refuse an empty list of cameras, and frames that `check_rgbd` refuses.
 
     Raises:
         InvalidInputError: naming cameras, or as `check_rgbd`.
@@ -53,9 +53,9 @@ def check_rgbd(frame: RgbdFrame) -> None:
 
 
 def check_level(frame: RgbdFrame) -> None:
-    """Refuse a frame whose largest flat surface is nearly level, but not level, or above the camera, or far below it.
+    """Refuse a frame whose largest flat surface is slightly tilted, above the camera or far below it.
 
-    Where there is no flat surface, nothing is known.
+    A frame without a flat surface passes.
 
     Raises:
         InvalidInputError: naming the camera's camera_to_world and the tilt, or its depth image.

@@ -1,7 +1,7 @@
 """Untrusted encoded images -> arrays, and a camera's images -> RgbdFrame.
 
-An image is a PNG, a JPEG or a `.npy` array. What its decoding takes is read before, from `.npy` headers, PNG chunks and
-JPEG markers: a PNG of 389 kB can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
+An image is a PNG, a JPEG or a `.npy` array. The cost of decoding is bounded first, by `.npy` headers, PNG chunks and
+JPEG markers: a PNG of 389 kB can expand to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
 """
 
 import re
@@ -22,7 +22,7 @@ from roboprompt_client.types.npy import array_from_npy
 
 # 4k UHD has 8.3 million. OpenCV's own limit is an environment variable that it reads once, when it is loaded.
 MAX_PIXELS = 16_000_000
-STORED_PIXELS = sys.maxsize  # what is stored was checked when it came
+STORED_PIXELS = sys.maxsize  # stored images were checked when they were uploaded
 _NPY = b"\x93NUMPY"
 # Calibrations belong to the sensor's rows and columns, and so do depth and masks: no header may turn the picture.
 _COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -34,8 +34,8 @@ _VALID = {
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_END = b"IEND\xaeB`\x82"
 MAX_CHUNKS = 100_000  # writers put 8 kB and more of an image into each
-# What pixels are made of, and the orientation. Others are left out: libpng unpacks texts and color profiles, of which
-# 2 MB can become 2 GB.
+# Chunks of pixels and orientation. Others are removed: libpng unpacks texts and color profiles, which can expand from
+# 2 MB to 2 GB.
 _OF_PIXELS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"eXIf"})
 _FRAME_BYTES = 12  # length and type before the data, checksum after it
 # libjpeg's own progressive script has 10 for color and 18 for four components; others have fewer than 16.
@@ -53,7 +53,7 @@ _WITHOUT_LENGTH = frozenset({0xD8, 0xD9})
 
 
 def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.uint8]:
-    """An (H, W, 3) uint8 image, red first."""
+    """Return an image (H, W, 3) of uint8, red first."""
     if data.startswith(_NPY):
         array = _load_npy(field, data, "rgb", max_pixels)
         if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8:
@@ -64,7 +64,7 @@ def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDA
 
 
 def decode_depth(field: str, data: bytes, depth_scale: float, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.float32]:
-    """An (H, W) float32 image of meters; 0 where the depth is unknown.
+    """Return an image (H, W) of float32 meters; 0 where the depth is unknown.
 
     Args:
         depth_scale: meters per unit of a 16-bit image.
@@ -84,7 +84,7 @@ def decode_depth(field: str, data: bytes, depth_scale: float, max_pixels: int = 
 
 
 def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.int32]:
-    """An (H, W) int32 image of object ids."""
+    """Return an image (H, W) of int32 object ids."""
     if data.startswith(_NPY):
         array = _load_npy(field, data, "mask", max_pixels)
     else:
@@ -98,7 +98,7 @@ def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.ND
 
 
 def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: float) -> tuple[bytes, str]:
-    """Stored image bytes as a file that a browser can show, with its media type; arrays become a PNG."""
+    """Return a stored image as a file that browsers display, with its media type; arrays become a PNG."""
     if data.startswith(JPEG_SIGNATURE):
         return data, "image/jpeg"
     if data.startswith(PNG_SIGNATURE):
@@ -115,7 +115,7 @@ def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: fl
 
 @dataclass(frozen=True)
 class ImageBytes:
-    """One camera's images as they were uploaded; None where there is none."""
+    """One camera's images as uploaded, or None."""
 
     rgb: bytes | None = None
     depth: bytes | None = None
@@ -123,7 +123,7 @@ class ImageBytes:
 
 
 def decode_frame(camera: Camera, images: ImageBytes, max_pixels: int = MAX_PIXELS) -> RgbdFrame:
-    """The camera's frame.
+    """Return the camera's frame.
 
     Raises:
         InvalidInputError: naming the part (rgb_NAME, depth_NAME, mask_NAME) that is damaged or does not fit.
@@ -162,7 +162,7 @@ def _decode(
 
 
 def num_pixels(data: bytes) -> int:
-    """How many pixels the image claims to have; 0 if that is not known: then it cannot be decoded, either."""
+    """Return the number of pixels by the image's header; 0 if the header is invalid."""
     if data.startswith(_NPY):
         with suppress(InvalidInputError):
             shape = array_from_npy("", data, "").shape
@@ -173,7 +173,7 @@ def num_pixels(data: bytes) -> int:
 
 
 def _decodable_png(field: str, data: bytes) -> bytes:
-    """What of the file is to be decoded."""
+    """Return the parts of the file that are decoded."""
     if (pixels := pixels_only(data)) is None:
         fault = f"is damaged: it has more than {MAX_CHUNKS} chunks, or one that claims more bytes than the file has"
         raise InvalidInputError(field, fault, f"at most {MAX_CHUNKS} chunks, all of them within the file")
@@ -193,14 +193,14 @@ def _check_pixels(field: str, pixels: int, max_pixels: int) -> None:
 
 
 def png_size(data: bytes) -> tuple[int, int]:
-    """Width and height; no pixels if the data ends before them."""
+    """Return width and height; (0, 0) if the header is truncated."""
     return struct.unpack_from(">II", data, 16) if len(data) >= 24 else (0, 0)
 
 
 def pixels_only(data: bytes) -> bytes | None:
-    """The file without the chunks that its pixels do not need; None if it has too many to be a picture.
+    """Return the file with chunks of pixels only; None if it has too many chunks.
 
-    Also None if a chunk claims more bytes than there are: the decoder would make room for all of them, up to 4 GB.
+    Also None if a chunk's length exceeds the file: the decoder would allocate it, up to 4 GB.
     """
     kept: list[tuple[int, int]] = []
     for number, (kind, start, end) in enumerate(_chunks(data)):
@@ -216,7 +216,7 @@ def pixels_only(data: bytes) -> bytes | None:
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """The type of each chunk up to the last, and where it begins and ends, which may be after the data."""
+    """Yield the type, start and end of each chunk; the end may lie beyond the data."""
     start = len(PNG_SIGNATURE)
     while start + 8 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, start)
@@ -236,13 +236,13 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
 
 
 def num_scans(data: bytes) -> int:
-    """At most how many scans a decoder finds: the marker's bytes after the size. Compressed data cannot hold them."""
+    """Return an upper bound of the number of scans: markers after the header. Compressed data cannot contain them."""
     position = _frame(data)
     return 0 if position is None else data.count(_START_OF_SCAN, position)
 
 
 def _frame(data: bytes) -> int | None:
-    """Where the segment begins that gives the size."""
+    """Return the start of the segment that contains the size, or None."""
     position = 2
     for _ in range(MAX_SEGMENTS):
         match = _MARKER.search(data, position, position + _MAX_GAP)

@@ -1,7 +1,4 @@
-"""Positions from segmentation masks and depth, as the authors' code does it.
-
-An upright box around the masked points adds the yaw, where it has one.
-"""
+"""Positions from segmentation masks and depth, as in the authors' code; optionally the yaw of an upright box."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,18 +24,18 @@ from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 MIN_POINTS = 40
-CENTROID_CONFIDENCE = 0.7  # of a position that depends on the view
+CENTROID_CONFIDENCE = 0.7  # lower than 1, as the centroid depends on the view
 CENTROID_REASON = "centroid of the visible surface, 1 to 4 cm from the middle, depends on the view"
-LONGER_BY = 1.15  # a longer side gives a heading from this ratio on
-ROUND_MARGIN = 0.9  # a cylinder that explains the points this much better than a box: the object is round
+LONGER_BY = 1.15  # least ratio of the sides to determine the heading by the longer one
+ROUND_MARGIN = 0.9  # an object is round if a cylinder's cost is below this share of a box's
 Mask = npt.NDArray[np.int32]
 
 
 class MaskedPoints:
-    """Per camera the mean of an object's back-projected pixels; over the cameras that see it, their unweighted mean.
+    """Averages an object's back-projected pixels in each camera, then the cameras' means without weights.
 
-    Gives a position only, unless the object's model asks for a rotation. The visible surface lies nearer to the cameras
-    than the object's center.
+    Returns a position only, unless the object's model requests a rotation. The mean lies nearer to the cameras than the
+    object's center, since only its visible surface counts.
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
@@ -76,7 +73,7 @@ class MaskedPoints:
 
 
 def _box(query: ObjectQuery, model: MasksModel, frame: RgbdFrame) -> Sighting | Miss:
-    """The upright box around the points in the mask; none if it is round, or its sides are too alike for a heading."""
+    """Return the upright box around the masked points; a Miss if it is round or its sides are too similar."""
     assert frame.mask is not None
     assert frame.depth_m is not None
     name, piece = frame.camera.name, trimmed(0, 0, np.isin(frame.mask, query.mask_ids), frame.depth_m)

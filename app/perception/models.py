@@ -81,18 +81,18 @@ MODELS = ("cuboid", "masks", "markers", "registered", "remote")
 
 
 class AsObjectModel:
-    """Documents a JSON object as an object model, of one kind or another."""
+    """Annotation that documents a JSON object as any kind of object model."""
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """What the OpenAPI document says of it."""
+        """Return the schema for the OpenAPI document."""
         return handler(_ADAPTER.core_schema)
 
 
 def model_from_json(name: str, value: Mapping[str, Any], where: str | None = None) -> ObjectModel:
-    """The model of the object `name`; the inverse of `as_json`.
+    """Return the model of the object `name`; the inverse of `as_json`.
 
     Args:
-        where: path of the model; ``object_models[NAME]`` if none is named.
+        where: path of the model in errors; by default ``object_models[NAME]``.
 
     Raises:
         InvalidInputError: naming the field below `where`, its value and what is valid.
@@ -104,7 +104,7 @@ def model_from_json(name: str, value: Mapping[str, Any], where: str | None = Non
 
 
 def _refusal(where: str, error: ErrorDetails) -> InvalidInputError:
-    """What pydantic says of a model, with its field named as in the rest of the service."""
+    """Return pydantic's error as the service's own, with its naming of fields."""
     kind, value = error["type"], error["input"]
     if not error["loc"]:
         estimator = value.get("estimator") if isinstance(value, Mapping) else None
@@ -112,7 +112,7 @@ def _refusal(where: str, error: ErrorDetails) -> InvalidInputError:
     tag, *path = error["loc"]
     within_list = isinstance(path[-1], int) if path else False
     while path and isinstance(path[-1], int) and kind != "dataclass_type":
-        path.pop()  # of three numbers, all are meant
+        path.pop()  # an error of one of three numbers names the vector
     field_name = where + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     own = error.get("ctx", {}).get("error")
     if isinstance(own, InvalidInputError):
@@ -130,7 +130,7 @@ def _schema() -> dict[str, Any]:
 
 
 def _documented(tag: str | int, path: Sequence[str | int]) -> dict[str, Any]:
-    """What the schema says of a place in the models of an estimator."""
+    """Return the schema at a path in the models of an estimator."""
     node: dict[str, Any] = {"$ref": _schema()["discriminator"]["mapping"][tag]}
     for part in path:
         node = _resolved(node)
@@ -139,7 +139,7 @@ def _documented(tag: str | int, path: Sequence[str | int]) -> dict[str, Any]:
 
 
 def _resolved(node: dict[str, Any]) -> dict[str, Any]:
-    """The definition that a place refers to, as its only or its first choice."""
+    """Return the definition to which a schema refers, itself or as its first alternative."""
     for option in (node, *node.get("anyOf", ())):
         if "$ref" in option:
             definition: dict[str, Any] = _schema()["$defs"][option["$ref"].rpartition("/")[2]]

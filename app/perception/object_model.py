@@ -1,4 +1,4 @@
-"""What every kind of object model shares: a tag that names its estimator, its JSON, and checks that name a field."""
+"""The base of all object models: the estimator's name as a tag, JSON, and checks that name a field."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -38,7 +38,7 @@ class ObjectModelError(InvalidInputError):
 
 
 class Checked:
-    """A dataclass whose JSON pydantic checks by the types of the fields; no other fields are taken."""
+    """A dataclass whose JSON pydantic validates by its field types; unknown fields are refused."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -56,19 +56,19 @@ class ObjectModel(Checked):
     estimator: str = field(kw_only=True)
 
     def as_json(self) -> dict[str, Any]:
-        """Every field, the tag first; `app.perception.models.model_from_json` is the inverse."""
+        """Return all fields, the tag first; `app.perception.models.model_from_json` is the inverse."""
         return {name: _plain(value) for name, value in asdict(self).items()}
 
 
 def one_of(name: str, value: object, allowed: Iterable[Any]) -> None:
-    """Raises InvalidInputError unless `value` is among `allowed`."""
+    """Raise InvalidInputError unless `value` is among `allowed`."""
     options = tuple(allowed)
     if value not in options:
         raise InvalidInputError(name, f"is {value!r}", ", ".join(map(str, options)))
 
 
 def within(where: str, error: InvalidInputError) -> InvalidInputError:
-    """The same refusal with its field named from further out: `size_m` in `object_models[cube]`."""
+    """Return the error with its field prefixed by `where`: `size_m` becomes `object_models[cube].size_m`."""
     return InvalidInputError(".".join(part for part in (where, error.field) if part), error.message, error.valid)
 
 

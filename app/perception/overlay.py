@@ -1,7 +1,4 @@
-"""A camera's image with what was found in it drawn over: masks, outlines, axes and names.
-
-What is known of an object's shape becomes lines in the object's frame.
-"""
+"""A camera's image with found objects drawn in: masks, outlines, axes and names."""
 
 from collections.abc import Sequence
 
@@ -21,7 +18,7 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
-# Okabe and Ito, "Color Universal Design" (2008): the color-blind distinguish them, too
+# Okabe and Ito, "Color Universal Design" (2008): distinguishable by color-blind people
 PALETTE: tuple[Color, ...] = (
     (230, 159, 0),
     (86, 180, 233),
@@ -36,7 +33,7 @@ _SQUARE = np.array([[-0.5, 0.5, 0], [0.5, 0.5, 0], [0.5, -0.5, 0], [-0.5, -0.5, 
 
 
 def outlines(model: ObjectModel | None) -> list[Array]:
-    """Polylines, each (N, 3) in meters; none for a model that knows no shape."""
+    """Return an object's outline as polylines (N, 3) in its frame; none for a model without a shape."""
     if isinstance(model, CuboidModel):
         rims = outline_points_m(model.shape, np.array([0.0, 0, 0, 0, *model.size_m])) - model.origin_m
         low, high = np.split(rims, 2)
@@ -48,12 +45,12 @@ def outlines(model: ObjectModel | None) -> list[Array]:
 
 
 def draw_overlay(frame: RgbdFrame, poses: Sequence[ObjectPose], queries: Sequence[ObjectQuery] = ()) -> RgbImage:
-    """A copy of the frame's colors, (H, W, 3), with `poses` drawn in.
+    """Return a copy of the frame's image (H, W, 3) with `poses` drawn in.
 
-    A pose without rotation is a dot; an object outside of the view is only named, at the bottom.
+    A pose without rotation is a dot; an object outside of the view is named at the bottom.
 
     Args:
-        queries: what was known of the objects, for their masks and outlines; by name.
+        queries: the objects' queries, for masks and outlines.
 
     Raises:
         InvalidInputError: if the frame has no colors.
@@ -80,7 +77,7 @@ def draw_overlay(frame: RgbdFrame, poses: Sequence[ObjectPose], queries: Sequenc
 
 
 def _mask(frame: RgbdFrame, query: ObjectQuery) -> npt.NDArray[np.bool_] | None:
-    """The pixels that count as the object's, where the query tells."""
+    """Return the object's pixels by its mask ids or its color, or None."""
     if query.mask_ids and frame.mask is not None:
         return np.isin(frame.mask, query.mask_ids)
     if isinstance(query.model, CuboidModel) and frame.rgb is not None:

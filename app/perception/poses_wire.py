@@ -1,4 +1,4 @@
-"""The protocol of `POST /poses`, for those who ask and those who answer; docs/foundationpose.md describes it.
+"""The protocol of `POST /poses`, for clients and servers; docs/foundationpose.md describes it.
 
 A request is multipart/form-data: the part `metadata`, a JSON document with `objects` and `cameras`, and the images
 `rgb_NAME`, `depth_NAME`, `mask_NAME` of each camera. The reply is a JSON document with `poses`.
@@ -26,11 +26,11 @@ MAX_REASON_CHARS = 300
 
 @dataclass(frozen=True)
 class PoseQuestion:
-    """An object to be found.
+    """An object to find.
 
     Attributes:
-        mask_ids: the ids that its pixels have in the mask images.
-        model: what the server wants to know of it.
+        mask_ids: the ids of its pixels in the mask images.
+        model: whatever the server needs to know about it.
     """
 
     name: str
@@ -40,14 +40,14 @@ class PoseQuestion:
 
 @dataclass(frozen=True, eq=False)
 class PoseAnswer:
-    """What a server makes of an object.
+    """A server's pose of an object.
 
     Attributes:
         position_m: (3,) in the world frame; None if the object was not found.
         quaternion_xyzw: (4,) in the world frame, or None.
         confidence: 0..1.
         reason: what lowers the confidence, or why it was not found.
-        cameras: in whose images it was found.
+        cameras: the cameras that see it.
     """
 
     name: str
@@ -59,7 +59,7 @@ class PoseAnswer:
 
 
 def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
-    """A request's parts as (file name, content, media type). Images lose nothing but depth below `depth_scale`."""
+    """Return a request's parts (file name, content, media type). Lossless, but depth is rounded to `depth_scale`."""
     metadata = {"objects": [asdict(item) for item in questions], "cameras": [camera_json(f.camera) for f in frames]}
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
@@ -75,7 +75,7 @@ def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]
 
 
 def poses_document(poses: Sequence[ObjectPose]) -> dict[str, Any]:
-    """The reply with these poses."""
+    """Return the reply with these poses."""
     return {
         "poses": [
             {
@@ -92,14 +92,14 @@ def poses_document(poses: Sequence[ObjectPose]) -> dict[str, Any]:
 
 
 def answers_from_json(document: object, names: Sequence[str], cameras: Sequence[str]) -> tuple[PoseAnswer, ...]:
-    """The poses of a reply; an object may have several, e.g. one a camera.
+    """Return the poses of a reply; an object may have several, e.g. one per camera.
 
     Args:
-        names: of the objects that were asked for; each must be answered, no other may be.
-        cameras: of those whose images were sent.
+        names: of the requested objects; the reply must contain all of them and no others.
+        cameras: names of the cameras whose images were sent.
 
     Raises:
-        InvalidInputError: naming the part of the reply that is not as it should be, e.g. ``poses[0].position``.
+        InvalidInputError: naming the invalid field of the reply, e.g. ``poses[0].position``.
     """
     items = document.get("poses") if isinstance(document, dict) else None
     if not isinstance(items, list):

@@ -1,4 +1,4 @@
-"""Pose estimators by name, and which of them finds an object."""
+"""Pose estimators by name, and the selection of an estimator for each object."""
 
 from collections.abc import Sequence
 
@@ -24,10 +24,10 @@ ESTIMATORS: dict[str, PoseEstimator] = {
 def estimate_poses(
     default: str, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], *, given_first: bool = False
 ) -> tuple[ObjectPose, ...]:
-    """One pose per object, in the given order: found by its model's estimator, without a model by that named `default`.
+    """Return one pose for each object, in the given order, by its model's estimator; without a model by `default`.
 
     Args:
-        given_first: a position that the caller gives is used whatever would find the object.
+        given_first: use positions that the caller gives instead of estimating them.
 
     Raises:
         as PoseEstimator.estimate.

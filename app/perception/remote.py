@@ -1,6 +1,6 @@
 """Poses from a server over HTTP: FoundationPose, a detector on a GPU, another instance of this service.
 
-A request has a deadline and is tried again while the server is busy; a refusal of it becomes this service's own error.
+A request has a deadline and is retried while the server is busy; the server's refusal becomes this service's own error.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 EXAMPLE = '{"estimator": "remote", "url": "http://127.0.0.1:8000/poses"}'
-FIRST_PAUSE_S = 0.2  # doubled for each further try
+FIRST_PAUSE_S = 0.2  # doubled for each retry
 MAX_REPLY_BYTES = 1_000_000  # a pose takes 300
 MAX_SHOWN_CHARS = 300
 BUSY = frozenset({429, 502, 503, 504})
@@ -37,23 +37,23 @@ Asked = tuple[ObjectQuery, RemoteModel]
 
 
 class PoseServerError(RoboPromptError):
-    """A server that was to find objects did not."""
+    """A pose server failed."""
 
 
 class PoseServerUnavailableError(PoseServerError):
-    """It cannot be reached, or says that it is not ready."""
+    """The server cannot be reached or is not ready."""
 
 
 class PoseServerTimeoutError(PoseServerError):
-    """No answer within the object model's timeout_s."""
+    """The server did not answer within the object model's timeout_s."""
 
 
 class PoseServerReplyError(PoseServerError):
-    """It answered with an error or with something unintelligible."""
+    """The server answered with an error or an invalid reply."""
 
 
 class _NotReadyError(Exception):
-    """Worth another try; carries why."""
+    """The request should be retried."""
 
     def __init__(self, reason: str, pause_s: float = 0.0) -> None:
         super().__init__(reason)
@@ -62,18 +62,18 @@ class _NotReadyError(Exception):
 
 @dataclass(frozen=True)
 class PoseServer:
-    """A server by the address that questions are posted to; `timeout_s` is for all tries of one together."""
+    """A pose server at the address `url`; `timeout_s` is the deadline of a request, retries included."""
 
     url: str
     timeout_s: float
 
     async def ask(self, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401
-        """The reply's JSON document.
+        """Return the reply's JSON document.
 
         Raises:
-            InvalidInputError: if the server refuses what it was sent (422): its own error, or the nearest to it.
+            InvalidInputError: if the server refuses the request (422), with the server's reason.
             PoseServerUnavailableError: if it could not be reached, or was busy, until the end of `timeout_s`.
-            PoseServerTimeoutError: if it took the question but did not answer within `timeout_s`.
+            PoseServerTimeoutError: if it accepted the request but did not answer within `timeout_s`.
             PoseServerReplyError: for any other status, and for a reply that is not JSON or too large.
         """
         trouble = ""
@@ -96,7 +96,7 @@ class PoseServer:
 
     def _client(self) -> httpx.AsyncClient:
         return httpx.AsyncClient(
-            headers={"Accept-Encoding": "identity"},  # nothing that unfolds
+            headers={"Accept-Encoding": "identity"},  # no compression, which could expand without bound
             timeout=None,  # the deadline covers everything
             verify=self.url.startswith("https:"),  # reading the certificates takes 20 to 90 ms
             mounts=without_proxy(self.url),
@@ -124,7 +124,7 @@ class PoseServer:
         return document
 
     def _refusal(self, response: httpx.Response, body: bytes, problem: object) -> InvalidInputError:
-        """A 422 of the service's own kind as the error that it was there; of another kind, as far as it is known."""
+        """Return the error of a 422; if the server is of this service, the same error as there."""
         if not isinstance(problem, dict) or not isinstance(problem.get("errors"), list) or not problem["errors"]:
             return InvalidInputError("cameras", f"the pose server {self.url} refused them: {_shown(response, body)}")
         first = problem["errors"][0] if isinstance(problem["errors"][0], dict) else {}
@@ -154,9 +154,9 @@ def _cut(text: object) -> str:
 
 
 class RemotePoses:
-    """Asks each object's server; several servers are asked at once. Call it in a thread without an event loop.
+    """Requests poses from each object's server, concurrently. Call it in a thread without an event loop.
 
-    Raises PoseServerError, besides what every estimator raises, if a server does not answer as it should.
+    Raises PoseServerError if a server fails, besides the errors of every estimator.
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
@@ -187,7 +187,7 @@ async def _ask(server: PoseServer, asked: Sequence[Asked], frames: Sequence[Rgbd
 
 
 def _fused(query: ObjectQuery, model: RemoteModel, answers: Sequence[PoseAnswer]) -> ObjectPose:
-    """The server's answers on one object, as if each came from a camera."""
+    """Return the fused pose of the server's answers for one object, each treated as a camera's sighting."""
     named = [(" and ".join(item.cameras) or model.url, item) for item in answers]
     found = [
         Miss(camera, item.reason or "not found")

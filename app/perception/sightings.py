@@ -1,4 +1,4 @@
-"""The poses that single cameras give an object -> one pose, or an error that says what each camera saw."""
+"""Fusion of single cameras' poses of an object into one pose, or an error that names what each camera saw."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ from app.pipeline.geometry import canonical_pose, canonical_rotation
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-NOTED_DISTANCE_M = 0.01  # cameras that differ by more are mentioned in the pose's reason
-MAX_DISTANCE_M = 0.03  # by more than this, no pose is given: one of them must be wrong
+NOTED_DISTANCE_M = 0.01  # the reason mentions cameras that differ by more
+MAX_DISTANCE_M = 0.03  # a larger difference is refused: one of the cameras must be wrong
 NOTED_TURN_DEG, MAX_TURN_DEG = 8.0, 20.0  # the same for rotations
 REMEDY = "a view that shows all of it and no similar object, or a further camera"
 
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """An object as one camera sees it.
+    """The pose of an object in one camera.
 
     Attributes:
         position_m: (3,) in the world frame.
         quaternion_xyzw: (4,) in the world frame, or None.
         confidence: 0..1.
-        reason: what lowers the confidence, in words; empty if nothing.
+        reason: what lowers the confidence; empty if nothing does.
     """
 
     camera: str
@@ -40,10 +40,10 @@ class Sighting:
 
 @dataclass(frozen=True)
 class Miss:
-    """A camera that has no pose of an object to offer, and why.
+    """A camera without a pose of the object, and the reason.
 
     Attributes:
-        seen: whether the camera has seen something that might be it.
+        seen: whether the camera sees something that may be the object.
     """
 
     camera: str
@@ -59,18 +59,17 @@ def fused(
     min_confidence: float = MIN_CONFIDENCE,
     yaw_symmetry_deg: float | None = None,
 ) -> ObjectPose:
-    """One pose from the sightings that are confident enough, weighted by their confidence.
+    """Return the mean of the sightings that are confident enough, weighted by confidence.
 
-    Rotations are averaged after each was turned, under the object's symmetry, to the one nearest the best sighting's;
-    the result is canonical (`app.pipeline.geometry.canonical_pose`). A pose without rotation results where any of the
-    sightings that count has none.
+    Of each rotation's equivalents under the symmetry, the one nearest to the best sighting's is averaged. The result is
+    canonical (`app.pipeline.geometry.canonical_pose`). It has no rotation if one of the sightings has none.
 
     Args:
         yaw_symmetry_deg: as for `canonical_pose`.
 
     Raises:
         ObjectNotVisibleError: if no camera sees the object.
-        UncertainPoseError: if none is confident enough, or they contradict each other. Both name object and cameras.
+        UncertainPoseError: if none is confident enough, or cameras contradict each other. Both name object and cameras.
     """
     sightings = [item for item in found if isinstance(item, Sighting)]
     good = sorted((s for s in sightings if s.confidence >= min_confidence), key=lambda s: -s.confidence)
@@ -95,7 +94,7 @@ def fused(
 def _refusal(
     query: ObjectQuery, found: Sequence[Sighting | Miss], min_confidence: float
 ) -> ObjectNotVisibleError | UncertainPoseError:
-    # a camera that sees it comes before those that do not
+    # cameras that see it come first
     ordered = sorted(found, key=lambda item: isinstance(item, Miss))
     listed = "; ".join(f"{item.camera}: {_why_not(item)}" for item in ordered) or "there is no camera"
     if any(isinstance(item, Sighting) or item.seen for item in found):
@@ -111,7 +110,7 @@ def _why_not(item: Sighting | Miss) -> str:
 
 
 def _differences(query: ObjectQuery, good: Sequence[Sighting], yaw_symmetry_deg: float | None) -> list[str]:
-    """Notes on cameras that put the object apart or turn it otherwise; more than is allowed is refused."""
+    """Return notes on differences between cameras; raise UncertainPoseError if one exceeds its limit."""
     notes = []
     for one, other in combinations(good, 2):
         pair = f"cameras {one.camera} and {other.camera}"
@@ -131,7 +130,7 @@ def _differences(query: ObjectQuery, good: Sequence[Sighting], yaw_symmetry_deg:
 
 
 def _doubts(best: Sighting, doubtful: Sequence[Sighting]) -> list[str]:
-    """Notes on cameras that see it elsewhere, but not well enough to count."""
+    """Return notes on sightings at other places that are too uncertain to be used."""
     return [
         f"{sighting.camera}, with confidence {sighting.confidence:.2f}, puts it {100 * apart_m:.0f} cm away"
         for sighting in doubtful
@@ -159,6 +158,6 @@ def _mean_rotation(good: Sequence[Sighting], weights: Array, yaw_symmetry_deg: f
 
 
 def _turn(one: Rotation, other_xyzw: Array, yaw_symmetry_deg: float | None) -> Rotation:
-    """From one rotation to the other, as small as the symmetry allows."""
+    """Return the rotation from one to the other, the smallest under the symmetry."""
     turn = one.inv() * Rotation.from_quat(other_xyzw)
     return turn if yaw_symmetry_deg is None else canonical_rotation(turn, yaw_symmetry_deg)

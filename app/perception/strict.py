@@ -1,4 +1,4 @@
-"""Numbers and truth values of JSON that are what they say they are: pydantic would take `true` for 1 and "5" for 5."""
+"""Strict types of JSON values: by default pydantic accepts `true` as 1 and "5" as 5."""
 
 from typing import Annotated
 
@@ -15,8 +15,8 @@ def _no_text(value: object) -> object:
 
 
 Number = Annotated[float, Strict()]
-# Positions and lengths in the world frame: what is farther is no robot's, and its square would have no number.
+# Positions and lengths in the world frame, bounded so that their squares do not overflow.
 Meters = Annotated[Number, Field(ge=-MAX_M, le=MAX_M)]
 Truth = Annotated[bool, Strict()]
-# For whole numbers; 10.0 is the same number in JSON, and some languages write every number so.
+# For whole numbers. 10.0 is accepted: JSON does not distinguish it, and some languages write all numbers so.
 WHOLE = BeforeValidator(_no_text)

@@ -24,13 +24,13 @@ from roboprompt_client.types.arrays import Array
 VELOCITY_SHARE, FREE_ACCELERATION_SHARE, LINE_ACCELERATION_SHARE, JERK_SHARE = 0.5, 0.25, 0.3, 0.05
 # Limits of the tool on a straight line; a turn of 1 rad counts as 0.3 m
 LINE_VELOCITY_M_S, LINE_ACCELERATION_M_S2, LINE_JERK_M_S3 = 0.25, 0.8, 6.0
-METRES_PER_RAD = 0.3
+METERS_PER_RAD = 0.3
 MIN_LINE_M = 1e-4
 RATE_SAMPLES = 20
 
 # Of routes
 SAMPLE_M = 0.003
-JOINT_METRES_PER_RAD = 0.1  # so that a change of posture with the tool at rest has a length, too
+JOINT_METERS_PER_RAD = 0.1  # so that a change of posture with the tool at rest has a length, too
 MIN_SAMPLE_M = 1e-6
 MIN_LEG_SAMPLES = 9
 # Around a corner the mean over a window this many times as wide as the distance allowed stays within it: a mean over
@@ -73,7 +73,7 @@ def _along_line(path: JointPath, kinematics: Kinematics, step_s: float) -> Joint
     spline = CubicSpline(np.linspace(0, 1, len(path.joints_rad)), path.joints_rad, bc_type="natural")
     rate = np.abs(spline(np.linspace(0, 1, RATE_SAMPLES), 1)).max(axis=0) + 1e-9
     apart_m, turn_rad = kinematics.forward(path.joints_rad[0]).apart(kinematics.forward(path.end_rad))
-    length_m = max(apart_m, METRES_PER_RAD * turn_rad, MIN_LINE_M)
+    length_m = max(apart_m, METERS_PER_RAD * turn_rad, MIN_LINE_M)
     parameter, speed = _ruckig(
         start=np.zeros(1),
         end=np.ones(1),
@@ -173,7 +173,7 @@ def _steps_m(joints_rad: Array, kinematics: Kinematics) -> Array:
     turns_rad = (rotations[:-1].inv() * rotations[1:]).magnitude()
     bends_rad = np.abs(np.diff(joints_rad, axis=0)).max(axis=1)
     steps: Array = np.max(
-        [shifts_m, METRES_PER_RAD * turns_rad, JOINT_METRES_PER_RAD * bends_rad, np.full(len(bends_rad), MIN_SAMPLE_M)],
+        [shifts_m, METERS_PER_RAD * turns_rad, JOINT_METERS_PER_RAD * bends_rad, np.full(len(bends_rad), MIN_SAMPLE_M)],
         axis=0,
     )
     return steps

@@ -1,6 +1,6 @@
 """Upright boxes and cylinders of known size and color, found in RGB-D images.
 
-Of several that look alike: which sightings are one and the same thing, and which thing is asked for.
+Where several objects look alike: groups sightings by object and selects the object that the query means.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,19 +27,20 @@ from roboprompt_client.types.poses import ObjectPose
 
 EXAMPLE = 'its size and color, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
 FULL_TURN_RAD = 2 * np.pi
-SAME_SHARE = 0.6  # of its smaller side: two cameras that differ by less see one thing
+# Sightings of two cameras belong to one object if they are closer than this share of its smaller side, plus the slack.
+SAME_SHARE = 0.6
 SAME_SLACK_M = 0.01
-TIE_M = 0.005  # the order of two whose distances differ by less is a matter of noise
+TIE_M = 0.005  # noise decides the order of two distances that differ by less
 
 
 class CuboidPoses:
-    """Color mask, then a fit of the known shape to depth and outline, camera by camera.
+    """For each camera: segments the color, then fits the known shape to depth and outline.
 
-    Objects stand upright: their z axis is the world's. Yaws are canonical under the shape's symmetry.
+    Objects stand upright: their z axis is the world's. The returned yaw is canonical under the shape's symmetry.
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        """One pose per object; see `app.perception.base.PoseEstimator`.
+        """Return one pose for each object; see `app.perception.base.PoseEstimator`.
 
         Raises:
             InvalidInputError: if a query has no cuboid model, there is no camera, or a camera's images are unusable.
@@ -55,13 +56,13 @@ class CuboidPoses:
 
 
 def likenesses(model: CuboidModel, frames: Sequence[RgbdFrame]) -> list[Array]:
-    """Where (3,) things are that look like the model, whichever it means; the middles of their shapes."""
+    """Return the centers (3,) of all objects that look like the model, without selection by its rank."""
     found = _instances(_Search(frames).look(model), model)
     return [best.position_m for best, *_ in found if best.confidence >= model.min_confidence]
 
 
 class _Search:
-    """Finds objects in one set of images; objects that look alike are looked for once."""
+    """Finds objects in one set of images; searches once for all objects that look alike."""
 
     def __init__(self, frames: Sequence[RgbdFrame]) -> None:
         check_cameras(frames)
@@ -71,7 +72,7 @@ class _Search:
         self._found: dict[CuboidModel, list[Sighting | Miss]] = {}
 
     def pose(self, query: ObjectQuery, model: CuboidModel, poses: Mapping[str, ObjectPose]) -> ObjectPose:
-        """The pose of an object, given those of the objects that distinguish it."""
+        """Return the pose of an object, given the poses of the objects that its model refers to."""
         found = self.look(model)
         anchor_m = None if model.rank is None else poses[model.rank.nearest_to].position_m
         sightings, note = _chosen(query.name, model, _instances(found, model), anchor_m)
@@ -87,7 +88,7 @@ class _Search:
         return _at_origin(middle, model, None if model.away_from is None else poses[model.away_from].position_m)
 
     def look(self, model: CuboidModel) -> list[Sighting | Miss]:
-        """What each camera makes of everything that looks so, whichever is meant and wherever its origin lies."""
+        """Return each camera's sightings of all objects that look like the model; positions are shape centers."""
         looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
         if looks not in self._found:
             self._found[looks] = _sighted(self._images, looks)
@@ -109,7 +110,7 @@ def _sighted(images: Sequence[tuple[RgbdFrame, HsvImage]], looks: CuboidModel) -
 
 
 def _miss(frame: RgbdFrame, mask: Bytes) -> Miss:
-    """Why the pixels of an object's color are no object."""
+    """Return the reason why a camera has no sighting."""
     assert frame.depth_m is not None
     count = int(np.count_nonzero(mask))
     if not count:
@@ -122,10 +123,10 @@ def _miss(frame: RgbdFrame, mask: Bytes) -> Miss:
 
 
 def _in_order(models: dict[str, CuboidModel]) -> list[str]:
-    """The objects' names, each after those that distinguish it.
+    """Return the objects' names, each after the objects that its model refers to.
 
     Raises:
-        InvalidInputError: if one refers to an object that is not asked for, or to itself in the end.
+        InvalidInputError: if one refers to an object that is not in the query, or references form a cycle.
     """
     references: dict[str, list[str]] = {}
     for name, model in models.items():
@@ -146,7 +147,10 @@ def _in_order(models: dict[str, CuboidModel]) -> list[str]:
 
 
 def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None) -> ObjectPose:
-    """The object's own pose from that of its shape; the x axis points away from a place, as far as yaws look alike."""
+    """Return the object's pose from the pose of its shape.
+
+    With `away_from_m` (3,), of all yaws under the symmetry the one whose x axis points away from that place best.
+    """
     assert middle.quaternion_xyzw is not None
     rotation = Rotation.from_quat(middle.quaternion_xyzw)
     if away_from_m is not None:
@@ -161,7 +165,7 @@ def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None
 
 
 def _instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[list[Sighting]]:
-    """The sightings of each separate thing; things and their sightings come the most certain first."""
+    """Return the sightings grouped by object; objects and their sightings are sorted by confidence, highest first."""
     sightings = [item for item in found if isinstance(item, Sighting)]
     reach_m = SAME_SHARE * min(model.size_m[:2]) + SAME_SLACK_M
     groups: list[list[Sighting]] = []
@@ -179,10 +183,10 @@ def _instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[lis
 def _chosen(
     name: str, model: CuboidModel, found: Sequence[Sequence[Sighting]], anchor_m: Array | None
 ) -> tuple[Sequence[Sighting], str]:
-    """The thing that is asked for, and what deserves a look in how it was chosen; empty if nothing.
+    """Return the sightings of the object that the model means, and a note if the choice was close.
 
     Raises:
-        UncertainPoseError: if a camera sees several where there is no rank, or not as many as the rank tells of.
+        UncertainPoseError: if a camera sees several and the model has no rank, or their number differs from the rank's.
     """
     certain = [item for item in found if item[0].confidence >= model.min_confidence]
     if model.rank is None:
@@ -202,7 +206,7 @@ def _chosen(
 
 
 def _only(name: str, certain: Sequence[Sequence[Sighting]]) -> list[Sighting]:
-    """The one that is certain; further cameras' sightings of it elsewhere stay with it, to show the contradiction."""
+    """Return all certain sightings of the only object; `fused` refuses them if cameras contradict each other."""
     sightings = [sighting for item in certain for sighting in item]
     for camera in {sighting.camera: None for sighting in sightings}:
         seen = [s for s in sightings if s.camera == camera]

@@ -1,10 +1,10 @@
 """The upright box or cylinder that agrees best with an object's depth and outline in one camera.
 
 Depth says where its faces are, the outline in the color image where its edges are; the outline has no depth noise and
-settles the yaw. Iteratively reweighted least squares (Levenberg-Marquardt) from several yaws, for all things of an
-image at once: of single ones most of the time would go into calls.
+determines the yaw. Iteratively reweighted least squares (Levenberg-Marquardt) from several yaws, for all objects of
+an image in one batch, since calls would dominate the time otherwise.
 
-V views of a thing each, B candidates for each (`app.perception.cuboid.shape`), N points, M rays.
+Shapes: V views of one object each, B candidates per view (`app.perception.cuboid.shape`), N points, M rays.
 """
 
 from collections.abc import Sequence
@@ -19,20 +19,21 @@ from app.perception.cuboid.shape import SX, SY, SZ, YAW, Reals, X, Y, Z, ray_dis
 from app.perception.cuboid.view import View
 from roboprompt_client.types.arrays import Array
 
-FAST = np.float32  # of distances while candidates are improved: 0.1 um of a meter
+FAST = np.float32  # the type of residuals during optimization: 0.1 um at 1 m
 OUTLINE_SIGMA_PX = 0.6  # an edge between two pixels, from rounding to whole pixels and from blur
 GROUND_SIGMA_M = 0.001
-GROUND_CONTACT_M = 0.008  # what is found this near to the ground stands on it
-ROBUST_SIGMAS = 2.5  # of Cauchy's weights: what lies much further off hardly counts
-BETWEEN_YAWS_RAD = np.radians(30)  # of the starts
+GROUND_CONTACT_M = 0.008  # a candidate whose bottom is closer to the ground stands on it
+ROBUST_SIGMAS = 2.5  # scale of the Cauchy loss: larger residuals have little weight
+BETWEEN_YAWS_RAD = np.radians(30)  # between the starting yaws
 COARSE_STEPS, FINE_STEPS, FINALISTS = 2, 7, 2
 COARSE_THINNING = 3
 STEP = np.array([1e-4, 1e-4, 1e-4, 1e-3, 1e-4, 1e-4, 1e-4])  # of numerical derivatives, m and rad
 MAX_STEP = np.array([0.02, 0.02, 0.02, 0.4, 0.01, 0.01, 0.01])
 MIN_SIZE_M, MIN_HEIGHT_M = 5e-4, 1e-3
-SAME_YAW_RAD = np.radians(5)  # yaws that differ by less are one
-SETTLED = 2e-3  # a relative change in cost that is not worth another step
-CATCHES_UP = 0.1  # of how far its cost lies behind its view's best: a candidate that gains less will not catch up
+SAME_YAW_RAD = np.radians(5)  # closer yaws count as equal
+SETTLED = 2e-3  # relative change in cost below which the optimization stops
+# A candidate whose cost falls by less than this share of its distance to the best cost of its view cannot win.
+CATCHES_UP = 0.1
 _PLACE: dict[Shape, tuple[int, ...]] = {"box": (X, Y, Z, YAW), "cylinder": (X, Y, Z)}
 _SIZE: dict[Shape, tuple[int, ...]] = {"box": (SX, SY, SZ), "cylinder": (SX, SZ)}
 
@@ -43,8 +44,8 @@ class Fit:
 
     Attributes:
         candidate: (7,) as in `app.perception.cuboid.shape`.
-        cost: of its residuals; half the sum of their squares in units of sigma, outliers bounded.
-        rival_yaw_rad, rival_cost: of the best of the other yaws that were tried to the end; cost inf if there is none.
+        cost: half the sum of squared residuals in units of sigma, robust to outliers.
+        rival_yaw_rad, rival_cost: of the best other yaw that was optimized; infinite cost if there is none.
     """
 
     candidate: Array
@@ -55,15 +56,15 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What V views show, each from its eye: `FAST` numbers have no digits left for a world far away.
+    """Measurements of V views, relative to each camera's position to keep `FAST` numbers precise.
 
-    Views with fewer points or rays than others are filled up with some of infinite sigma.
+    Views with fewer points or rays than others are padded with measurements of infinite sigma.
 
     Attributes:
-        eyes: (V, 1, 7) what is subtracted from candidates.
+        eyes: (V, 1, 7) the camera positions, to subtract from candidates.
         points_m, rays: (V, N, 3) and (V, M, 3), see `View`.
         point_sigma_m, ray_sigma_m: (V, 1, N) and (V, 1, M).
-        ground_m, ground_sigma_m: (V, 1); infinite sigma where there is no ground.
+        ground_m, ground_sigma_m: (V, 1); infinite sigma where no ground is visible.
     """
 
     eyes: Array
@@ -76,7 +77,7 @@ class _Measured:
 
     @classmethod
     def of(cls, views: Sequence[View], thinning: int = 1) -> Self:
-        """With every so many of the points and rays."""
+        """Return the measurements of views, with every `thinning`-th point and ray."""
         eyes = np.array([[[*view.eye_m, 0, 0, 0, 0]] for view in views])
         points_m = [view.points_m[::thinning] - view.eye_m for view in views]
         rays = [view.rays[::thinning] for view in views]
@@ -92,7 +93,7 @@ class _Measured:
 
 
 def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals, Reals]:
-    """(V, most, 3) of vectors (N, 3) each, and (V, 1, most) their sigmas."""
+    """Return vectors of V views, (N, 3) each, padded to (V, most, 3), and their sigmas (V, 1, most)."""
     most = max(map(len, vectors))
     filled, filled_sigmas = np.ones((len(vectors), most, 3), FAST), np.full((len(vectors), 1, most), np.inf, FAST)
     for number, (those, sigma) in enumerate(zip(vectors, sigmas, strict=True)):
@@ -101,17 +102,17 @@ def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals
 
 
 def fit_upright(views: Sequence[View], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
-    """For each view the best candidate of a size.
+    """Return the best candidate of a known size for each view.
 
     Args:
         size_m: (3,) full lengths.
-        yaw_range_rad: the turn that leaves the shape unchanged: yaws are tried within it. Ignored for a cylinder.
+        yaw_range_rad: the rotation symmetry of the shape: starting yaws lie within it. Ignored for a cylinder.
     """
     return _fits(views, shape, size_m, yaw_range_rad, _PLACE[shape]) if views else []
 
 
 def fit_any_size(view: View, shape: Shape) -> Fit:
-    """The best candidate of whatever size; a box's sides may have changed places with each other."""
+    """Return the best candidate of unknown size; a box's x and y sides may be swapped."""
     low, high = quantiles(view.points_m, 0.02, 0.98)
     side_m = float(np.hypot(*(high - low)[:2])) / np.sqrt(2)
     begin_m = np.array([side_m, side_m, max(high[2] - low[2], MIN_HEIGHT_M)])
@@ -121,7 +122,7 @@ def fit_any_size(view: View, shape: Shape) -> Fit:
 def _fits(
     views: Sequence[View], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
 ) -> list[Fit]:
-    """The best candidates when `columns` of the starts may change."""
+    """Return the best candidate for each view; `columns` of the candidates are optimized."""
     starts = np.array([_starts(view, shape, size_m, yaw_range_rad) for view in views])
     if starts.shape[1] > FINALISTS:
         coarse = _Measured.of(views, COARSE_THINNING)
@@ -135,7 +136,7 @@ def _fits(
 
 
 def _best(ends: Array, costs: Array, yaw_range_rad: float) -> Fit:
-    """Of candidates (B, 7) with their costs (B,)."""
+    """Return the best of candidates (B, 7) with costs (B,)."""
     best, *others = np.argsort(costs)
     turned_rad = _wrapped(ends[:, YAW] - ends[best, YAW], yaw_range_rad)
     rival = next((k for k in others if abs(turned_rad[k]) > SAME_YAW_RAD), None)
@@ -144,7 +145,7 @@ def _best(ends: Array, costs: Array, yaw_range_rad: float) -> Fit:
 
 
 def _starts(view: View, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
-    """Candidates (B, 7) behind the middle of what is seen."""
+    """Return starting candidates (B, 7), their centers behind the visible points."""
     middle_m = view.points_m.mean(axis=0)
     away = middle_m - view.eye_m
     away[2] = 0
@@ -156,7 +157,7 @@ def _starts(view: View, shape: Shape, size_m: Array, yaw_range_rad: float) -> Ar
 
 
 def _distinct(candidates: Array, yaw_range_rad: float) -> Array:
-    """(FINALISTS, 7) the first candidates without those that turned out like an earlier one; the first again if few."""
+    """Return the first (FINALISTS, 7) candidates of distinct yaw; the first one repeated if there are fewer."""
     kept: list[Array] = []
     for item in candidates:
         if all(abs(_wrapped(item[YAW] - other[YAW], yaw_range_rad)) > SAME_YAW_RAD for other in kept):
@@ -171,7 +172,7 @@ def _wrapped(angle_rad: Array, period_rad: float) -> Array:
 def _descend(
     measured: _Measured, shape: Shape, starts: Array, columns: Sequence[int], steps: int
 ) -> tuple[Array, Array]:
-    """Improve all candidates (V, B, 7) in `columns`; their costs (V, B)."""
+    """Return candidates (V, B, 7), optimized in `columns`, and their costs (V, B)."""
     columns = list(columns)
     shifts = np.concatenate([np.zeros((1, 7)), np.diag(STEP)[columns]])  # of numerical derivatives
     best, best_costs = starts.copy(), np.full(starts.shape[:2], np.inf)
@@ -198,7 +199,7 @@ def _descend(
 
 
 def _stepped(best: Array, residuals: Reals, jacobian: Reals, damping: Array, columns: list[int]) -> Array:
-    """The candidates after a step by their residuals (V, B, R) in sigmas and the derivatives (V, B, P, R) of these."""
+    """Return the candidates after one step, from residuals (V, B, R) in sigmas and their derivatives (V, B, P, R)."""
     weights = 1 / (1 + (residuals / ROBUST_SIGMAS) ** 2)
     weighted = jacobian * weights[..., None, :]
     normal = weighted @ jacobian.swapaxes(-1, -2)
@@ -213,7 +214,7 @@ def _stepped(best: Array, residuals: Reals, jacobian: Reals, damping: Array, col
 
 
 def _residuals(measured: _Measured, shape: Shape, candidates: Reals) -> Reals:
-    """(V, B, N + M + 1) in sigmas: of points, rays and the ground."""
+    """Return residuals (V, B, N + M + 1) in sigmas: of points, rays and the ground."""
     candidates = (candidates - measured.eyes).astype(FAST)
     gap_m = candidates[..., Z] - candidates[..., SZ] / 2 - measured.ground_m
     gap_m = np.where(np.abs(gap_m) < GROUND_CONTACT_M, gap_m, GROUND_CONTACT_M)

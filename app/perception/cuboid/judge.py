@@ -1,4 +1,4 @@
-"""How far a fitted shape can be trusted: a sighting with a confidence, and what lowers it in words."""
+"""The confidence of a fitted shape, and the reasons that lower it."""
 
 import cv2
 import numpy as np
@@ -14,22 +14,21 @@ from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 
-SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
+SURFACE_M = 0.006  # a point within this distance lies on the surface, without depth noise
 DEPTH_SIGMAS = 3.0
-ENOUGH_VISIBLE = 0.35  # of the outline's area: less lowers the confidence
-STRICTNESS = 3  # the power of what agrees: 80 % of the pixels in agreement make a confidence of a half
-RIVAL_COST = 3.0  # another yaw whose cost is greater by less than this explains the image as well
+ENOUGH_VISIBLE = 0.35  # share of the outline's area; a smaller visible share lowers the confidence
+STRICTNESS = 3  # exponent: 80 % agreement gives a confidence of 0.5
+RIVAL_COST = 3.0  # another yaw is as plausible if its cost is higher by less than this
 RIVAL_FACTOR = 0.4
-NOTED = 0.85  # a share below this is mentioned
+NOTED = 0.85  # the reason mentions shares below this
 BORDER_PX = 2
 
 
 def judged(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -> Sighting:
-    """The fitted shape's pose; its confidence compares the piece's pixels with those that the shape would have.
+    """Return the pose of the fitted shape; its confidence compares the piece's pixels with those of the shape.
 
-    Counted against it: pixels of the object outside of its outline; places inside the outline where the camera sees
-    through it or another color on it; depths off its surface; little of it in sight; another yaw that fits as well.
-    Not counted: what stands before it.
+    These lower it: pixels outside of the shape's outline; pixels inside the outline that show something behind it or
+    another color on it; depths off its surface; a small visible share; another yaw that fits as well. Occluders do not.
     """
     covered, own, contradicting = _shares(frame, piece, shape, fit.candidate)
     tolerance_m = SURFACE_M + DEPTH_SIGMAS * DEPTH_SIGMA_AT_1_M * piece.distance_m**2
@@ -52,9 +51,9 @@ def judged(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -
 
 
 def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> tuple[float, float, float]:
-    """Of the outline's area the share seen; of the piece the share in it; of the area not hidden the wrong share.
+    """Return the visible share of the outline's area, the share of the piece inside it, the contradicting share.
 
-    A pixel's width about the outline is left out of the latter two: that is rounding.
+    The last is relative to the area without occluders. The latter two ignore one pixel about the outline.
     """
     assert frame.depth_m is not None
     corners, _ = frame.camera.project(outline_points_m(shape, candidate))

@@ -1,7 +1,7 @@
 """Object models of the estimator `cuboid`, learned from the first frames of demonstrations.
 
-Besides color, size and shape: the neighbor whose distance tells similar objects apart (`Rank`), and the neighbor that
-an object's x axis points away from.
+Besides color, size and shape a model may refer to other objects: to the one whose distance distinguishes similar
+objects (`Rank`), and to the one that the object's x axis points away from.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,24 +21,24 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 
 MAX_MEAN_ANGLE_DEG = 20.0
-STEADY = 0.8  # of the scenes agree on the rank: in the others two are equally near
+STEADY = 0.8  # share of scenes that must agree on the rank: in others two distances may be equal
 ROUND_TO_M = 1e-4
 EQUAL_SIDES_SHARE, EQUAL_SIDES_M = 0.06, 0.002  # sides that differ by less are a square's
-CENTRED_M = 0.003  # an origin nearer than this to the shape's axis is on it
+CENTERED_M = 0.003  # an origin nearer than this to the shape's axis is on it
 MAX_TURN_DEG = 15.0  # between the given rotations of an object that is taken for round
 SAME_M = 0.02  # a pose found nearer than this to the given one is right
-SAME_HUE_DEG, SAME_SIZE = 10.0, 0.2  # hues and, in shares, sizes that do not tell two objects apart
+SAME_HUE_DEG, SAME_SIZE = 10.0, 0.2  # objects of smaller differences in hue and relative size look alike
 
 
 def learn_models(
     scenes: Sequence[LabeledScene], yaw_symmetry_deg: Mapping[str, float] | None = None
 ) -> dict[str, CuboidModel]:
-    """Models of the objects that the scenes name, for the estimator `cuboid`.
+    """Return models for the estimator `cuboid` of the objects in the scenes.
 
-    Each model is tried on the scenes that it was learned from before it is returned.
+    Each model is tested on the scenes from which it was learned.
 
     Args:
-        yaw_symmetry_deg: of objects that are known to be symmetric, as for `canonical_pose`.
+        yaw_symmetry_deg: of objects with a known symmetry, as for `canonical_pose`.
 
     Raises:
         InvalidInputError: naming the object and why no model of it can be learned: no color that stands out, a shape
@@ -84,7 +84,7 @@ def _model(
     origin_m = np.median(offsets_m, axis=0) if offsets_m else np.zeros(3)
     model = CuboidModel(_rounded((x, y, z)), color, shape, (0.0, 0.0, _rounded(origin_m)[2]))
     off_axis_m = np.hypot(*origin_m[:2])
-    if off_axis_m < CENTRED_M:
+    if off_axis_m < CENTERED_M:
         return model
     away_from = _away_from(name, scenes)
     if away_from is None:
@@ -99,7 +99,7 @@ def _rounded(vector_m: Iterable[float]) -> tuple[float, float, float]:
 
 
 def _away_from(name: str, scenes: Sequence[LabeledScene]) -> str | None:
-    """The object that the x axis of `name` points away from in all scenes; None if there is none."""
+    """Return the object that the x axis of `name` points away from in all scenes, or None."""
     angles: dict[str, list[float]] = {}
     for scene in scenes:
         query = next((query for query in scene.objects if query.name == name), None)
@@ -124,7 +124,7 @@ def _others(scene: LabeledScene, name: str) -> Iterator[tuple[str, Array]]:
 def _with_rank(
     name: str, model: CuboidModel, scenes: Sequence[LabeledScene], models: Mapping[str, CuboidModel]
 ) -> CuboidModel:
-    """The model with a rank if several things look like it."""
+    """Return the model, with a rank if several objects look like it."""
     ranks: dict[str, list[int]] = {}
     most = 1
     for scene in scenes:
@@ -153,7 +153,7 @@ def _with_rank(
 
 
 def _with_shared_looks(model: CuboidModel, models: Iterable[CuboidModel]) -> CuboidModel:
-    """The model with size and color of the first of those that it is counted among: they are looked for once."""
+    """Return the model with size and color of the first that looks like it, so that one search finds all of them."""
     if model.rank is None:
         return model
     first = next(other for other in models if other.rank is not None and _alike(other, model))
@@ -161,14 +161,14 @@ def _with_shared_looks(model: CuboidModel, models: Iterable[CuboidModel]) -> Cub
 
 
 def _alike(one: CuboidModel, other: CuboidModel) -> bool:
-    """Whether two objects look so similar that neither can be the anchor that tells the other apart."""
+    """Return whether two objects look too similar for one to be the reference of the other's rank."""
     hues_deg = [low + (high - low) % 360 / 2 for low, high in (one.color.hue_deg, other.color.hue_deg)]
     apart_deg = abs((hues_deg[0] - hues_deg[1] + 180) % 360 - 180)
     return apart_deg < SAME_HUE_DEG and np.allclose(one.size_m, other.size_m, rtol=SAME_SIZE)
 
 
 def _check_round(name: str, scenes: Sequence[LabeledScene]) -> None:
-    """Refuse a cylinder for what was given with different yaws: a cup's handle would not be seen."""
+    """Refuse a cylinder for an object that was given with different yaws: the model would ignore a cup's handle."""
     given = [query.quaternion_xyzw for scene in scenes for query in scene.objects if query.name == name]
     rotations = [Rotation.from_quat(quaternion) for quaternion in given if quaternion is not None]
     turn_deg = max((float(np.degrees((rotations[0].inv() * other).magnitude())) for other in rotations), default=0.0)
@@ -178,7 +178,7 @@ def _check_round(name: str, scenes: Sequence[LabeledScene]) -> None:
 
 
 def _try_out(models: Mapping[str, CuboidModel], scenes: Sequence[LabeledScene]) -> None:
-    """Find the objects in the scenes again; the models stand if every pose is right."""
+    """Find the objects in the scenes again; raise ObjectModelError if one is not found or off its given position."""
     for number, scene in enumerate(scenes):
         queries = [ObjectQuery(query.name, model=models[query.name]) for query in scene.objects]
         try:

@@ -21,14 +21,14 @@ from roboprompt_client.types.camera import RgbdFrame
 MIN_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0
 PEAK_REACH_DEG = 30.0
-HUE_MARGIN_DEG, SATURATION_MARGIN, VALUE_FACTOR = 8.0, 0.15, 0.5  # for other light than the demonstrations'
-MAX_LEAST_VALUE = 0.2  # what was learned from a lit side must find the shaded ones
+HUE_MARGIN_DEG, SATURATION_MARGIN, VALUE_FACTOR = 8.0, 0.15, 0.5  # for light unlike the demonstrations'
+MAX_LEAST_VALUE = 0.2  # so that a color learned from a lit side includes shaded sides
 SEED_REACH_PX = 4
 SEED_BEHIND_M = 0.015
 
 
 def object_pixels(frame: RgbdFrame, query: ObjectQuery) -> Bools:
-    """(H, W) pixels that are the object's: those of its mask ids, else some about its position; perhaps none."""
+    """Return the object's pixels (H, W): those of its mask ids, else a few around its position; perhaps none."""
     assert frame.depth_m is not None
     if query.mask_ids and frame.mask is not None:
         return np.isin(frame.mask, query.mask_ids) & (frame.depth_m > 0)
@@ -48,7 +48,7 @@ def object_pixels(frame: RgbdFrame, query: ObjectQuery) -> Bools:
 
 
 def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorModel:
-    """The color of most of the saturated pixels, with a margin for other light.
+    """Return the color of most saturated pixels, with a margin for changes of light.
 
     Raises:
         ObjectModelError: if the object `name` has no color that stands out.
@@ -74,7 +74,7 @@ def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorMode
 
 
 def _samples(frame: RgbdFrame, pixels: Bools) -> Array:
-    """(N, 3) hue in degrees, saturation and value in 0..1 of the pixels, without their rim where enough is left."""
+    """Return hue in degrees, saturation and value in 0..1 (N, 3) of the pixels, without their rim if enough remain."""
     assert frame.rgb is not None
     inner = cv2.erode(pixels.astype(np.uint8), SQUARE) > 0
     chosen = inner if np.count_nonzero(inner) > 30 else pixels
@@ -84,7 +84,7 @@ def _samples(frame: RgbdFrame, pixels: Bools) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What one view says of an object.
+    """The size and origin of an object, measured in one view.
 
     Attributes:
         size_m: (3,) full lengths along the object's axes.
@@ -98,7 +98,7 @@ class Measured:
 
 
 def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
-    """Fit a shape of free size to the patch of the color that shares most pixels with the labeled ones."""
+    """Fit a shape of unknown size to the patch of the color that overlaps the labeled pixels most."""
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
     shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
@@ -116,7 +116,7 @@ def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorMod
 
 
 def _along_axes(candidate: Array, query: ObjectQuery, shape: Shape) -> tuple[Array, Rotation]:
-    """The size along the object's own axes, and their turn; where they are not known, x is the longer side."""
+    """Return size and rotation of the object's own axes; without a given rotation, x is the longer side."""
     size_m, yaw = candidate[SX:].copy(), float(candidate[YAW])
     if query.quaternion_xyzw is not None:
         own = yaw_rad(Rotation.from_quat(query.quaternion_xyzw))

@@ -1,4 +1,4 @@
-"""Which pixels have an object's color, and the separate things that they show."""
+"""Color segmentation: the pixels of an object's color, and the connected pieces that they form."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,10 +20,10 @@ P = TypeVar("P", bound=np.generic)
 MIN_PIXELS = 20
 CROSS: Bytes = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
 SQUARE: Bytes = np.ones((3, 3), np.uint8)
-MIN_SHARE = 0.06  # of the pixels that the whole object would have: what is smaller is no sight of it
-STEP_PIXELS = 8.0  # a step in depth by more pixel widths than this, within 3x3 pixels, parts two things
+MIN_SHARE = 0.06  # smaller pieces, relative to the expected pixels of the whole object, are ignored
+STEP_PIXELS = 8.0  # a larger step in depth within 3x3 pixels, in pixel widths, separates two objects
 MAX_PIECES = 12
-SLACK_M, SLACK_FACTOR = 0.012, 1.1  # for depth noise, when pieces are put together
+SLACK_M, SLACK_FACTOR = 0.012, 1.1  # tolerance for depth noise when pieces are joined
 
 
 def to_hsv(rgb: npt.NDArray[np.uint8]) -> HsvImage:
@@ -42,7 +42,7 @@ def color_mask(hsv: HsvImage, color: ColorModel) -> npt.NDArray[np.uint8]:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Pixels of one thing.
+    """Pixels of one object.
 
     Attributes:
         left_px, top_px: where `mask` lies in the image.
@@ -66,9 +66,9 @@ class Piece:
 
 
 def find_pieces(frame: RgbdFrame, color_mask: Bytes, size_m: Array, shape: Shape) -> list[Piece]:
-    """The things in the mask that may be the object, the largest first.
+    """Return the pieces of the mask that may be the object, the largest first.
 
-    Parts of one thing, parted by what stands before it, are put together where they fit into one object of that size.
+    Pieces that an occluder separates are joined if together they fit into one object of that size.
     """
     pieces = [
         piece
@@ -88,14 +88,14 @@ def _expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Sh
 
 
 def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
-    """The mask's connected patches, the largest first; what touches in the image but lies apart in depth is parted."""
+    """Return the mask's connected components, the largest first, split where the depth has a step."""
     assert frame.depth_m is not None
-    # labelling the whole image takes longer than the rest
+    # labeling the whole image would take longer than everything else
     left_px, top_px, width, height = cv2.boundingRect(color_mask)
     cropped = color_mask[top_px : top_px + height, left_px : left_px + width]
     if not cropped.size:
         return []
-    faces = cv2.morphologyEx(cropped, cv2.MORPH_OPEN, CROSS)  # single pixels and strips are none
+    faces = cv2.morphologyEx(cropped, cv2.MORPH_OPEN, CROSS)  # removes single pixels and thin strips
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(faces, connectivity=4)
     largest = 1 + np.argsort(-boxes[1:, cv2.CC_STAT_AREA])[: 2 * MAX_PIECES]
     pieces: list[Piece] = []
@@ -110,7 +110,7 @@ def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
 
 
 def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> list[Piece]:
-    """The mask cut along steps in depth."""
+    """Return the mask, split along steps in depth."""
     known = mask & (depth_m > 0)
     if np.count_nonzero(known) < MIN_PIXELS // 2:
         return []
@@ -131,7 +131,7 @@ def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArr
 
 
 def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> Piece:
-    """The pixels of a mask whose corner is at (left, top), in a box that is no larger than they need."""
+    """Return the pixels of a mask, whose corner is at (left, top), as a piece cropped to them."""
     x, y, width, height = cv2.boundingRect(mask.astype(np.uint8))
     cut = np.s_[y : y + height, x : x + width]
     known = mask[cut] & (depth_m[cut] > 0)
@@ -139,7 +139,7 @@ def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) 
 
 
 def _together(frame: RgbdFrame, pieces: Sequence[Piece], size_m: Array) -> list[Piece]:
-    """Pieces, the largest first, joined to an earlier one where both fit into one object."""
+    """Return the pieces, the largest first; one that fits into one object with an earlier piece is joined to it."""
     assert frame.depth_m is not None
     joined: list[tuple[Piece, Array]] = []
     for piece in pieces:
@@ -156,7 +156,7 @@ def _together(frame: RgbdFrame, pieces: Sequence[Piece], size_m: Array) -> list[
 
 
 def _fits(points_m: Array, size_m: Array) -> bool:
-    """Whether an upright object of the size could have all of the points, but for noise."""
+    """Return whether all points fit into an upright object of the size, within the tolerance for noise."""
     if not len(points_m):
         return False
     low, high = quantiles(points_m, 0.02, 0.98)
@@ -165,13 +165,13 @@ def _fits(points_m: Array, size_m: Array) -> bool:
 
 
 def quantiles(values: npt.NDArray[P], *shares: float) -> npt.NDArray[P]:
-    """(len(shares), ...) of values (N, ...) those that a share lies below; numpy's own takes four times as long."""
+    """Return the quantiles (len(shares), ...) of values (N, ...); numpy's function takes four times as long."""
     ordered: npt.NDArray[P] = np.sort(values, axis=0)
     return ordered[[round(share * (len(values) - 1)) for share in shares]]
 
 
 def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[P]:
-    """A part (h, w) of an image, with 0 where it reaches beyond the image."""
+    """Return a window (h, w) of an image, padded with 0 outside of the image."""
     part = np.zeros(shape, image.dtype)
     left, right = max(left_px, 0), min(left_px + shape[1], image.shape[1])
     top, bottom = max(top_px, 0), min(top_px + shape[0], image.shape[0])
@@ -180,19 +180,19 @@ def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, .
 
 
 def inner(mask: Bools) -> Bools:
-    """The mask without its rim, where depths mix; the whole where little would be left."""
+    """Return the mask without its rim, where depths mix; the whole mask if little would remain."""
     core = eroded(mask, SQUARE)
     return core if np.count_nonzero(core) > 0.3 * np.count_nonzero(mask) else mask
 
 
 def eroded(mask: Bools, kernel: Bytes) -> Bools:
-    """The mask without the pixels that have others within the kernel; nothing lies beyond its border."""
+    """Return the eroded mask; pixels beyond its border count as empty."""
     core = cv2.erode(mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,))
     return core.view(np.bool_)
 
 
 def piece_points_m(frame: RgbdFrame, piece: Piece) -> Array:
-    """(N, 3) world points of the piece's pixels whose depth is known."""
+    """Return the world points (N, 3) of the piece's pixels with known depth."""
     assert frame.depth_m is not None
     height, width = piece.mask.shape
     depth_m = frame.depth_m[piece.top_px : piece.top_px + height, piece.left_px : piece.left_px + width]

@@ -1,4 +1,4 @@
-"""Upright boxes and cylinders: how far points lie from their surface, rays from their outline; where their corners are.
+"""Upright boxes and cylinders: distances of points from the surface and of rays from the outline; corners.
 
 A candidate is a row ``x, y, z, yaw, sx, sy, sz``: center in meters and yaw in radians in the world frame, full lengths
 in meters. B candidates, N points, M rays; leading dimensions (...) have points or rays, and candidates, of their own.
@@ -15,13 +15,13 @@ from roboprompt_client.types.arrays import Array
 
 Reals = npt.NDArray[np.floating[Any]]
 X, Y, Z, YAW, SX, SY, SZ = range(7)
-ROUND_DIRECTIONS = 12  # the outline of a cylinder as tangents this many to the half turn: 0.2 mm of a radius of 26 mm
+ROUND_DIRECTIONS = 12  # tangents in half a turn of a cylinder's outline: errs 0.2 mm at a radius of 26 mm
 _TANGENTS_RAD = np.arange(ROUND_DIRECTIONS) * np.pi / ROUND_DIRECTIONS
 TINY = 1e-12  # of a ray along an edge
 
 
 def surface_distances_m(shape: Shape, candidates: Reals, points_m: Reals) -> Reals:
-    """(..., B, N) signed distances of points (..., N, 3) from surfaces of candidates (..., B, 7); negative inside."""
+    """Return distances (..., B, N) of points (..., N, 3) from candidates' (..., B, 7) surfaces; negative inside."""
     x, y, z = _places(candidates, points_m)
     half_x, half_y, half_z = _half_sizes(candidates)
     beyond = [np.hypot(x, y) - half_x] if shape == "cylinder" else [np.abs(x) - half_x, np.abs(y) - half_y]
@@ -32,7 +32,7 @@ def surface_distances_m(shape: Shape, candidates: Reals, points_m: Reals) -> Rea
 
 
 def ray_distances_m(shape: Shape, candidates: Reals, eyes_m: Reals, rays: Reals) -> Reals:
-    """(..., B, M) signed distances of rays (..., M, 3) from eyes (..., 3) to the outlines seen; negative: they hit.
+    """Return distances (..., B, M) of rays (..., M, 3) from eyes (..., 3) to the visible outlines; negative: hits.
 
     The greatest gap along any direction across the ray (separating axes); for a box the edges give those that matter.
     """
@@ -51,7 +51,7 @@ def ray_distances_m(shape: Shape, candidates: Reals, eyes_m: Reals, rays: Reals)
 
 
 def outline_points_m(shape: Shape, candidate: Array) -> Array:
-    """(K, 3) world points whose convex hull is the shape."""
+    """Return world points (K, 3) whose convex hull is the shape."""
     half = candidate[SX:] / 2
     if shape == "cylinder":
         angles = np.linspace(0, 2 * np.pi, 2 * ROUND_DIRECTIONS, endpoint=False)

@@ -1,4 +1,4 @@
-"""Pixels of an object in an image -> what a fit needs of them: surface points, outline, ground."""
+"""From pixels of an object to the input of a fit: surface points, outline rays, height of the ground."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
 DEPTH_SIGMA_FLOOR_M = 0.001
-INDEPENDENT_PIXELS = 12  # neighboring depths err alike: so many count as one
+INDEPENDENT_PIXELS = 12  # errors of neighboring depths correlate: so many pixels count as one measurement
 MAX_POINTS, MAX_RAYS = 150, 120
 MARGIN_PX = 16  # around the object, to see what it stands on
-MIN_AROUND = 12  # pixels on lower ground, for a level to show
-PROBE_PX = 3  # how far outside of the outline its neighbor is looked at
-BEHIND_M = 0.015  # what is farther than the object by this much is behind it
-GROUND_STRIDE = 2  # of every so many rows and columns a pixel is enough to see what it stands on
+MIN_AROUND = 12  # pixels around the object that are needed to measure the ground
+PROBE_PX = 3  # distance from the outline to the pixel that shows its surroundings
+BEHIND_M = 0.015  # a pixel that is farther than the object by more is behind it
+GROUND_STRIDE = 2  # use every so many rows and columns to measure the ground
 GROUND_BIN_M = 0.004
 GROUND_NEAR_M = 0.012
 Pixels = npt.NDArray[np.intp]
@@ -27,15 +27,15 @@ NEIGHBORS: Pixels = np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one camera sees of an object.
+    """One camera's measurements of an object.
 
     Attributes:
         points_m: (N, 3) of its surface in the world frame.
-        point_sigma_m: of the points' depth, as much as one of the N counts.
+        point_sigma_m: standard deviation of a point's depth, with the correlation of neighbors included.
         eye_m: (3,) the camera's place.
         rays: (M, 3) unit vectors in the world frame from the eye along the object's outline.
-        footprint_m: what a pixel covers at the object's distance.
-        ground_m: the height of what surrounds it, or None.
+        footprint_m: width of a pixel at the object's distance.
+        ground_m: height of the surface around it, or None.
     """
 
     points_m: Array
@@ -47,7 +47,7 @@ class View:
 
 
 def view_of(frame: RgbdFrame, piece: Piece) -> View:
-    """What the camera sees of the piece."""
+    """Return the camera's measurements of the piece."""
     assert frame.depth_m is not None
     camera = frame.camera
     corner = np.maximum((piece.top_px - MARGIN_PX, piece.left_px - MARGIN_PX), 0)
@@ -70,7 +70,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     behind = probe_depth_m > np.where(rim_depth_m > 0, rim_depth_m, piece.distance_m) + BEHIND_M
     if ground_m is not None:
         behind |= np.abs(points_m(probe)[:, 2] - ground_m) < GROUND_NEAR_M
-    # an edge towards what stands before or on it is not its outline
+    # edges towards an occluder, or to something on top of it, are not its outline
     edges = (rim + outward / 2)[behind & ~mask[tuple(probe.T)]]
     sigma_m = float(np.hypot(DEPTH_SIGMA_AT_1_M * piece.distance_m**2, DEPTH_SIGMA_FLOOR_M))
     return View(
@@ -84,7 +84,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
 
 
 def _ground_m(around_m: Array, object_m: Array) -> float | None:
-    """The height that most of what surrounds the object has; None if there is no such level."""
+    """Return the most frequent height around the object, or None if there is no clear one."""
     below = around_m[around_m < quantiles(object_m, 0.5) + GROUND_NEAR_M]
     if len(below) < MIN_AROUND:
         return None
@@ -95,7 +95,7 @@ def _ground_m(around_m: Array, object_m: Array) -> float | None:
 
 
 def _rim(mask: Bools) -> tuple[Pixels, Pixels]:
-    """(M, 2) row and column of pixels with a neighbor that is not in the mask, and the way (M, 2) to the neighbor."""
+    """Return pixels (M, 2) of the mask that have a neighbor outside of it, and the step (M, 2) to that neighbor."""
     rim = np.argwhere(mask & ~eroded(mask, CROSS))
     beside = rim + NEIGHBORS[:, None]
     framed = cv2.copyMakeBorder(mask.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)

@@ -1,1 +1,1 @@
-"""Objects by the ArUco or AprilTag markers on them, or on fixtures that hold them."""
+"""Objects with ArUco or AprilTag markers on them, or on fixtures that hold them."""

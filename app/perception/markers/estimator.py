@@ -1,7 +1,4 @@
-"""Poses from ArUco or AprilTag markers on the objects, or on fixtures that hold them.
-
-Each comes with how far it can be trusted, and why not further.
-"""
+"""Poses from ArUco or AprilTag markers on the objects, or on fixtures that hold them; with a confidence."""
 
 import math
 from collections import Counter
@@ -21,8 +18,8 @@ from app.perception.sightings import Miss, Sighting, fused
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
-# From the first value, which takes nothing away, to the second, which takes everything. Chosen by what a 5 cm cube's
-# grasp forgives; on renderings with a D400's noise a marker of 20 px has 0.04 px, 0.7 mm and 0.6 degrees.
+# The confidence falls from 1 at the first value to 0 at the second. Chosen by the tolerance of grasping a 5 cm cube; in
+# renderings with a D400's noise a marker of 20 px has 0.04 px, 0.7 mm and 0.6 degrees.
 CORNER_RMS_PX = (0.5, 3.0)
 POSITION_SIGMA_M = (0.005, 0.02)
 ROTATION_SIGMA_DEG = (3.0, 12.0)
@@ -69,7 +66,7 @@ def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]
 
 
 def _look(model: MarkersModel, frame: RgbdFrame, seen: Sequence[SeenMarker]) -> Sighting | Miss:
-    """What one camera makes of one object."""
+    """Return one camera's sighting of one object."""
     camera = frame.camera
     known = {marker.id: marker for marker in model.markers}
     mine = [item for item in seen if item.id in known]
@@ -98,7 +95,7 @@ def _listed(ids: Sequence[int] | Mapping[int, object]) -> str:
 
 
 def depth_contradiction(camera: Camera, view: MarkerView) -> str:
-    """What is wrong if the marker's depth cannot be that of a marker of its size; empty if it can."""
+    """Return how the marker's depth contradicts its size; empty if it does not."""
     by_depth_m, by_size_m = _ranges_m(camera, view)
     if abs(by_depth_m / by_size_m - 1) <= RANGE_DISAGREEMENT[1]:
         return ""
@@ -110,7 +107,7 @@ def depth_contradiction(camera: Camera, view: MarkerView) -> str:
 
 
 def confidence(camera: Camera, fit: MarkerFit, views: Sequence[MarkerView]) -> tuple[float, str]:
-    """0..1, and what lowers it most; nothing above 0.99."""
+    """Return the confidence 0..1 and what lowers it most; empty from 0.99 on."""
     ratios = [by_depth_m / by_size_m for by_depth_m, by_size_m in (_ranges_m(camera, view) for view in views)]
     ratio = max(ratios, key=lambda item: abs(item - 1))
     rotation_deg = math.degrees(fit.rotation_sigma_rad)
@@ -126,7 +123,7 @@ def confidence(camera: Camera, fit: MarkerFit, views: Sequence[MarkerView]) -> t
 
 
 def _ranges_m(camera: Camera, view: MarkerView) -> tuple[float, float]:
-    """The marker's depth as measured on its face, and as its corners and size say."""
+    """Return the marker's range by the depth on its face, and by its corners and size."""
     return float(np.median(view.points_m[:, 2])), float(view.starts(camera)[0][2, 3])
 
 

@@ -1,7 +1,7 @@
 """One rigid pose that explains markers' corners and the depth on their faces.
 
 Corners give direction and yaw, depth gives the range: a marker's size alone gives it only as well as it was printed.
-Errors of a pose are counted in standard deviations of what was measured, with their change by a small motion.
+Residuals are in standard deviations of the measurements.
 """
 
 from collections.abc import Sequence
@@ -18,19 +18,19 @@ from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
 
-DEPTH_PATCH_PX = 25  # neighboring pixels err alike: so many count as one measurement
+DEPTH_PATCH_PX = 25  # errors of neighboring pixels correlate: so many count as one measurement
 OUTLIER_SIGMAS = 4.0
 UPRIGHT_SIGMA_RAD = np.radians(0.1)
-MAX_POINTS = 200  # a face's points beyond these are left out to save time; what is kept counts for all
-TINY = 1e-9  # m; of a face seen from its edge
-RIVAL_RAD = np.radians(5.0)  # poses that differ by less are one
+MAX_POINTS = 200  # per face; more are subsampled, with higher weights
+TINY = 1e-9  # m; avoids a division by 0 where a face is seen edge-on
+RIVAL_RAD = np.radians(5.0)  # closer poses count as equal
 STEP = 1e-6  # rad and m, of numerical derivatives
-SETTLED = 1e-7  # a relative change in cost that is not worth another step
+SETTLED = 1e-7  # relative change in cost below which the optimization stops
 
 
 @dataclass(frozen=True, eq=False)
 class _MarkerData:
-    """Everything measured: C corners, and P points with the face on which each lies, in the object's frame.
+    """All measurements: C corners, and P points, each with the face on which it lies, in the object's frame.
 
     Attributes:
         measurements: (P,) how many independent measurements each point counts as.
@@ -67,7 +67,7 @@ class _MarkerData:
 
 
 def _errors(data: _MarkerData, pose: Array) -> Array:
-    """(E,) in standard deviations: of the corners first, then of the points, then of the upright axis."""
+    """Return residuals (E,) in standard deviations: of corners, points and the upright axis."""
     camera = data.camera
     places = data.corners_m @ pose[:3, :3].T + pose[:3, 3]
     seen = places[:, :2] / places[:, 2:] * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
@@ -78,12 +78,12 @@ def _errors(data: _MarkerData, pose: Array) -> Array:
 
 
 def _depth_errors(data: _MarkerData, pose: Array) -> Array:
-    """The points' distances from their faces; outliers all err alike, and pull at nothing."""
+    """Return residuals (P,) of the points' distances from their faces; constant for outliers."""
     normals = data.face_normals @ pose[:3, :3].T
     on_face = data.face_points_m @ pose[:3, :3].T + pose[:3, 3]
     distances = ((data.points_m - on_face) * normals).sum(axis=1)
     sigmas = DEPTH_SIGMA_AT_1_M * data.points_m[:, 2] * np.abs((data.points_m * normals).sum(axis=1)) + TINY
-    middle = np.sort(distances)[len(distances) // 2]  # until the range is right, all are off by as much
+    middle = np.sort(distances)[len(distances) // 2]  # while the range is wrong, all distances share an offset
     inliers = np.abs(distances - middle) < OUTLIER_SIGMAS * sigmas
     errors: Array = np.where(inliers, distances / sigmas, OUTLIER_SIGMAS) * np.sqrt(data.measurements)
     return errors
@@ -97,9 +97,9 @@ class MarkerFit:
         object_to_camera: (4, 4).
         cost: the sum of squared errors, each in units of its standard deviation.
         corner_rms_px: the corners' distance from where the pose puts them.
-        position_sigma_m: the position's standard deviation, as the measurements' own suggest.
+        position_sigma_m: the position's standard deviation, propagated from the measurements'.
         rotation_sigma_rad: the same of its rotation.
-        rival_cost: that of the other pose from which the corners look nearly the same; infinite if there is none.
+        rival_cost: of the other pose with nearly the same image of the corners; infinite if there is none.
     """
 
     object_to_camera: Array
@@ -111,12 +111,12 @@ class MarkerFit:
 
 
 def fit_markers(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None) -> MarkerFit:
-    """The best pose of the object that carries the markers in `views`, at least one, each with depth on its face.
+    """Return the best pose of the object with the markers in `views` (one or more), each with depth on its face.
 
-    A small square looks nearly the same from two sides: both are tried, for every marker.
+    The pose of a small square is ambiguous: both solutions of every marker are tried.
 
     Args:
-        up_camera: (3,) where the object's z axis points, in the camera's frame; None where that is not known.
+        up_camera: (3,) direction of the object's z axis in the camera's frame, or None if it is unknown.
     """
     data = _MarkerData.of(camera, views, up_camera)
     fits = [_refined(data, start) for start in _starts(camera, views, up_camera)]
@@ -126,7 +126,7 @@ def fit_markers(camera: Camera, views: Sequence[MarkerView], up_camera: Array | 
 
 
 def _starts(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None) -> list[Array]:
-    """Poses (4, 4), object to camera, that differ."""
+    """Return distinct starting poses (4, 4), object to camera."""
     starts: list[Array] = []
     for view in views:
         for marker_to_camera in view.starts(camera):
@@ -139,7 +139,7 @@ def _starts(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None
 
 
 def _smallest_turn(one: Array, other: Array) -> Array:
-    """(3, 3) that brings one unit vector to another."""
+    """Return the rotation (3, 3) that maps one unit vector to another."""
     axis = np.cross(one, other)
     sine = float(np.linalg.norm(axis))
     angle_rad = np.arctan2(sine, one @ other)
@@ -147,7 +147,7 @@ def _smallest_turn(one: Array, other: Array) -> Array:
 
 
 def _refined(data: _MarkerData, start: Array) -> MarkerFit:
-    """The best pose near the start, by a turn and a shift in the camera's frame."""
+    """Return the best pose near the start, optimized by a rotation and a translation in the camera's frame."""
 
     def errors(step: Array) -> Array:
         return _errors(data, _moved(start, step))

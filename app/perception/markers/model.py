@@ -1,4 +1,4 @@
-"""What the estimator `markers` knows of an object: which printed markers it, or the fixture that holds it, carries."""
+"""The object model of the estimator `markers`: the printed markers on an object, or on the fixture that holds it."""
 
 import math
 from dataclasses import dataclass, field

@@ -1,7 +1,7 @@
-"""Markers as one camera sees them: their corners to a tenth of a pixel, and points of their faces by depth.
+"""Markers in one camera: their corners to a tenth of a pixel, and points on their faces by depth.
 
-ArUco and AprilTag markers are detected by OpenCV, which puts the corners of a small marker some 2 % inwards (all but
-its AprilTag refinement, which takes 90 ms): each side is measured again across its black-to-white edge.
+OpenCV detects ArUco and AprilTag markers, but places the corners of a small marker some 2 % inwards (except with its
+AprilTag refinement, which takes 90 ms). So each side is measured again across its black-to-white edge.
 """
 
 from collections.abc import Collection
@@ -19,47 +19,47 @@ from roboprompt_client.types.camera import Camera, RgbdFrame
 
 ROUNDS = 2
 SAMPLES = 16  # a side
-END_SHARE = 0.12  # of a side, left out at both ends, where two edges blur into each other
+END_SHARE = 0.12  # omitted share of a side at both ends, where two edges blur into each other
 PROFILE = 13  # samples across an edge
 MAX_REACH_PX = 3.0  # to both sides of an edge
 REACH_CELLS = 0.6  # the border is one cell wide: what lies beyond is another edge
-FLAT = 1e-6  # grey values: keeps a side without any edge from dividing by zero
+FLAT = 1e-6  # grey values; avoids a division by 0 at a side without an edge
 GreyImage = npt.NDArray[np.uint8]
 
 # With these, 115 of 120 markers of 14 px (4 cm, 1.2 m away, seen from the side) are found in noisy renderings; with
 # OpenCV's own settings 76, at twice the size 102.
 PIXELS_PER_CELL = 12
 CELL_MARGIN = 0.3
-ENLARGED_WINDOWS_PX = (7, 23)  # of the adaptive threshold: the two that find most, of OpenCV's three
-MAX_ENLARGED_PIXELS = 1_000_000  # a larger image shows enough as it is
-SIGMA_PX = 0.1  # of a corner: twice what noisy renderings show, for no lens is modeled exactly
-SMALL_SIGMA_PX = 0.35  # where a cell is one pixel wide, less where it is wider: neighboring edges blur into each other
+ENLARGED_WINDOWS_PX = (7, 23)  # windows of the adaptive threshold: the best two of OpenCV's three
+MAX_ENLARGED_PIXELS = 1_000_000  # larger images are not enlarged
+SIGMA_PX = 0.1  # of a corner: twice the value in noisy renderings, for errors of the lens model
+SMALL_SIGMA_PX = 0.35  # for cells one pixel wide, inversely proportional to their width: neighboring edges blur
 FACE_SHARE = 0.75  # of a face's side, around its middle: depth at its edge mixes with what lies behind
 _CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
 
 
 def _sides_px(corners_px: Array) -> Array:
-    """(M,) the length of each marker's shortest side."""
+    """Return the length (M,) of each marker's shortest side."""
     sides: Array = np.linalg.norm(np.roll(corners_px, -1, axis=1) - corners_px, axis=2).min(axis=1)
     return sides
 
 
 def _refined_corners(grey: npt.NDArray[np.float32], corners_px: Array, cells: int) -> Array:
-    """(M, 4, 2) corners as the intersections of the lines through their sides' edge points."""
+    """Return corners (M, 4, 2) as intersections of the lines through the sides' edge points."""
     reach_px = np.minimum(MAX_REACH_PX, REACH_CELLS * _sides_px(corners_px) / cells)
     for _ in range(ROUNDS):
         lines = _sides(grey, corners_px, reach_px)
         crossings = np.cross(np.roll(lines, 1, axis=1), lines)
         with np.errstate(divide="ignore", invalid="ignore"):  # parallel lines cross nowhere near
             refined = crossings[..., :2] / crossings[..., 2:]
-        # where the edge is not near the detector's, e.g. under a finger, the detector's corner is the better one
+        # keep the detector's corner if the edge is far from it, e.g. under a finger
         near = np.linalg.norm(refined - corners_px, axis=2) < 2 * reach_px[:, None]
         corners_px = np.where(near[..., None], refined, corners_px)
     return corners_px
 
 
 def _sides(grey: npt.NDArray[np.float32], corners_px: Array, reach_px: Array) -> Array:
-    """(M, 4, 3) homogeneous lines along which grey rises most steeply, from each corner to the next."""
+    """Return homogeneous lines (M, 4, 3) of the steepest rise of grey values, from each corner to the next."""
     along = np.roll(corners_px, -1, axis=1) - corners_px
     outward = np.stack([along[..., 1], -along[..., 0]], axis=-1) / np.linalg.norm(along, axis=2, keepdims=True)
     shares = np.linspace(END_SHARE, 1 - END_SHARE, SAMPLES)
@@ -76,7 +76,7 @@ def _sides(grey: npt.NDArray[np.float32], corners_px: Array, reach_px: Array) ->
 
 
 def _lines(points: Array, weights: Array) -> Array:
-    """The weighted least-squares lines (..., 3) through (..., N, 2) points."""
+    """Return weighted least-squares lines (..., 3) through points (..., N, 2)."""
     shares = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
     middle = (points * shares).sum(axis=-2)
     centered = points - middle[..., None, :]
@@ -98,10 +98,9 @@ class SeenMarker(NamedTuple):
 
 
 def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection[int]) -> tuple[SeenMarker, ...]:
-    """The markers with `wanted` ids in an (H, W, 3) image; an id appears as often as it is seen.
+    """Return the markers with `wanted` ids in an image (H, W, 3), each occurrence of an id.
 
-    Where some are not seen at once, they are looked for in the image at twice its size, which takes 8 ms more at
-    640x480.
+    If some are missing, the image is searched again at twice its size, which takes 8 ms more at 640x480.
     """
     grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
     found = [item for item in _detected(grey, dictionary) if item[0] in wanted]
@@ -119,7 +118,7 @@ def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection
 
 
 def _detected(grey: GreyImage, dictionary: str, *, enlarged: bool = False) -> list[tuple[int, Array]]:
-    """Ids and (4, 2) corners as OpenCV has them, in the image or at twice its size."""
+    """Return ids and corners (4, 2) by OpenCV, in the image or at twice its size."""
     options = cv2.aruco.DetectorParameters()
     options.perspectiveRemovePixelPerCell = PIXELS_PER_CELL
     options.perspectiveRemoveIgnoredMarginPerCell = CELL_MARGIN
@@ -131,7 +130,7 @@ def _detected(grey: GreyImage, dictionary: str, *, enlarged: bool = False) -> li
     if not quads:
         return []
     corners_px = np.array(quads, np.float64).reshape(-1, 4, 2)
-    if enlarged:  # pixel centers are whole numbers: two small ones share the place of the larger one between them
+    if enlarged:  # pixel centers are whole numbers in both images
         corners_px = (corners_px + 0.5) / 2 - 0.5
     return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners_px, strict=True)]
 
@@ -160,7 +159,7 @@ class MarkerView:
         return self.marker.size_m * _CORNERS
 
     def starts(self, camera: Camera) -> list[Array]:
-        """The one or two poses (4, 4), marker to camera, that corners and size alone allow."""
+        """Return the one or two poses (4, 4), marker to camera, that explain corners and size."""
         matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
         corners_m, corners_px, square = self.corners_marker_m, self.seen.corners_px, cv2.SOLVEPNP_IPPE_SQUARE
         _, turns, shifts_m, _ = cv2.solvePnPGeneric(corners_m, corners_px, matrix, None, flags=square)
@@ -171,7 +170,7 @@ class MarkerView:
 
 
 def face_points_m(frame: RgbdFrame, corners_px: Array) -> Array:
-    """(N, 3) of the face between corners (4, 2), in the camera's frame, where depth is known."""
+    """Return points (N, 3) of the face between corners (4, 2), in the camera's frame."""
     assert frame.depth_m is not None
     middle = corners_px.mean(axis=0)
     inner = np.rint(middle + FACE_SHARE * (corners_px - middle)).astype(np.int32)

@@ -1,1 +1,1 @@
-"""Objects by what they looked like: a template from labeled views, registered to the points of a scene."""
+"""Objects without a known shape: a template from labeled views is registered to the points of a scene."""

@@ -1,4 +1,4 @@
-"""Where to look for an object: connected parts of a scene that have its colors."""
+"""Where to search for an object: connected parts of a scene that have its colors."""
 
 from collections.abc import Sequence
 
@@ -14,23 +14,25 @@ from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
 from roboprompt_client.types.arrays import Array
 
-GAPS_M = (0.008, 0.016, 0.032, 0.064)  # between two parts
-NEIGHBOR_CELLS = 1.75  # from a cell to the 26 around it
-CONNECTED_SHARE = 0.9  # of an object's points that are one part
-LIKE_LAB, SAME_LAB = 26.0, 12.0  # from a color of the object in another light, or in the same; Lab units
-ALIKE_SHARE = 0.8  # a part of which less has the same colors is looked at without the rest: the object may touch that
+GAPS_M = (0.008, 0.016, 0.032, 0.064)  # tried cell sizes: points in neighboring cells are connected
+NEIGHBOR_CELLS = 1.75  # distance from a cell within which the 26 around it lie
+CONNECTED_SHARE = 0.9  # least share of a template's points in one part for a cell size to suffice
+LIKE_LAB, SAME_LAB = 26.0, 12.0  # tolerance of an object's colors in other light, in the same light; Lab units
+# A part with fewer points of the same colors may be the object and something that touches it: it is also tried without
+# the other points.
+ALIKE_SHARE = 0.8
 FEWEST_POINTS, MIN_SHARE = 15, 0.04  # of the template's points
 MAX_CANDIDATES = 8  # the largest
-TOO_WIDE, MAX_PIECES = 1.2, 4  # times an object's width: several that touch
+TOO_WIDE, MAX_PIECES = 1.2, 4  # a part wider than so many widths of the object is split into pieces
 
 
 def candidates(template: Template, lit: LitScene, without: Index | None = None) -> Sequence[Index]:
-    """Indices of the scene's points in each part, the largest part first; then in pieces of parts that are too large.
+    """Return the point indices of each part, the largest first, then of pieces of parts that are too large.
 
     Args:
-        without: points that something else explains.
+        without: indices of points that belong to another object.
     """
-    # Of its colors, and as high above the table as some of it may be; but not what it lies on.
+    # Points of its colors at heights that it may have, without what it lies on.
     low_m, high_m = template.points_m[:, 2].min() - MAX_RISE_M, template.points_m[:, 2].max() + MAX_RISE_M
     if template.above_table_m > STANDS_WITHIN_M:
         low_m = template.points_m[:, 2].min() + ABOVE_TABLE_M[0]
@@ -50,7 +52,7 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
 
 
 def _parts(template: Template, points_m: Array, index: Index, across_m: float) -> Sequence[Index]:
-    """The connected parts of the points `index` that are large enough, the largest first."""
+    """Return the connected parts of the points `index` that are large enough, the largest first."""
     enough = max(FEWEST_POINTS, MIN_SHARE * len(template))
     if len(index) < enough:
         return []
@@ -61,15 +63,15 @@ def _parts(template: Template, points_m: Array, index: Index, across_m: float) -
 
 
 def gap_m(template: Template) -> float:
-    """Across which the template is one part: a rack of two rails is found as a whole."""
+    """Return the cell size that makes the template one part, so that a rack of two rails is found as a whole."""
     for across_m in GAPS_M[:-1]:
         if np.bincount(parts_of(template.points_m, across_m)).max() >= CONNECTED_SHARE * len(template):
-            return across_m if across_m == GAPS_M[0] else 2 * across_m  # cells begin elsewhere in the scene
+            return across_m if across_m == GAPS_M[0] else 2 * across_m  # the scene's cells have another origin
     return GAPS_M[-1]
 
 
 def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]:
-    """A part that is too large for one object in as many pieces as it may be objects that touch."""
+    """Return a part that is too large for one object, split into pieces of about the object's width."""
     width_m = float(np.ptp(points_m[part, :2], axis=0).max())
     count = min(round(width_m / max(template.width_m, VOXEL_M)), MAX_PIECES)
     if count < 2 and width_m > TOO_WIDE * template.width_m:
@@ -81,7 +83,7 @@ def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]
 
 
 def parts_of(points_m: Array, across_m: float = GAPS_M[0]) -> Index:
-    """(N,) which connected part each point belongs to."""
+    """Return the connected part (N,) of each point."""
     cells, cell = np.unique(np.floor(points_m / across_m).astype(np.int64), axis=0, return_inverse=True)
     pairs = cKDTree(cells).query_pairs(NEIGHBOR_CELLS, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(cells), len(cells)))

@@ -1,4 +1,4 @@
-"""A pose, or the reason why there is none: what every part of the scene says of an object, weighed."""
+"""The decision between a pose and a refusal, from the hypotheses in every part of the scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,27 +14,28 @@ from app.perception.registered.template import Template
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
-USUAL_SCORE, SLACK = 0.97, 0.08  # of a template of one view; how far below its views' worst score a right pose may lie
+USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
 SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
-EXPLAINED_M = 0.015  # points nearer than this to the object in its pose are its own
+EXPLAINED_M = 0.015  # points closer than this to the object in its pose belong to it
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
-OVERLAP_MARGIN = 0.06  # of the score, where the rival would stand within the found object: no second one can
-LIES_SCORE, LIES_BETTER = 0.6, 0.1  # lying; and by how much better than upright
-SEEN_SHARE = 0.12  # of the side that faces a camera: with less, the camera does not see it
+OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found object: two objects cannot
+LIES_SCORE, LIES_BETTER = 0.6, 0.1  # least score of a lying pose, and least gain over upright ones
+SEEN_SHARE = 0.12  # a camera sees the object if it sees this share of the side that faces it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
-SWAPPED_OFF = 0.03  # of a table's share of red and blue from the taught one; shadows and lamps make less
-STEP_PX = 4  # of the pixels that are looked at for missing depth
-MIN_PIXELS, MIN_SHARE = 200, 0.8  # of the object's colors and without depth
+SWAPPED_OFF = 0.03  # least change of the table's red and blue shares; shadows and lamps change them less
+STEP_PX = 4  # stride of the pixels that are checked for missing depth
+MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without depth, to be reported
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An object that is at one place and nowhere else.
+    """An object that was found at one place only.
 
     Attributes:
         best: its pose.
         shares: by camera, see `shares_seen`.
-        yaw_rivals: how many other yaws explain the scene as well; their greatest distance from the pose in m.
+        yaw_rivals: number of other yaws that explain the scene as well.
+        spread_m: largest distance of their positions from the pose's.
     """
 
     best: Hypothesis
@@ -44,20 +45,20 @@ class Found:
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Those that see it."""
+        """The cameras that see it."""
         seeing = tuple(name for name, share in self.shares.items() if share >= SEEN_SHARE)
         return seeing or (max(self.shares, key=self.shares.__getitem__),)
 
 
 def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None = None) -> Found:
-    """Where the object is.
+    """Return the pose of the object `name`.
 
     Args:
-        elsewhere: points of the scene where it is not looked for: outside of its masks, where it has some.
+        elsewhere: indices of points outside of its masks, which are ignored.
 
     Raises:
         ObjectNotVisibleError: if nothing has its colors and shape.
-        UncertainPoseError: if too little of it is seen, it lies, or another place looks like it.
+        UncertainPoseError: if too little of it is visible, it lies on its side, or another place matches, too.
     """
     parts = candidates(template, lit, without=elsewhere)
     places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
@@ -77,7 +78,7 @@ def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None =
 
 
 def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Poses with another yaw that the evidence does not tell from the first."""
+    """Return the poses of other yaws that the evidence does not distinguish from the first."""
     best, symmetry_deg = place[0], template.yaw_symmetry_deg
     if symmetry_deg == 0:
         return []
@@ -97,7 +98,7 @@ def _rank(hypothesis: Hypothesis) -> float:
 def _check(
     name: str, template: Template, lit: LitScene, best: Hypothesis, shares: dict[str, float], parts: Sequence[Index]
 ) -> None:
-    """Refuse what does not look like the object, or shows too little of it."""
+    """Refuse a pose that matches badly, or of an object of which too little is visible."""
     seen = ", ".join(f"{camera} {100 * share:.0f} %" for camera, share in shares.items())
     least_score = max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
     if best.value < least_score:
@@ -113,7 +114,7 @@ def _check(
 
 
 def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:
-    """Refuse if another place might be the object as well."""
+    """Refuse a pose if the object may be at another place as well."""
     for rival in rivals:
         apart_m = float(np.linalg.norm(rival.origin_m - best.origin_m))
         margin = OVERLAP_MARGIN if apart_m < template.narrowest_m else RIVAL_MARGIN
@@ -129,7 +130,7 @@ def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequen
 
 
 def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> list[Hypothesis]:
-    """The best poses in what the found object does not explain: another that touches it."""
+    """Return the best poses for points that the found object does not explain, e.g. of another one that touches it."""
     explained = template.distance_m(best.pose.to_template(lit.scene.points_m)[0]) < EXPLAINED_M
     if elsewhere is not None:
         explained[elsewhere] = True
@@ -138,7 +139,7 @@ def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: In
 
 
 def causes(template: Template, lit: LitScene) -> str:
-    """What may be wrong with images in which an object is not found, to follow a message; empty if nothing is seen."""
+    """Return likely faults of images in which an object was not found, as the end of a message; may be empty."""
     notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
     taught, seen = (rgb / max(rgb.sum(), 1.0) for rgb in (template.table_rgb, lit.scene.table.rgb))
     off, off_swapped = np.linalg.norm(seen - taught), np.linalg.norm(seen[::-1] - taught)

@@ -1,4 +1,4 @@
-"""Objects by what they looked like, found in RGB-D images of one or more cameras together."""
+"""The estimator `registered`: finds taught objects in RGB-D images of one or more cameras together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
-SAME_SURFACE_M = 0.02  # a pixel whose depth differs by more shows something before or behind a point
-WELL_SEEN = 0.6  # support from which on nothing lowers the confidence
+SAME_SURFACE_M = 0.02  # a pixel shows a point if their depths differ by less
+WELL_SEEN = 0.6  # less support lowers the confidence
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,16 @@ class TaughtQuery(ObjectQuery):
 
 
 class RegisteredPoses:
-    """Registers templates to what stands on the table; the images are prepared once for all objects.
+    """Registers templates to the points above the table; images are prepared once for all objects.
 
-    An object with `mask_ids` is looked for in its masks alone: a detector may say which of several alike is meant.
+    An object with `mask_ids` is searched in its masks only, so a detector can select one of several that look alike.
 
-    Objects stand upright, as in the views that taught them. An object's origin is the middle of what was seen of it, on
-    the axis of a round one.
+    Objects stand upright, as in their labeled views. An object's origin is the middle of its visible points, or on the
+    axis of a round object.
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        """One pose per object; see `app.perception.base.PoseEstimator`.
+        """Return one pose for each object; see `app.perception.base.PoseEstimator`.
 
         Raises:
             InvalidInputError: if a query has no template, or the images are unusable.
@@ -67,7 +67,7 @@ def _template_of(query: ObjectQuery) -> Template:
 
 
 def _outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Array) -> Index | None:
-    """Those of the points (N, 3) that no camera sees in the object's masks; None if it has none."""
+    """Return indices of the points (N, 3) outside of the object's masks in all cameras; None if it has no masks."""
     if not query.mask_ids:
         return None
     masked = [frame for frame in frames if frame.mask is not None]
@@ -107,7 +107,7 @@ def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, e
 
 
 def _why_no_yaw(found: Found) -> str:
-    """Why the yaw is not certain; empty if it is."""
+    """Return why the yaw is uncertain; empty if it is certain."""
     if found.yaw_rivals:
         return f"{found.yaw_rivals + 1} yaws explain what {', '.join(found.cameras)} show equally well"
     if len(found.cameras) == 1:

@@ -1,4 +1,4 @@
-"""Clouds of points, one point a voxel with a normal that faces the camera; and many poses of a template at once."""
+"""Point clouds with one point per voxel and normals towards the camera; batches of poses."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ NORMAL_RADIUS_M, NORMAL_NEIGHBORS = 0.015, 14
 
 
 def thinned(points_m: Array, *others: Array) -> tuple[Array, ...]:
-    """The mean point (N, 3) of each voxel, and the means of what else (M, 3) is known of its points."""
+    """Return the mean point (N, 3) of each voxel, and the means (N, 3) of the points' other values (M, 3)."""
     cells = np.floor(points_m / VOXEL_M).astype(np.int64) + MAX_VOXELS // 2
     _, inverse, counts = np.unique(cells @ [1, MAX_VOXELS, MAX_VOXELS**2], return_inverse=True, return_counts=True)
     return tuple(
@@ -28,7 +28,7 @@ def thinned(points_m: Array, *others: Array) -> tuple[Array, ...]:
 
 
 def normals_of(points_m: Array, eyes_m: Array) -> Array:
-    """(N, 3) unit normals of the plane through each point's neighbors, towards the eye (N, 3) that saw it."""
+    """Return unit normals (N, 3) of planes through each point's neighbors, towards the camera positions (N, 3)."""
     if len(points_m) < 3:
         return unit(eyes_m - points_m)
     count = min(NORMAL_NEIGHBORS, len(points_m))
@@ -43,7 +43,7 @@ def normals_of(points_m: Array, eyes_m: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """(N, 3) of length 1; zero vectors stay."""
+    """Return vectors scaled to length 1; zero vectors remain zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     result: Array = vectors / np.maximum(lengths, 1e-12)
     return result
@@ -60,28 +60,28 @@ class Poses:
         return len(self.rotations)
 
     def __getitem__(self, index: npt.ArrayLike | slice) -> "Poses":
-        """Those at an index array or slice."""
+        """Return the poses at an index array or slice."""
         return Poses(self.rotations[index], self.origins_m[index])  # type: ignore[index]
 
     def to_world(self, points_m: Array) -> Array:
-        """(S, P, 3) of points (P, 3) of the template."""
+        """Return template points (P, 3) in the world frame (S, P, 3)."""
         moved: Array = points_m @ self.rotations.transpose(0, 2, 1) + self.origins_m[:, None]
         return moved
 
     def to_template(self, points_m: Array) -> Array:
-        """(S, P, 3) of points (P, 3) of the world."""
+        """Return world points (P, 3) in the template frame (S, P, 3)."""
         moved: Array = (points_m - self.origins_m[:, None]) @ self.rotations
         return moved
 
 
 def about_z(degrees: npt.ArrayLike) -> Array:
-    """(S, 3, 3) rotations about the vertical."""
+    """Return rotations (S, 3, 3) about the vertical."""
     matrices: Array = Rotation.from_euler("z", np.atleast_1d(degrees).reshape(-1, 1), degrees=True).as_matrix()
     return matrices
 
 
 def angle_deg(one: Array, other: Array, symmetry_deg: float | None = None) -> float:
-    """Between two rotations (3, 3), as small as a symmetry about z allows; with 0 between their z axes."""
+    """Return the least angle between rotations (3, 3) under a symmetry about z; for 0, between their z axes."""
     if symmetry_deg == 0:
         return float(np.degrees(np.arccos(np.clip(one[:, 2] @ other[:, 2], -1, 1))))
     turns = about_z(np.arange(0, 360, symmetry_deg or 360))

@@ -1,6 +1,6 @@
-"""The poses that one part of a scene allows, the best first, and which of them the evidence tells apart.
+"""Poses that explain one part of a scene, the best first, with evidence to distinguish them.
 
-From many starts at once by iterative closest points: point to plane, a little point to point, robust.
+Robust iterative closest points (ICP) from many starts in one batch: point to plane, with a little point to point.
 """
 
 from collections.abc import Sequence
@@ -15,23 +15,27 @@ from app.perception.registered.score import score
 from app.perception.registered.template import LAB_AS_M, Template
 from roboprompt_client.types.arrays import Array
 
-FEW, SOME, MANY, MOST = 110, 160, 250, 800  # points of the scene, from the first look to the last
+FEW, SOME, MANY, MOST = 110, 160, 250, 800  # points of the scene in each stage, from coarse to final
 COARSE_M = (0.05, 0.04, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02)
 FINE_M = (0.02, 0.02, 0.015, 0.015, 0.012)
 FINAL_M = (0.012, 0.01, 0.01)
-HOPELESS = 0.5  # of which score no start becomes good
-CLOSE_BY, FEWEST_KEPT, MAX_KEPT = 0.12, 4, 14  # scores so little below the best, and how many in any case
+HOPELESS = 0.5  # no refinement follows if the best coarse score is lower
+CLOSE_BY, FEWEST_KEPT, MAX_KEPT = (
+    0.12,
+    4,
+    14,
+)  # keep poses whose score is this close to the best; bounds of their number
 NEARBY_YAWS_DEG = (0.0, -10.0, -7, -4, -2, 2, 4, 7, 10)
-SURE = 3.0  # standard errors by which the evidence must speak for a pose
-MIN_SHARE = 0.02  # of the points, by which it must speak, too
+SURE = 3.0  # standard errors of evidence that one pose needs over another
+MIN_SHARE = 0.02  # least evidence for that, relative to the number of points
 
-MAX_RISE_M = 0.025  # from the taught height above the table: a cloth, a calibration's error
+MAX_RISE_M = 0.025  # tolerance of the taught height above the table: a cloth, errors of calibration
 START_YAWS_DEG = np.arange(0, 360, 15.0)
-MAX_TURN_RAD = 0.2  # a step
-POINT_TO_POINT, POINT_TO_POINT_COLORED = 0.02, 0.06  # its weight beside point to plane: holds what could slide
+MAX_TURN_RAD = 0.2  # per step
+POINT_TO_POINT, POINT_TO_POINT_COLORED = 0.02, 0.06  # weight relative to point to plane; prevents sliding
 DAMPING_RAD2, DAMPING_M2 = 1e-4, 1e-2
-FEW_SEEN = 20  # points: with fewer, all of the template stand for its visible side
-TURN_ABOUT_Z = [2, 3, 4, 5]  # upright: of (3,) rotation and (3,) translation these are free
+FEW_SEEN = 20  # with fewer visible points, use all points of the template
+TURN_ABOUT_Z = [2, 3, 4, 5]  # free components of (3,) rotation and (3,) translation of an upright object
 ALL_FREE = [0, 1, 2, 3, 4, 5]
 FALLS = Rotation.from_euler("xyz", [[90, 0, 0], [-90, 0, 0], [0, 90, 0], [0, -90, 0], [180, 0, 0]], degrees=True)
 
@@ -42,7 +46,7 @@ class Hypothesis:
 
     Attributes:
         pose: one pose.
-        evidence: (E,) or None where the pose was hopeless from the start.
+        evidence: (E,), or None if the coarse score was hopeless.
     """
 
     pose: Poses
@@ -75,7 +79,7 @@ class Hypothesis:
         return float(np.degrees(np.arctan2(self.rotation[1, 0], self.rotation[0, 0])))
 
     def beats(self, rival: "Hypothesis") -> bool:
-        """Whether the points that tell the two apart speak against the rival, beyond chance."""
+        """Return whether the evidence favors this pose over the rival significantly."""
         if self.evidence is None or rival.evidence is None:
             return self.evidence is not None
         against = np.minimum(self.evidence, 0) - np.minimum(rival.evidence, 0)
@@ -86,11 +90,11 @@ class Hypothesis:
 def hypotheses(
     template: Template, lit: LitScene, index: Index, yaws_deg: Array = START_YAWS_DEG, *, fallen: bool = False
 ) -> Sequence[Hypothesis]:
-    """Poses that explain the points `index`, the best first; at least one.
+    """Return poses that explain the points `index`, the best first; at least one.
 
     Args:
-        yaws_deg: at which to start.
-        fallen: whether it lies instead of standing.
+        yaws_deg: starting yaws.
+        fallen: whether the object lies on its side.
     """
     index = np.random.default_rng(0).permutation(index)
     free = ALL_FREE if fallen else TURN_ABOUT_Z
@@ -121,17 +125,17 @@ def hypotheses(
 
 
 def _upright_starts(template: Template, scene: Scene, points_m: Array, yaws_deg: Array) -> Poses:
-    """Standing on the table, with the middle of its visible side over that of the points (P, 3), at each yaw (S,)."""
+    """Return upright poses on the table at each yaw (S,), their visible sides centered on the points (P, 3)."""
     if template.yaw_symmetry_deg == 0:
         yaws_deg = yaws_deg[:1]
     poses = _over(template, scene, points_m, about_z(yaws_deg))
-    # The template stands on the table: what was seen of it was so high above.
+    # `bottom_m` is where the table was below the template.
     poses.origins_m[:, 2] = scene.table.level_m(points_m.mean(axis=0)) - template.bottom_m
     return poses
 
 
 def _fallen_starts(template: Template, scene: Scene, points_m: Array) -> Poses:
-    """Lying on the table on each of its sides, or upside down, at each yaw."""
+    """Return poses that lie on each side, or upside down, at each yaw."""
     rotations = np.concatenate([about_z(START_YAWS_DEG[::2]) @ fall for fall in FALLS.as_matrix()])
     poses = _over(template, scene, points_m, rotations)
     lowest_m = (template.points_m @ rotations.transpose(0, 2, 1))[..., 2].min(axis=1)
@@ -140,7 +144,7 @@ def _fallen_starts(template: Template, scene: Scene, points_m: Array) -> Poses:
 
 
 def _over(template: Template, scene: Scene, points_m: Array, rotations: Array) -> Poses:
-    """With the middle of the side that the cameras see over the middle of the points."""
+    """Return poses of these rotations whose visible sides are centered on the points."""
     middle_m = points_m.mean(axis=0)
     rays = np.array([view.eye_m - middle_m for view in scene.views])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -152,7 +156,7 @@ def _over(template: Template, scene: Scene, points_m: Array, rotations: Array) -
 
 
 def _at_height(template: Template, lit: LitScene, poses: Poses) -> Poses:
-    """The poses no higher or lower above the table than the object was taught, within what cloths and errors make."""
+    """Return the poses with heights limited to the taught height above the table, within a tolerance."""
     plane = lit.scene.table.plane
     taught_m = poses.origins_m[:, :2] @ plane[:2] + plane[2] - template.bottom_m
     height_m = np.clip(poses.origins_m[:, 2], taught_m - MAX_RISE_M, taught_m + MAX_RISE_M)
@@ -160,7 +164,7 @@ def _at_height(template: Template, lit: LitScene, poses: Poses) -> Poses:
 
 
 def _best_nearby(template: Template, lit: LitScene, index: Index, poses: Poses) -> Poses:
-    """Each pose, or a better one with a yaw close by: a nearly round body keeps the yaw that its start had."""
+    """Return each pose with the best yaw close by, since ICP hardly changes the yaw of a nearly round body."""
     count = len(NEARBY_YAWS_DEG)
     rotations = (about_z(NEARBY_YAWS_DEG) @ poses.rotations[:, None]).reshape(-1, 3, 3)
     turned = Poses(rotations, np.repeat(poses.origins_m, count, axis=0))
@@ -177,12 +181,12 @@ def registered(
     lab: Array | None = None,
     free: Sequence[int] = TURN_ABOUT_Z,
 ) -> Poses:
-    """The poses moved so that the scene's points (P, 3) lie on the template, one step per reach.
+    """Return the poses after ICP steps that move the scene's points (P, 3) onto the template, one step per reach.
 
     Args:
-        reaches_m: points that are farther from the template do not count.
-        lab: (P, 3) colors of the points: partners are chosen by place and color.
-        free: which of (3,) rotation and (3,) translation change.
+        reaches_m: points farther from the template have no weight.
+        lab: (P, 3) colors of the points; if given, partners are the nearest by place and color.
+        free: the components of (3,) rotation and (3,) translation that may change.
     """
     beside = POINT_TO_POINT if lab is None else POINT_TO_POINT_COLORED
     damping = np.diag([DAMPING_RAD2 if column < 3 else DAMPING_M2 for column in free])
@@ -208,7 +212,7 @@ def registered(
 
 
 def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
-    """(S, P) index of each point's partner."""
+    """Return the index (S, P) of each point's partner in the template."""
     if lab is None:
         return template.closest(places_m)
     colored = np.concatenate([places_m, np.broadcast_to(lab * LAB_AS_M, places_m.shape)], axis=2)
@@ -217,7 +221,7 @@ def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
 
 
 def _point_jacobian(places_m: Array) -> Array:
-    """(S, P, 3, 6) how points move with (3,) rotation and (3,) translation."""
+    """Return the derivatives (S, P, 3, 6) of points by (3,) rotation and (3,) translation."""
     x, y, z = np.moveaxis(places_m, -1, 0)
     jacobian = np.zeros((*places_m.shape, 6))
     jacobian[..., 0, 1], jacobian[..., 0, 2] = z, -y

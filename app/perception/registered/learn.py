@@ -1,6 +1,6 @@
-"""Labeled views of an object -> a template.
+"""From labeled views of an object to a template.
 
-The view with most points begins; each further one is registered to what is there and adds its points, if it fits.
+The template starts as the view with most points; each further view is registered to it and adds its points if it fits.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,10 +20,10 @@ from app.perception.registered.view import free_views
 from roboprompt_client.types.camera import RgbdFrame
 
 FEWEST_POINTS = 40
-FREE_MARGIN_M = 0.06  # around the object, within which its views say what is free
+FREE_MARGIN_M = 0.06  # margin around the object in the stored free-space images
 MAX_SPAN_M = 0.7
-ARROW_ERROR_DEG = np.array([-10.0, -3, 3, 10])  # of arrows that people draw
-MAX_ROOTS = 2  # views that are tried as the first
+ARROW_ERROR_DEG = np.array([-10.0, -3, 3, 10])  # starting yaws around an arrow drawn by hand
+MAX_ROOTS = 2  # views that are tried as the start
 HELP_LABEL = "a mask that holds all of it and nothing else, in every camera that sees it"
 
 
@@ -32,8 +32,8 @@ class LabeledView:
     """One observation in which an object is labeled.
 
     Attributes:
-        frames: with color, depth and the object's mask: what is not 0 is the object.
-        yaw_deg: of its x axis about the vertical, to within ten degrees, or None.
+        frames: with color, depth and the object's mask (not 0: the object).
+        yaw_deg: yaw of its x axis to within ten degrees, or None.
     """
 
     frames: tuple[RgbdFrame, ...]
@@ -42,11 +42,11 @@ class LabeledView:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A template, and what became of each view.
+    """A template, and which views it contains.
 
     Attributes:
-        merged: numbers of the views, the first of them first.
-        refused: by number of the view, why it was not merged.
+        merged: numbers of the merged views, in order.
+        refused: for each other view, by number, why it was not merged.
     """
 
     template: Template
@@ -62,14 +62,14 @@ class _Seen:
 
 
 def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *, needs_yaw: bool = True) -> Learned:
-    """A template of the object `name`.
+    """Return a template of the object `name`.
 
     Args:
-        symmetry_deg: the turn about the vertical that leaves it unchanged: 0 any, None none.
-        needs_yaw: refuse an object whose yaw could never be known.
+        symmetry_deg: the rotation symmetry about the vertical: 0 round, None none.
+        needs_yaw: refuse an object whose yaw cannot be determined.
 
     Raises:
-        ObjectModelError: if no view shows the object, none of several fits another, or it is not as symmetric as said.
+        ObjectModelError: if no view shows the object, no two views fit each other, or the symmetry is wrong.
         InvalidInputError: if images are unusable.
     """
     seen: dict[int, _Seen] = {}
@@ -85,7 +85,7 @@ def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *
         reasons = "; ".join(f"view {number}: {reason}" for number, reason in refused.items())
         raise ObjectModelError(name, f"no view shows it: {reasons or 'there is none'}", HELP_LABEL)
     roots = sorted(seen, key=lambda number: -len(seen[number].index))[:MAX_ROOTS]
-    # Arrows merge views of single sides, from which the axis of a symmetry is not known yet.
+    # With arrows, views of different sides can be merged before the axis of symmetry is known.
     has_arrows = all(item.yaw_deg is not None for item in seen.values())
     merged_deg = None if has_arrows and symmetry_deg else symmetry_deg
     best = max((_grown(name, seen, root, merged_deg) for root in roots), key=lambda item: len(item.merged))
@@ -107,7 +107,10 @@ def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *
 
 
 def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
-    """Whether most views fit the first one turned. Its own noise fits it unturned: that it does not, says nothing."""
+    """Return whether most views fit the first one rotated by the symmetry.
+
+    The first view itself always fits better without rotation, by its own noise: it counts only if it fits with it.
+    """
     template = _first(views[0], None)
     yaws_deg = [views[0].yaw_deg or 0.0, *(_found(template, view, views[0])[0].yaw_deg for view in views[1:])]
     first, *others = (
@@ -119,7 +122,7 @@ def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
 
 
 def labeled_points(scene: Scene) -> Index:
-    """Index of the scene's points that a camera sees within the mask."""
+    """Return the indices of points that a camera sees within the mask."""
     inside = np.zeros(len(scene.points_m), bool)
     for view in scene.views:
         if view.mask is not None:
@@ -129,7 +132,7 @@ def labeled_points(scene: Scene) -> Index:
 
 
 def _problem(scene: Scene, index: Index) -> str:
-    """Why a view cannot teach; empty if it can."""
+    """Return why a view is unusable; empty if it is usable."""
     if len(index) < FEWEST_POINTS:
         known = f"its masks hold {len(index)} points above the table with known depth"
         return f"{known}, at least {FEWEST_POINTS} are needed"
@@ -138,10 +141,10 @@ def _problem(scene: Scene, index: Index) -> str:
 
 
 def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float | None) -> Learned:
-    """The template that begins with a view, with all others that fit it."""
+    """Return the template that starts with the view `root`, with all views that fit it."""
     template = completed(name, _first(seen[root], symmetry_deg))
     merged, refused = [root], dict[int, str]()
-    for number in [number for number in seen if number != root] * 2:  # what does not fit yet may fit later
+    for number in [number for number in seen if number != root] * 2:  # a view may fit once others are merged
         if number in merged:
             continue
         outcome = _with(template, seen[number], seen[root])
@@ -155,7 +158,7 @@ def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float 
 
 
 def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
-    """The template of one view; its x axis is the arrow's."""
+    """Return the template of one view; its x axis is that of the arrow."""
     scene, points_m = seen.scene, seen.scene.points_m[seen.index]
     pose = np.eye(4)
     yaw = np.radians(seen.yaw_deg or 0.0)
@@ -169,14 +172,14 @@ def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
 
 
 def _found(template: Template, seen: _Seen, root: _Seen) -> Sequence[Hypothesis]:
-    """The poses that a view allows the template, whose yaw was that of the root's arrow; the best first."""
+    """Return poses of the template in a view, the best first; arrows of root and view limit the starting yaws."""
     has_arrows = seen.yaw_deg is not None and root.yaw_deg is not None
     yaws_deg = seen.yaw_deg + ARROW_ERROR_DEG if has_arrows else START_YAWS_DEG
     return hypotheses(template, seen.scene.in_light_of(template.table_rgb), seen.index, yaws_deg)
 
 
 def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
-    """The template with a view's points, or why the view does not fit."""
+    """Return the template with a view's points added, or why the view does not fit."""
     found = _found(template, seen, root)
     if found[0].value < MIN_SCORE:
         return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"

@@ -1,4 +1,4 @@
-"""What a task's settings hold of a registered object: where its template is stored, and how it came about."""
+"""The object model of `registered` in a task's settings: which template is stored, and how it was learned."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
@@ -10,15 +10,15 @@ from app.perception.strict import WHOLE, Number, Truth
 from roboprompt_client.errors import InvalidInputError
 
 SYMMETRIES = '"none", "yaw" (the same all around), or degrees of a turn that leaves it unchanged, e.g. 180'
-MIN_SYMMETRY_DEG = 30.0  # what is rounder is round
+MIN_SYMMETRY_DEG = 30.0  # an object with a smaller symmetry counts as round
 Share = Annotated[Number, Field(ge=0, le=1)]
 
 
 def yaw_symmetry_deg(symmetric: str | float) -> float | None:
-    """The turn about z that leaves pose and looks unchanged: 0 any, None none.
+    """Return the rotation symmetry about z in degrees: 0 round, None none.
 
     Raises:
-        InvalidInputError: if it is neither "none" nor "yaw", nor a number of which a whole turn is a multiple.
+        InvalidInputError: if `symmetric` is neither "none" nor "yaw" nor a divisor of 360.
     """
     if symmetric in ("none", "yaw"):
         return None if symmetric == "none" else 0.0
@@ -44,11 +44,11 @@ Symmetric = Annotated[
 
 @dataclass(frozen=True)
 class LeftOutView(Checked):
-    """A labeled view that the template does not have.
+    """A labeled view that was not merged into the template.
 
     Attributes:
         label: its id.
-        reason: why, in words.
+        reason: why not.
     """
 
     label: str
@@ -57,15 +57,15 @@ class LeftOutView(Checked):
 
 @dataclass(frozen=True)
 class RegisteredModel(ObjectModel):
-    """An object by what it looked like in labeled views; teaching makes it, see `POST /tasks/{name}/labels/learn`.
+    """An object that was taught by labeled views, see `POST /tasks/{name}/labels/learn`.
 
     Attributes:
         template: SHA-256 of the stored template.
-        symmetric: which turns about the vertical leave it unchanged.
+        symmetric: its rotation symmetry about the vertical.
         yaw_may_be_unknown: give a pose without rotation where the images do not decide the yaw; refused otherwise.
-        views: the labels whose views the template has.
+        views: the labels whose views were merged.
         scores: 0..1, how well each further view agreed with those before.
-        left_out: the labels whose views did not fit.
+        left_out: the labels whose views were not merged.
         min_confidence: a pose that is less certain is refused.
     """
 
@@ -81,5 +81,5 @@ class RegisteredModel(ObjectModel):
 
     @property
     def yaw_symmetry_deg(self) -> float | None:
-        """The turn about z that leaves pose and looks unchanged: 0 any, None none."""
+        """The rotation symmetry about z in degrees: 0 round, None none."""
         return yaw_symmetry_deg(self.symmetric)

@@ -1,4 +1,4 @@
-"""One observation of all cameras: the table and what stands on it, prepared once for all objects of a request."""
+"""One observation of all cameras: the table and the points above it, prepared once for all objects of a request."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 
 ABOVE_TABLE_M = (0.006, 0.6)
-POINTS_WIDTH_PX = 400  # of the grid of pixels that become points
-LIGHTNESS = 0.4  # how much it counts among colors: shading changes it
-DARKEST_RGB = 5.0  # a darker table does not show the light
+POINTS_WIDTH_PX = 400  # images are subsampled to this width for points
+LIGHTNESS = 0.4  # its weight in color distances: shading changes it
+DARKEST_RGB = 5.0  # a darker table does not indicate the light
 LAB_OFFSET, LAB_SCALE = np.array([0.0, 128, 128]), np.array([LIGHTNESS * 100 / 255, 1, 1])
 MAX_SAMPLES, NUM_TRIALS, NUM_REFINEMENTS = 4000, 60, 3
 FLAT_M = 0.005  # points nearer to the table's plane belong to it
 MAX_SLOPE = 0.05  # of the plane: tables are level
-MIN_SHARE = 0.1  # of the points, for a plane to count
-CELL_M = 0.02  # of the map of what the table covers
+MIN_SHARE = 0.1  # least share of points in the plane
+CELL_M = 0.02  # cell of the map of the table's area
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Table:
 
     Attributes:
         plane: (3,) slope_x, slope_y, height_m.
-        hull_m: (K, 2) corners of the area that it covers.
+        hull_m: (K, 2) corners of its area.
         rgb: (3,) its median color, 0..255.
     """
 
@@ -40,15 +40,15 @@ class Table:
     rgb: Array
 
     def height_m(self, points_m: Array) -> Array:
-        """(N,) how far points (N, 3) lie above it."""
+        """Return the heights (N,) of points (N, 3) above it."""
         return _above(self.plane, points_m)
 
     def level_m(self, place_m: Array) -> float:
-        """Its z below a place (>= 2,)."""
+        """Return its z at a place (2,) or (3,)."""
         return float(place_m[:2] @ self.plane[:2] + self.plane[2])
 
     def holds(self, points_m: Array) -> Bools:
-        """(N,) whether points (N, 3) lie above or below the area that it covers."""
+        """Return whether points (N, 3) lie above or below its area, (N,)."""
         low = self.hull_m.min(axis=0)
         size = np.ceil((self.hull_m.max(axis=0) - low) / CELL_M).astype(int) + 1
         area = np.zeros(size[::-1], np.uint8)
@@ -61,7 +61,7 @@ class Table:
 
 
 def find_table(points_m: Array, rgb: Array) -> Table | None:
-    """The level plane near most points (N, 3), whose colors are (N, 3); None if there is none."""
+    """Return the level plane with most of the points (N, 3), whose colors are (N, 3), or None."""
     if len(points_m) < NUM_TRIALS:
         return None
     rng = np.random.default_rng(0)
@@ -79,7 +79,7 @@ def find_table(points_m: Array, rgb: Array) -> Table | None:
 
 
 def _most_supported(points_m: Array, triples_m: Array) -> Array | None:
-    """Of the level planes through three points (T, 3, 3) the one near most points."""
+    """Return the level plane through one of the triples (T, 3, 3) with most inliers (RANSAC), or None."""
     best, most = None, 0
     for corners in triples_m:
         if abs(np.linalg.det(_with_one(corners))) < 1e-9:
@@ -101,7 +101,7 @@ def _with_one(points_m: Array) -> Array:
 
 
 def _hull(places_m: Array) -> Array:
-    """(K, 2) convex hull of the largest connected part."""
+    """Return the convex hull (K, 2) of the largest connected part."""
     low = places_m.min(axis=0)
     cells = ((places_m - low) / CELL_M).astype(int)
     size = cells.max(axis=0) + 1
@@ -116,10 +116,10 @@ def _hull(places_m: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the cameras see of the table and of what stands on it, in the world frame.
+    """The table and the points above it, in the world frame.
 
     Attributes:
-        points_m, normals: (N, 3) of what lies above the table, one point a voxel.
+        points_m, normals: (N, 3) above the table, one point per voxel.
         rgb: (N, 3) their colors, 0..255.
     """
 
@@ -131,7 +131,7 @@ class Scene:
 
     @classmethod
     def of(cls, frames: Sequence[RgbdFrame]) -> "Scene":
-        """Of frames with color and depth.
+        """Return the scene of frames with color and depth.
 
         Raises:
             InvalidInputError: if there is no frame, a frame's images are unusable, or no camera sees a level table.
@@ -153,7 +153,7 @@ class Scene:
         return cls(views, table, points_m, rgb, normals_of(points_m, eyes_m))
 
     def in_light_of(self, table_rgb: Array) -> "LitScene":
-        """The scene with its colors as they would be if its table looked like (3,) 0..255."""
+        """Return the scene with its colors scaled so that its table has the color (3,), 0..255."""
         gain = table_rgb / np.maximum(self.table.rgb, DARKEST_RGB)
         brighter = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)[None]
         images = (cv2.cvtColor(cv2.LUT(view.rgb, brighter), cv2.COLOR_RGB2LAB) for view in self.views)
@@ -162,7 +162,7 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class LitScene:
-    """A scene and its colors in the light of a template.
+    """A scene, its colors scaled to the light of a template.
 
     Attributes:
         images: per view (H, W, 3) uint8 in OpenCV's Lab; see `lab_at`.
@@ -174,24 +174,24 @@ class LitScene:
     lab: Array
 
     def lab_at(self, number: int, rows: Index, columns: Index) -> Array:
-        """(..., 3) colors of pixels of view `number`."""
+        """Return the colors (..., 3) of pixels of view `number`."""
         return _scaled_lab(self.images[number][rows, columns])
 
 
 def to_lab(rgb: Array, gain: Array | float = 1.0) -> Array:
-    """(N, 3) colors for comparison from (N, 3) 0..255 times a gain (3,): Lab, lightness counted less."""
+    """Return comparable colors (N, 3) of rgb (N, 3), 0..255, times a gain (3,): Lab with lightness weighted down."""
     pixels = np.clip(rgb * gain + 0.5, 0, 255).astype(np.uint8)
     return _scaled_lab(cv2.cvtColor(pixels[None], cv2.COLOR_RGB2LAB)[0]) if len(pixels) else np.zeros((0, 3))
 
 
 def _scaled_lab(lab_uint8: RgbImage) -> Array:
-    """(..., 3) from OpenCV's 8-bit Lab."""
+    """Return comparable colors (..., 3) from OpenCV's 8-bit Lab."""
     scaled: Array = (lab_uint8 - LAB_OFFSET) * LAB_SCALE
     return scaled
 
 
 def _points(view: View) -> tuple[Array, Array, Array]:
-    """(N, 3) points, colors and where the camera stands, on a grid of pixels."""
+    """Return points, colors and camera positions, each (N, 3), on a grid of pixels."""
     step = max(1, round(view.depth_m.shape[1] / POINTS_WIDTH_PX))
     depth_m = view.depth_m[::step, ::step]
     rows, columns = np.nonzero((depth_m > 0) & (depth_m < FARTHEST_M))

@@ -1,7 +1,7 @@
-"""What the scene says of a pose, both ways: the template in the scene's images, the scene's points in the template's.
+"""The score of a pose, in both directions: template points in the scene's images, scene points in the template.
 
-Evidence is one number in -1..1 for a point: it agrees in place and color; it is seen through, or has another color; 0
-where nothing is known.
+The evidence of a point is a number in -1..1: positive if place and color agree; negative if the camera sees through the
+point, or another color; 0 if nothing is known.
 """
 
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from app.perception.registered.scene import LitScene
 from app.perception.registered.template import Template
 from roboprompt_client.types.arrays import Array
 
-NEAR_M = 0.009  # agrees with a depth
-BEHIND_M = 0.013  # farther than a point by this much: the point is seen through
+NEAR_M = 0.009  # tolerance of agreement in depth
+BEHIND_M = 0.013  # the camera sees through a point if its depth is farther by this
 SAME_LAB = 24.0  # of one color, in Lab units
-OTHER_COLOR = -0.7  # the evidence of another color in the right place
-ALONG_SURFACE = 0.3  # how much an offset along the surface counts beside one across it
-BESIDE_M = 0.05  # a point that is farther from the template belongs to something else
-UNSEEN = 0.3  # how much a point of the scene counts against a pose that leaves it unexplained
+OTHER_COLOR = -0.7  # evidence of another color at the right place
+ALONG_SURFACE = 0.3  # weight of an offset along the surface, relative to one across it
+BESIDE_M = 0.05  # a point farther from the template belongs to another object
+UNSEEN = 0.3  # penalty of an unexplained point of the scene
 FACING = 0.2  # least cosine between a surface's normal and the ray to a camera that sees it
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Of S poses.
+    """Scores of S poses.
 
     Attributes:
-        value: (S,) 0..1, the share of what both sides see of each other that agrees.
+        value: (S,) 0..1, the share of agreeing evidence, of both directions.
         support: (S,) 0..1, the share of the template's visible side that is found.
-        evidence: (S, E), see above.
+        evidence: (S, E) of each point, see above.
     """
 
     value: Array
@@ -39,10 +39,10 @@ class Score:
 
 
 def score(template: Template, lit: LitScene, index: Index, poses: Poses, num_points: int) -> Score:
-    """How well poses explain the points `index` of a scene.
+    """Return the scores of poses for the points `index` of a scene.
 
     Args:
-        num_points: of the template, that are looked for in the images.
+        num_points: number of template points to compare with the images.
     """
     chosen = np.random.default_rng(0).permutation(len(template))[:num_points]
     of_template, faces = np.zeros((len(poses), len(chosen))), np.zeros((len(poses), len(chosen)), bool)
@@ -52,7 +52,7 @@ def score(template: Template, lit: LitScene, index: Index, poses: Poses, num_poi
         faces |= faces_one
     support = np.maximum(of_template, 0).sum(axis=1) / np.maximum(faces.sum(axis=1), 1)
     of_scene, is_unexplained = _in_template(template, lit.scene.points_m[index], lit.lab[index], poses)
-    # Both sides count alike, however many points either has.
+    # Both directions have the same weight, whatever their numbers of points.
     share = np.minimum(1, len(index) / np.maximum((of_template != 0).sum(axis=1), 1))
     evidence = np.concatenate([of_template * share[:, None], of_scene], axis=1)
     good = np.maximum(evidence, 0).sum(axis=1)
@@ -61,7 +61,7 @@ def score(template: Template, lit: LitScene, index: Index, poses: Poses, num_poi
 
 
 def shares_seen(template: Template, lit: LitScene, poses: Poses) -> dict[str, float]:
-    """By camera the share of the side which faces it that it sees where the one pose puts it."""
+    """Return for each camera which share of the side that faces it agrees with its image; `poses` has one pose."""
     shares = {}
     for number, view in enumerate(lit.scene.views):
         one, faces = _in_image(template, np.arange(len(template)), lit, number, poses)
@@ -70,7 +70,7 @@ def shares_seen(template: Template, lit: LitScene, poses: Poses) -> dict[str, fl
 
 
 def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, poses: Poses) -> tuple[Array, Bools]:
-    """(S, P) what one camera says of the template's points, and whether they face it."""
+    """Return the evidence (S, P) of one camera on the template's points, and whether these face it."""
     view = lit.scene.views[number]
     world_m = poses.to_world(template.points_m[chosen])
     normals = template.normals[chosen] @ poses.rotations.transpose(0, 2, 1)
@@ -87,7 +87,7 @@ def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, pos
 
 
 def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) -> tuple[Array, Bools]:
-    """(S, P) what the template says of the scene's points, and whether it does not know of anything close by."""
+    """Return the evidence (S, P) of the template on the scene's points, and whether these are close but unexplained."""
     places_m = poses.to_template(points_m)
     partners = template.closest(places_m)
     offsets_m = places_m - template.points_m[partners]
@@ -105,6 +105,6 @@ def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) 
 
 
 def _agreement(off: Array, hue: Array) -> Array:
-    """1 for the same place and color, 0.25 at the edge of the same, less than 0 for another color there."""
+    """Return 1 for equal place and color, down to 0.25 at their tolerances; `OTHER_COLOR` beyond that of color."""
     agreement: Array = np.where(hue < 1, 1 - 0.5 * np.minimum(off**2, 1) - 0.25 * hue**2, OTHER_COLOR)
     return agreement

@@ -1,31 +1,33 @@
-"""Objects that a turn leaves unchanged: their axis, and their unseen sides from those that were seen."""
+"""Objects with a rotation symmetry: their axis, and the completion of sides that no camera saw."""
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import yaw_rivals
-from app.perception.registered.geometry import Index, Poses, about_z, thinned, unit
+from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses, about_z, thinned, unit
 from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses, registered
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
 from roboprompt_client.types.arrays import Array
 
 NUM_TURNS = 24  # in which a round object is completed
-NUM_STEPS = 10  # of the robust fit of an axis
-NEAR_AXIS_M = 0.01  # nearer to the axis, distances do not count
-OFF_AXIS_M = 0.002  # a normal that passes the axis so far off counts half
-MAX_OFF_AXIS_SHARE = 0.25  # of its distance, in the median, by which a normal misses the axis of a round object
-MAX_OFF_M = 0.004  # a point from its like on the other side, in the median
-ALL_AROUND, MAX_GAP_DEG = 6, 120.0  # yaws that look alike, and the largest gap between them
+NUM_STEPS = 10  # of the robust least squares that find an axis
+NEAR_AXIS_M = 0.01  # least distance from the axis in relative errors
+OFF_AXIS_M = 0.002  # a radius that differs from those of its height by as much counts half
+CURVE_NEIGHBORS, CURVE_REACH_M = 200, 0.008  # of a point on the curve of radius and height of a round object
+MAX_OFF_AXIS_SHARE = 0.25  # median distance of normals from the axis, relative to the point's radius
+MAX_OFF_M = 0.004  # median distance of points from the rotated template
+ALL_AROUND, MAX_GAP_DEG = 6, 120.0  # equally good yaws of a round object: least number, largest gap
 
 
 def completed(name: str, template: Template) -> Template:
-    """The template with its axis as origin's, and with its sides as its symmetry makes them.
+    """Return the template with its origin on its axis, its points copied to all sides of the symmetry.
 
     Raises:
-        ObjectModelError: if it is not as symmetric as said.
+        ObjectModelError: if it does not have its symmetry.
     """
     symmetry_deg = template.yaw_symmetry_deg
     if symmetry_deg is None:
@@ -34,6 +36,8 @@ def completed(name: str, template: Template) -> Template:
     if problem:
         raise ObjectModelError(name, problem, 'views from more sides, or symmetric: "none"')
     template = _moved(template, np.array([*axis_m, 0.0]))
+    if symmetry_deg == 0:
+        template = replace(template, points_m=_on_mean_surface(template))
     turns = about_z(np.arange(0, 360, symmetry_deg or 360 / NUM_TURNS))
     points_m, rgb, normals = thinned(
         np.concatenate([template.points_m @ turn.T for turn in turns]),
@@ -44,7 +48,7 @@ def completed(name: str, template: Template) -> Template:
 
 
 def centered(template: Template) -> Template:
-    """The template with its origin at half its height; in its middle, unless it has an axis."""
+    """Return the template with its origin at half its height, in its middle or on its axis."""
     middle_m = (template.points_m.min(axis=0) + template.points_m.max(axis=0)) / 2
     if template.above_table_m < STANDS_WITHIN_M:
         middle_m[2] = (template.bottom_m + template.points_m[:, 2].max()) / 2
@@ -54,7 +58,7 @@ def centered(template: Template) -> Template:
 
 
 def _moved(template: Template, origin_m: Array) -> Template:
-    """The template with another origin (3,), given in its frame."""
+    """Return the template with another origin (3,), given in its frame."""
     views = []
     for view in template.free_views:
         pose = view.camera.camera_to_world.copy()
@@ -65,7 +69,7 @@ def _moved(template: Template, origin_m: Array) -> Template:
 
 
 def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> bool:
-    """Whether a view from which the template was learned fits it at every yaw."""
+    """Return whether a view of the template fits it at every yaw."""
     found = hypotheses(template, lit, index)
     yaws = np.sort([item.yaw_deg for item in (found[0], *yaw_rivals(template, found))])
     gaps = np.diff(yaws, append=yaws[0] + 360)
@@ -73,33 +77,85 @@ def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> b
 
 
 def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg: float, turn_deg: float) -> bool:
-    """Whether the view from which a template was learned, there at a yaw, fits it turned by so much as well."""
+    """Return whether a view, which shows the template at a yaw, fits it turned by `turn_deg` as well."""
     own, turned = (hypotheses(template, lit, index, np.array([yaw]))[0] for yaw in (yaw_deg, yaw_deg + turn_deg))
     return not own.beats(turned)
 
 
 def _round_axis(template: Template) -> tuple[Array, str]:
-    """(2,) where the vertical axis is that the normals of a round body meet, and why it is not round, if it is not."""
+    """Return the vertical axis (2,) of a round body, and why the template is not round (empty if it is)."""
     level = np.linalg.norm(template.normals[:, :2], axis=1)
     is_wall = level > 0.3
-    places_m, across = template.points_m[is_wall, :2], template.normals[is_wall, :2] / level[is_wall, None]
-    sideways = np.column_stack([across[:, 1], -across[:, 0]])
-    target_m = (sideways * places_m).sum(axis=1)
-    weights = np.ones(len(target_m))
-    axis_m: Array = np.zeros(2)
-    if len(target_m) < 10:
-        return axis_m, f"only {len(target_m)} of its points are on an upright wall: too few to find its axis"
+    points_m, normals = template.points_m[is_wall], template.normals[is_wall, :2] / level[is_wall, None]
+    if len(points_m) < 10:
+        return np.zeros(2), f"only {len(points_m)} of its points are on an upright wall: too few to find its axis"
+    sideways = np.column_stack([normals[:, 1], -normals[:, 0]])
+    along_m = (sideways * points_m[:, :2]).sum(axis=1)
+    axis_m = np.asarray(np.linalg.lstsq(sideways, along_m, rcond=None)[0], np.float64)  # which all normals meet
+    weights = np.ones(len(points_m))
     for _ in range(NUM_STEPS):
-        axis_m[:] = np.linalg.lstsq(sideways * weights[:, None], target_m * weights, rcond=None)[0]
-        weights = 1 / (1 + ((sideways @ axis_m - target_m) / OFF_AXIS_M) ** 2)
-    off = np.abs(sideways @ axis_m - target_m) / np.maximum(np.linalg.norm(places_m - axis_m, axis=1), NEAR_AXIS_M)
-    share = float(np.median(off))
+        axis_m, weights = _equal_radii(points_m, normals, axis_m, weights)
+    off_m, radii_m = np.abs(sideways @ axis_m - along_m), np.linalg.norm(points_m[:, :2] - axis_m, axis=1)
+    share = float(np.median(off_m / np.maximum(radii_m, NEAR_AXIS_M)))
     problem = f"is not round: half of its walls face past the axis by {100 * share:.0f} % of their distance"
     return axis_m, problem if share > MAX_OFF_AXIS_SHARE else ""
 
 
+def _equal_radii(points_m: Array, normals: Array, axis_m: Array, weights: Array) -> tuple[Array, Array]:
+    """Return the axis (2,) after one step towards equal radii of wall points, and the points' new weights (N,).
+
+    Points of one height on one side of the wall have the same radius, whichever it is: only deviations from its mean
+    count (weighted least squares). Normals alone err where a wall is thin, since neighbors lie on both of its sides.
+
+    Args:
+        points_m, normals: (N, 3) and (N, 2) of the wall.
+    """
+    radii_m, outward, faces_out = _about_axis(points_m[:, :2] - axis_m, normals)
+    _, ring = np.unique(2 * np.floor(points_m[:, 2] / VOXEL_M).astype(int) + faces_out, return_inverse=True)
+    values = np.column_stack([radii_m, outward])
+    sums = np.stack([np.bincount(ring, weights * value) for value in values.T], axis=1)
+    deviations = values - (sums / np.bincount(ring, weights)[:, None])[ring]
+    roots = np.sqrt(weights)[:, None]
+    step_m, *_ = np.linalg.lstsq(roots * deviations[:, 1:], roots[:, 0] * deviations[:, 0], rcond=None)
+    residuals_m = deviations[:, 0] - deviations[:, 1:] @ step_m
+    return axis_m + step_m, 1 / (1 + (residuals_m / OFF_AXIS_M) ** 2)
+
+
+def _on_mean_surface(template: Template) -> Array:
+    """Return the points (N, 3) of a round template, its axis at the origin, each moved onto the mean surface around it.
+
+    Depth noise makes a wall several millimeters thick, and a scene's points fit anywhere within it. All points of one
+    height say where the surface is: a curve of radius and height, on each side of the wall.
+    """
+    radii_m, outward, faces_out = _about_axis(template.points_m[:, :2], template.normals[:, :2])
+    curve_m = np.column_stack([radii_m, template.points_m[:, 2]])
+    for side in (faces_out, ~faces_out):
+        if side.any():
+            curve_m[side] = _onto_lines(curve_m[side])
+    return np.column_stack([outward * curve_m[:, :1], curve_m[:, 1]])
+
+
+def _about_axis(offsets_m: Array, normals: Array) -> tuple[Array, Array, Bools]:
+    """Return radii (N,), directions (N, 2) of level offsets (N, 2) from an axis; whether normals (N, 2) point away."""
+    radii_m = np.linalg.norm(offsets_m, axis=1)
+    outward = unit(offsets_m)
+    return radii_m, outward, (normals * outward).sum(axis=1) > 0
+
+
+def _onto_lines(places_m: Array) -> Array:
+    """Return places (N, 2), each moved onto the line that fits its neighbors best."""
+    _, index = cKDTree(places_m).query(places_m, k=CURVE_NEIGHBORS, distance_upper_bound=CURVE_REACH_M)
+    known = (index < len(places_m))[..., None]
+    near_m = places_m[np.minimum(index, len(places_m) - 1)]
+    mean_m = np.where(known, near_m, 0).sum(axis=1) / known.sum(axis=1)
+    offsets_m = np.where(known, near_m - mean_m[:, None], 0)
+    across = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets_m, offsets_m))[1][:, :, 0]
+    onto: Array = places_m - ((places_m - mean_m) * across).sum(axis=1, keepdims=True) * across
+    return onto
+
+
 def _turn_axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
-    """(2,) the axis about which a turn brings the template onto itself, and why none does, if none does."""
+    """Return the axis (2,) of a rotation that maps the template onto itself, and why there is none (or empty)."""
     middle_m = template.points_m.mean(axis=0)
     turn = about_z(symmetry_deg)
     start = Poses(turn, (middle_m - turn[0] @ middle_m)[None])

@@ -1,7 +1,7 @@
-"""What an object looked like: a colored cloud with normals, and depth images that show where it is not.
+"""The appearance of an object: a colored point cloud with normals, and depth images that show free space around it.
 
-The template's frame: z up, its origin in the middle of what was seen; on the axis of an object that looks the same all
-around. As a file it is an .npz without pickles.
+The template's frame: z up, the origin in the middle of its points, or on the axis of a round object. The file format is
+.npz without pickles.
 """
 
 import io
@@ -21,25 +21,25 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
 
-MARGIN_M = 0.03  # around the points, within which the nearest one is known
+MARGIN_M = 0.03  # margin of the voxel grid of nearest points
 DEPTH_UNIT_M = 1e-4  # of depths in the file: up to 6.5 m
 COLOR_CELL = 12.0  # Lab units: finer differences are one color of the object
-RARE_SHARE = 0.01  # of the points: fewer of one color are noise
-STANDS_WITHIN_M = 0.03  # above the table: the lowest point of what stands on it
-LAB_AS_M = 0.0006  # m that a Lab unit counts where place and color are compared together
+RARE_SHARE = 0.01  # a color of a smaller share of the points is noise
+STANDS_WITHIN_M = 0.03  # an object stands on the table if its lowest point is less above it
+LAB_AS_M = 0.0006  # meters per Lab unit in distances of place and color together
 
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """The object as it was seen in one or more labeled views.
+    """The object, from one or more labeled views.
 
     Attributes:
         points_m, normals, rgb: (N, 3) in the template's frame; colors 0..255.
         free_views: depth images whose "world" is the template's frame.
-        table_rgb: (3,) of the table in the views.
+        table_rgb: (3,) color of the table in the views.
         bottom_m: z of the table below it.
-        scores: with which the further views were merged: what to expect of a right pose.
-        yaw_symmetry_deg: the turn about z that leaves it unchanged: 0 any, None none.
+        scores: of the further views when they were merged; a right pose has a similar score.
+        yaw_symmetry_deg: the rotation symmetry about z: 0 round, None none.
     """
 
     points_m: Array
@@ -56,28 +56,28 @@ class Template:
 
     @property
     def above_table_m(self) -> float:
-        """How high its lowest point is: more than `STANDS_WITHIN_M` where it lies on something, or is a part of it."""
+        """Height of its lowest point; above `STANDS_WITHIN_M` for a part of an object, or one that lies on another."""
         return float(np.percentile(self.points_m[:, 2], 2)) - self.bottom_m
 
     @cached_property
     def lab(self) -> Array:
-        """(N, 3)."""
+        """Comparable colors (N, 3), see `to_lab`."""
         return to_lab(self.rgb)
 
     @cached_property
     def width_m(self) -> float:
-        """The longest level distance between two of its points, about."""
+        """Its approximate largest horizontal extent."""
         return 2 * float(np.linalg.norm(self.points_m[:, :2] - self.points_m[:, :2].mean(axis=0), axis=1).max())
 
     @cached_property
     def narrowest_m(self) -> float:
-        """The least level distance between two parallel lines that hold its points, about."""
+        """Its approximate smallest horizontal extent."""
         headings = np.radians(np.arange(0, 180, 15))
         return float(np.ptp(self.points_m[:, :2] @ np.array([np.cos(headings), np.sin(headings)]), axis=0).min())
 
     @cached_property
     def palette(self) -> cKDTree:
-        """Its colors in Lab."""
+        """A tree of its distinct colors in Lab."""
         cells, inverse, counts = np.unique(
             np.floor(self.lab / COLOR_CELL), axis=0, return_inverse=True, return_counts=True
         )
@@ -87,18 +87,18 @@ class Template:
 
     @cached_property
     def tree(self) -> cKDTree:
-        """Of places and colors together, (N, 6)."""
+        """A tree of places and colors together, (N, 6)."""
         return cKDTree(np.concatenate([self.points_m, self.lab * LAB_AS_M], axis=1))
 
     @cached_property
     def _low_m(self) -> Array:
-        """(3,) the corner of the voxels in which the nearest point is known."""
+        """The lowest corner (3,) of the voxel grid of nearest points."""
         low_m: Array = self.points_m.min(axis=0) - MARGIN_M
         return low_m
 
     @cached_property
     def _nearest(self) -> npt.NDArray[np.int32]:
-        """Per voxel the index of the nearest point."""
+        """The index of the nearest point for each voxel."""
         shape = np.ceil((self.points_m.max(axis=0) + MARGIN_M - self._low_m) / VOXEL_M).astype(int) + 1
         cells = tuple(((self.points_m - self._low_m) / VOXEL_M).astype(int).T)
         is_empty, index = np.ones(shape, bool), np.zeros(shape, np.int32)
@@ -108,19 +108,19 @@ class Template:
         return nearest
 
     def closest(self, points_m: Array) -> Index:
-        """(...) index of about the nearest point to each of (..., 3)."""
+        """Return the index (...) of the approximately nearest point to each of (..., 3)."""
         cells = ((points_m - self._low_m) / VOXEL_M).astype(int)
         cells = np.clip(cells, 0, np.array(self._nearest.shape) - 1)
         index: Index = self._nearest[cells[..., 0], cells[..., 1], cells[..., 2]].astype(np.intp)
         return index
 
     def distance_m(self, points_m: Array) -> Array:
-        """(...) from each of (..., 3) to about the nearest point."""
+        """Return the distance (...) of each of (..., 3) from the approximately nearest point."""
         distance_m: Array = np.linalg.norm(points_m - self.points_m[self.closest(points_m)], axis=-1)
         return distance_m
 
     def to_bytes(self) -> bytes:
-        """As a file; `from_bytes` is the inverse to 0.1 mm."""
+        """Return the template as a file; `from_bytes` is the inverse to 0.1 mm."""
         arrays: dict[str, npt.NDArray[np.generic]] = {
             "points_m": self.points_m.astype(np.float32),
             "normals": self.normals.astype(np.float32),
@@ -142,10 +142,10 @@ class Template:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> "Template":
-        """Of a file.
+        """Return the template of a file.
 
         Raises:
-            InvalidInputError: if it is no template.
+            InvalidInputError: if the file is not a template.
         """
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as file:

@@ -1,4 +1,4 @@
-"""One camera's images, prepared: reduced to what a search needs, flying pixels removed."""
+"""One camera's images, prepared for the search: downsampled, without flying pixels."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,21 +12,21 @@ from app.perception.registered.geometry import Bools, Index
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
-WIDTH_PX = 800  # wider images are reduced by a whole factor
-FLYING_STEP_M = 0.02  # between neighbors: a pixel there lies on neither side
-SLOPE = 5.0  # such a step in widths of a pixel, where images are small: a slanting surface has less
-FARTHEST_M = 5.0  # what is farther counts as so far
-NEAREST_PX = 5  # side of the window in which a depth is the least
+WIDTH_PX = 800  # wider images are downsampled by an integer factor
+FLYING_STEP_M = 0.02  # a larger step between neighbors makes a pixel unreliable
+SLOPE = 5.0  # the same step in pixel widths, for small images: a slanting surface has less
+FARTHEST_M = 5.0  # larger depths are clipped
+NEAREST_PX = 5  # side of the window for `nearest_m`
 DepthImage = npt.NDArray[np.float32]
 RgbImage = npt.NDArray[np.uint8]
 
 
 class Seen(NamedTuple):
-    """What a depth image has where points appear; all of the points' shape (...).
+    """A depth image, sampled where points project; all arrays have the points' shape (...).
 
     Attributes:
-        depth_m: 0 where unknown, or beyond the image.
-        nearest_m: the least depth around the pixel, 0 where one of them is unknown.
+        depth_m: 0 where unknown or outside of the image.
+        nearest_m: the least depth around the pixel, 0 if one of them is unknown.
         point_m: the point's own depth along the optical axis.
         rows, columns: of the pixel, within the image.
     """
@@ -56,7 +56,7 @@ class View:
 
     @classmethod
     def of(cls, frame: RgbdFrame) -> "View":
-        """Of a frame with color and depth; its mask ids other than 0 are the object's."""
+        """Return the view of a frame with color and depth; mask ids other than 0 are the object's."""
         assert frame.rgb is not None
         assert frame.depth_m is not None
         step = -(-frame.depth_m.shape[1] // WIDTH_PX)
@@ -71,16 +71,16 @@ class View:
 
     @classmethod
     def of_depth(cls, camera: Camera, depth_m: DepthImage) -> "View":
-        """Of depths as they are, without colors."""
+        """Return a view of unchanged depths, without colors."""
         return cls(camera, depth_m, depth_m, np.zeros((0, 0, 3), np.uint8))
 
     @property
     def eye_m(self) -> Array:
-        """(3,) where the camera stands."""
+        """The camera's position (3,)."""
         return self.camera.camera_to_world[:3, 3]
 
     def look_up(self, points_m: Array) -> Seen:
-        """What the image has where points (..., 3) of its world frame appear."""
+        """Return the image, sampled where points (..., 3) of its world frame project."""
         pixels, point_m = self.camera.project(points_m)
         height, width = self.depth_m.shape
         inside = (point_m > 0) & (pixels > -0.5).all(axis=-1) & (pixels < (width - 0.5, height - 0.5)).all(axis=-1)
@@ -90,7 +90,7 @@ class View:
 
 
 def free_views(views: Sequence[View], template_to_world: Array, points_m: Array, margin_m: float) -> Iterator[View]:
-    """What the views show to be free around a template's points (N, 3), cut to where those and a margin appear."""
+    """Return depth images of the free space around a template's points (N, 3), cropped to these and a margin."""
     for view in views:
         camera_to_template = np.linalg.inv(template_to_world) @ view.camera.camera_to_world
         camera_to_template[3] = 0, 0, 0, 1

@@ -5,7 +5,7 @@ To add a task, write a subclass of SimTask in the module of its domain and name 
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -42,6 +42,9 @@ class SimTask(ABC):
     name: ClassVar[str]
     # The objects that a prompt names; each is the name of a body, whose origin and axes are the object's pose.
     object_names: ClassVar[tuple[str, ...]]
+    # Combinations that demonstrations show, and those that only tests ask for; one variation each, see `combination`.
+    SHOWN: ClassVar[tuple[Any, ...]] = ()
+    ASKED: ClassVar[tuple[Any, ...]] = ()
     # What demonstrations show: variations 0..variations - 1.
     variations: ClassVar[int] = 1
     # Variations numbered on from these, which no demonstration shows; tests ask for them, see `test_variation`.
@@ -51,6 +54,11 @@ class SimTask(ABC):
     # The turn about its own z axis, in degrees, that leaves an object unchanged: 90 for a cube, 0 for a round object
     # (its yaw means nothing). An object that is not listed has no such symmetry.
     yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {}
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if cls.SHOWN:
+            cls.variations, cls.test_only_variations = len(cls.SHOWN), len(cls.ASKED)
 
     def __init__(self, seed: int, variation: int | None = None) -> None:
         self.variation = seed % self.variations if variation is None else variation
@@ -68,6 +76,11 @@ class SimTask(ABC):
         if cls.test_only_variations:
             return cls.variations + seed % cls.test_only_variations
         return seed % cls.variations
+
+    @property
+    def combination(self) -> Any:  # noqa: ANN401 - each task has combinations of its own type
+        """The element of `SHOWN` and `ASKED` that the variation selects."""
+        return (*self.SHOWN, *self.ASKED)[self.variation]
 
     def _reset(self) -> None:
         place_arm(self.model, self.data)

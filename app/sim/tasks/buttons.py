@@ -159,16 +159,15 @@ class PressInOrder(ButtonTask):
         ("after", ("green", "yellow", "red")),
         ("after", ("blue", "green", "yellow")),
     )
-    variations, test_only_variations = len(SHOWN), len(ASKED)
 
     @property
     def asked(self) -> tuple[str, ...]:
-        word, named = (*self.SHOWN, *self.ASKED)[self.variation]
-        return named if word == "before" else named[::-1]
+        word, named = self.combination
+        return tuple(named if word == "before" else named[::-1])
 
     @property
     def instruction(self) -> str:
-        word, named = (*self.SHOWN, *self.ASKED)[self.variation]
+        word, named = self.combination
         return "press " + f" {word} ".join(f"the {color} button" for color in named)
 
     def succeeded(self) -> bool:

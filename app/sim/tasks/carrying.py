@@ -129,12 +129,12 @@ class WayRound(BlockTask):
     object_names = (CUBE, *BARRIERS, PLATE)
     yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {CUBE: 90.0, **dict.fromkeys(BARRIERS, 180.0), PLATE: 0.0}
     SHOWN, ASKED = ((LEFT, LEFT), (RIGHT, RIGHT), (LEFT, RIGHT)), ((RIGHT, LEFT),)
-    variations, test_only_variations = len(SHOWN), len(ASKED)
 
     @property
     def open_ends(self) -> tuple[int, int]:
         """Of the first and the second barrier."""
-        return (*self.SHOWN, *self.ASKED)[self.variation]
+        first, second = self.combination
+        return first, second
 
     def build(self, random: np.random.Generator) -> None:
         self._origin = np.array([*random.uniform((-0.02, -0.06), (0.11, 0.06)), TABLE_TOP_M])

@@ -186,8 +186,7 @@ class BuildTower(BlockTask):
     """
 
     name = "build_tower"
-    SHOWN, ASKED = (1, 2, 4), (3,)  # blocks of the tower
-    variations, test_only_variations = len(SHOWN), len(ASKED)
+    SHOWN, ASKED = (1, 2, 4), (3,)  # numbers of blocks
     blocks = ("red block", "green block", "blue block", "yellow block")
     object_names = (*blocks, "white plate")
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
@@ -197,7 +196,7 @@ class BuildTower(BlockTask):
     @property
     def height(self) -> int:
         """How many blocks the tower shall have."""
-        return (*self.SHOWN, *self.ASKED)[self.variation]
+        return int(self.combination)
 
     def build(self, random: np.random.Generator) -> None:
         center = random.uniform((0.12, -0.10), (0.30, 0.10))

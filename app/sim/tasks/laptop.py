@@ -13,7 +13,7 @@ from roboprompt_client.types.arrays import Array
 
 HALF_DEPTH_M, HALF_WIDTH_M, HALF_THICKNESS_M = 0.11, 0.15, 0.011
 FEET_M = 0.003
-CENTRE_HEIGHT_M = FEET_M + HALF_THICKNESS_M  # above the table
+CENTER_HEIGHT_M = FEET_M + HALF_THICKNESS_M  # above the table
 HINGE_M = (-HALF_DEPTH_M, 0.0, HALF_THICKNESS_M)  # in the laptop's frame
 LID_LENGTH_M, LID_THICKNESS_M = 0.20, 0.008
 MARK_M = 0.0005
@@ -71,7 +71,7 @@ class CloseLaptop(LaptopTask):
         point = random.uniform((0.22, -0.20), (0.38, 0.20))
         turn = about_z(random.uniform(-CLOSE_MAX_TURN_RAD, CLOSE_MAX_TURN_RAD))
         self._opened_rad = random.uniform(MIN_OPEN_RAD, MAX_OPEN_RAD)
-        laptop = self.add_laptop([*point, TABLE_TOP_M + CENTRE_HEIGHT_M], turn)
+        laptop = self.add_laptop([*point, TABLE_TOP_M + CENTER_HEIGHT_M], turn)
         lid = self.add_lid(laptop)
         lid.hinge("lid", (0, -1, 0), (0, MAX_HINGE_RAD), damping=0.02, dry_friction_nm=HINGE_FRICTION_NM)
 
@@ -110,7 +110,7 @@ APART_M = 0.03
 # The cable beyond the plug: a chain of stiff links that slopes to the table and then curves along it
 LINK_M, LINK_RADIUS_M, LINK_KG = 0.03, 0.004, 0.004
 LINKS, SLOPE_LINKS = 8, 2
-SLOPE_RAD = np.arcsin((CENTRE_HEIGHT_M - LINK_RADIUS_M) / (SLOPE_LINKS * LINK_M))
+SLOPE_RAD = np.arcsin((CENTER_HEIGHT_M - LINK_RADIUS_M) / (SLOPE_LINKS * LINK_M))
 CURVE_RAD = np.radians(9.0)  # from link to link
 LINK_DAMPING, LINK_SPRING_NM_RAD = 0.005, 0.05
 GRASP_M = np.array([0.010, 0.0, 0.004])  # in the plug's frame: clear of the laptop's side
@@ -132,7 +132,7 @@ class UnplugCable(LaptopTask):
 
     def build(self, random: np.random.Generator) -> None:
         turn = about_z(random.uniform(-UNPLUG_MAX_TURN_RAD, UNPLUG_MAX_TURN_RAD))
-        center = np.array([*random.uniform((0.08, -0.22), (0.27, 0.06)), TABLE_TOP_M + CENTRE_HEIGHT_M])
+        center = np.array([*random.uniform((0.08, -0.22), (0.27, 0.06)), TABLE_TOP_M + CENTER_HEIGHT_M])
         laptop = self.add_laptop(center, turn)
         self.add_lid(laptop, Rotation.from_euler("y", -OPEN_RAD))
         plug = self.add_part("cable", center + turn.apply(SOCKET_M), turn * about_z(np.pi / 2), free=True)

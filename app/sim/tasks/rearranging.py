@@ -36,19 +36,13 @@ class ClearKind(BlockTask):
     # The color, and how many blocks of it are on the table; the others are in the tray already
     SHOWN = (("red", 1), ("red", 2), ("blue", 1), ("blue", 3))
     ASKED = (("red", 3), ("blue", 2))
-    variations, test_only_variations = len(SHOWN), len(ASKED)
-
-    @property
-    def asked(self) -> tuple[str, int]:
-        """The color, and how many of it are on the table."""
-        return (*self.SHOWN, *self.ASKED)[self.variation]
 
     def build(self, random: np.random.Generator) -> None:
         tray = random.uniform((0.14, -0.18), (0.26, 0.18))
         part = self.add_part("tray", [*tray, TABLE_TOP_M])
         part.cylinder(RADIUS_M, FLOOR_HALF_M, "wood", at_m=[0, 0, FLOOR_HALF_M])
         part.wall("wood", bottom_m=0.0, top_m=WALL_M, bottom_radius_m=RADIUS_M)
-        color, number = self.asked
+        color, number = self.combination
         numbers = {kind: number if kind == color else int(random.integers(1, 3)) for kind in KINDS}
         self._on_table = {
             block: kind
@@ -66,7 +60,7 @@ class ClearKind(BlockTask):
     @property
     def _to_clear(self) -> list[str]:
         """In the order of their names."""
-        return [block for block in BLOCKS if self._on_table.get(block) == self.asked[0]]
+        return [block for block in BLOCKS if self._on_table.get(block) == self.combination[0]]
 
     def after_reset(self) -> None:
         self._others = {block: self.model.body(block).id for block in BLOCKS if block not in self._to_clear}
@@ -78,7 +72,7 @@ class ClearKind(BlockTask):
 
     @property
     def instruction(self) -> str:
-        return f"put every {self.asked[0]} block in the tray"
+        return f"put every {self.combination[0]} block in the tray"
 
     def expert(self) -> list[Move]:
         moves: list[Move] = []
@@ -90,7 +84,7 @@ class ClearKind(BlockTask):
 
     def succeeded(self) -> bool:
         tray = self.position_m("tray")
-        offsets = np.array([self.position_m(block) - tray for block in KINDS[self.asked[0]]])
+        offsets = np.array([self.position_m(block) - tray for block in KINDS[self.combination[0]]])
         inside = (np.hypot(offsets[:, 0], offsets[:, 1]) < RADIUS_M) & (offsets[:, 2] < 2 * BLOCK_HALF_M)
         return bool(inside.all()) and not self.events and self.gripper_holds_nothing()
 
@@ -150,12 +144,6 @@ class PlaceBeside(BlockTask):
         (BETWEEN, BLUE + YELLOW),
         ("far to the right of", YELLOW),
     )
-    variations, test_only_variations = len(SHOWN), len(ASKED)
-
-    @property
-    def relation(self) -> Relation:
-        """What the instruction asks for."""
-        return (*self.SHOWN, *self.ASKED)[self.variation]
 
     def build(self, random: np.random.Generator) -> None:
         self._points = self._scene(random)
@@ -171,17 +159,17 @@ class PlaceBeside(BlockTask):
             within = (goal >= REACHED_LOW_M).all() and (goal <= REACHED_HIGH_M).all()
             if within and min(np.linalg.norm(goal - point) for point in points) >= ROOM_M:
                 return named
-        raise ValueError(f"no scene has room {self.relation}")
+        raise ValueError(f"no scene has room {self.combination}")
 
     def _goal(self, points: dict[str, Array]) -> Array:
-        relation, others = self.relation
+        relation, others = self.combination
         goal: Array = np.mean([points[other] for other in others], axis=0)
         goal[1] += OFFSETS_M.get(relation, 0.0)
         return goal
 
     @property
     def instruction(self) -> str:
-        relation, others = self.relation
+        relation, others = self.combination
         return f"put the {BLOCK} {relation} " + " and ".join(f"the {other}" for other in others)
 
     def expert(self) -> list[Move]:
@@ -223,17 +211,6 @@ class SwapCubes(BlockTask):
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
     SHOWN: ClassVar[tuple[Swap, ...]] = tuple((pair, pad) for pad, pair in product(PADS[:3], PAIRS))
     ASKED: ClassVar[tuple[Swap, ...]] = tuple((pair, PADS[3]) for pair in PAIRS)
-    variations, test_only_variations = len(SHOWN), len(ASKED)
-
-    @property
-    def pair(self) -> tuple[str, str]:
-        """The cubes to be swapped, in the order of the instruction."""
-        return (*self.SHOWN, *self.ASKED)[self.variation][0]
-
-    @property
-    def free_pad(self) -> str:
-        """The pad that no cube stands on."""
-        return (*self.SHOWN, *self.ASKED)[self.variation][1]
 
     def build(self, random: np.random.Generator) -> None:
         points = scatter(random, len(PADS), (0.05, -0.28), (0.36, 0.28), min_distance_m=0.15)
@@ -242,13 +219,14 @@ class SwapCubes(BlockTask):
             at_m = [*point, TABLE_TOP_M + PAD_HALF_HEIGHT_M]
             part = self.add_part(pad, at_m, about_z(random.uniform(-np.pi, np.pi)))
             part.mark((PAD_HALF_M, PAD_HALF_M, PAD_HALF_HEIGHT_M), pad.split()[0])
-        taken = random.permutation([pad for pad in PADS if pad != self.free_pad]).tolist()
+        _, free_pad = self.combination
+        taken = random.permutation([pad for pad in PADS if pad != free_pad]).tolist()
         for cube, pad in zip(CUBES, taken, strict=True):
             self.add_cube_over(places[pad], cube, cube.split()[0], random.uniform(-np.pi, np.pi))
 
     def after_reset(self) -> None:
-        first, second = self.pair
-        stays = next(cube for cube in CUBES if cube not in self.pair)
+        (first, second), _ = self.combination
+        stays = next(cube for cube in CUBES if cube not in (first, second))
         found = {cube: self.data.body(cube).xpos.copy() for cube in CUBES}
         self._cubes = {cube: self.model.body(cube).id for cube in CUBES}
         self._pads_m = np.array([self.position_m(pad)[:2] for pad in PADS])
@@ -263,14 +241,14 @@ class SwapCubes(BlockTask):
 
     @property
     def instruction(self) -> str:
-        first, second = self.pair
+        (first, second), _ = self.combination
         return f"swap the {first} and the {second} by way of the free pad"
 
     def expert(self) -> list[Move]:
-        first, second = self.pair
-        aside = self.position_m(self.free_pad) + (BLOCK_HALF_M - PAD_HALF_HEIGHT_M) * UP
+        (first, second), free_pad = self.combination
+        aside = self.position_m(free_pad) + (BLOCK_HALF_M - PAD_HALF_HEIGHT_M) * UP
         of_first, of_second = self.position_m(first), self.position_m(second)
-        first_turn, second_turn = map(self.tool_over, self.pair)
+        first_turn, second_turn = self.tool_over(first), self.tool_over(second)
         carried = [(of_first, first_turn, aside), (of_second, second_turn, of_first), (aside, first_turn, of_second)]
         moves: list[Move] = []
         for start, turn, end in carried:

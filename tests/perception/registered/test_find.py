@@ -49,6 +49,13 @@ def test_a_pose_moves_and_turns_with_the_object(name):
     np.testing.assert_allclose(after.position_m, expected_m, atol=0.005)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_thin_hollow_wall_does_not_leave_the_place_of_a_round_object_open(seed):
+    place = (0.04 * seed - 0.08, 0.05, 0.0)
+    found_m = estimate("bowl", layout(bowl=place), seed).position_m
+    assert np.linalg.norm(found_m[:2] - place[:2]) < 0.003
+
+
 def test_an_absent_object_is_refused_with_the_score_and_what_each_camera_sees():
     others = {name: place for name, place in ALL.items() if name != "carton"}
     with pytest.raises(ObjectNotVisibleError, match=r"scores 0\.\d\d of at least 0\.\d\d.*front \d+ %") as caught:
@@ -76,7 +83,8 @@ def test_two_alike_that_touch_are_noticed():
 
 def test_an_object_that_is_nearly_hidden_is_refused():
     wall = (1, np.array([0.06, 0.008, 0.075]), "grey", np.array([0.0, -0.055, 0.075]), 0.0)
-    where = Layout(layout(jar=(0.0, 0.0, 0)).poses, [wall])
+    slab = (3, np.array([0.05, 0.05, 0.005]), "grey", np.array([0.0, 0.0, 0.107]), 0.0)
+    where = Layout(layout(jar=(0.0, 0.0, 0)).poses, [wall, slab])
     with pytest.raises((UncertainPoseError, ObjectNotVisibleError)) as caught:
         estimate("jar", where, num=1)
     assert caught.value.valid
