@@ -150,7 +150,7 @@ def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taug
 def test_the_robots_own_limits_hold_whatever_the_service_says(client, taught):
     arm = Arm()
     with pytest.raises(UnsafeActionError, match=r"action 0: position\.x is"):
-        run_task(client, arm, taught, PICK, limits=MotionLimits(Box((0.5, -1, 0), (1, 1, 2))), **REGRESSION)
+        run_task(client, arm, taught, PICK, pinned=MotionLimits(Box((0.5, -1, 0), (1, 1, 2))), **REGRESSION)
     assert arm.log == ["stop"]
 
 
