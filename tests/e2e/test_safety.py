@@ -224,7 +224,7 @@ def test_confirm_asks_before_each_motion(scripted, tmp_path, answers, moved):
     assert process.returncode == (1 if moved else 0)
     assert said.count("Go? [y/N]") == (len(moved) if moved else 3)
     assert not moved or "was not allowed" in errors
-    assert errors.startswith("no preview: the geometry of this robot's arm is unknown")
+    assert errors.startswith("no preview: this robot's geometry is unknown")
 
 
 BREACH = "action 2: position.z is 0.925 m (allowed: 0.6 to 0.9 m, the workspace)"
