@@ -202,6 +202,9 @@ class Service:
     def get(self, path):
         return {}
 
+    def motion_limits(self, task):
+        return FREE
+
 
 def test_an_object_that_moves_before_contact_is_followed(simulated):
     with opened() as arm:
@@ -225,7 +228,7 @@ def test_an_object_that_moves_before_contact_is_followed(simulated):
             for action in (above, at)
         ]
         service = Service(PredictedActions.from_json({"id": "p", "actions": items, "findings": []}))
-        run_task(service, arm, "t", "go", limits=FREE, look_again=True)
+        run_task(service, arm, "t", "go", look_again=True)
         off_m = arm.state().position_m - at.position_m
         np.testing.assert_allclose(off_m, [0.03, -0.02, 0.0], atol=NEAR_M)
 

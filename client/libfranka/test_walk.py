@@ -156,7 +156,7 @@ def test_from_an_empty_folder_to_a_right_motion(person, tmp_path, capsys):
         person.answer("no real-time kernel", "y")
         person.answer("x y z, meters", BASE)
         person.answer("degrees", "0")
-        person.answer("Where are the objects?", "objects.json")
+        person.answer("A file with the objects' poses", "objects.json")
         person.answer("Measure the space", "n")
         person.answer("May the gripper", "y")
         assert "written to cell.json" in person.end()

@@ -1,4 +1,4 @@
-"""A cell's file: which arm, where it stands, what bounds it, what there is to see.
+"""A cell's file: the arm, its base, its limits, the objects and the cameras.
 
     {"arm": "franka", "options": {"address": "172.16.0.2"},
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
@@ -10,10 +10,10 @@
      "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}],
      "table": {"position": [0.3, 0, 0.75], "normal": [0, 0, 1]}}
 
-Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`. Without the
-service a run goes on unless `lost_contact` is "stop". A camera has `camera_to_world` where it stands still, and
-`camera_to_hand` where the hand carries it: (4, 4) in meters, OpenCV axes (x right, y down, z forward), null until
-`roboprompt-robot calibrate` has found it.
+Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`. If contact
+with the service is lost, a run goes on unless `lost_contact` is "stop". A camera has `camera_to_world` if it stands
+still and `camera_to_hand` if the hand carries it: (4, 4) in meters, OpenCV axes (x right, y down, z forward), null
+until `roboprompt-robot calibrate` has found it.
 """
 
 import json
@@ -60,13 +60,13 @@ MAX_VIEWPOINTS = 8
 
 
 def open_robot(name: str, *, cameras: bool = True) -> Robot:
-    """A robot by MODULE:FACTORY, or by a cell's file.
+    """Return the robot of MODULE:FACTORY or of a cell's file.
 
     Args:
-        cameras: whether a cell's are opened, too; without them its arm does not go to viewpoints, either.
+        cameras: whether to open the cell's cameras, too; without them its arm does not go to viewpoints, either.
 
     Raises:
-        InvalidInputError: if there is no such factory, or the file says something that cannot be.
+        InvalidInputError: if the factory does not exist, or the file is invalid.
         MotionError: if the arm cannot be reached.
         CameraError: if a camera cannot be opened.
     """
@@ -86,7 +86,7 @@ def open_robot(name: str, *, cameras: bool = True) -> Robot:
 
 @contextmanager
 def closing_robot(robot: Robot) -> Iterator[Robot]:
-    """The robot, which is stopped and left in the end, its cameras too, where it is a cell's."""
+    """Yield the robot; in the end stop and close it, with its cameras, if it is an `Arm`."""
     try:
         yield robot
     finally:
@@ -108,7 +108,9 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
         return robot
     observe_scene = None
     if "objects" in cell:
-        observe_scene = partial(observation_from_file, "objects", folder / cell["objects"])  # read again at each look
+        observe_scene = partial(
+            observation_from_file, "objects", folder / cell["objects"]
+        )  # read again at each observation
         observe_scene()
     return Arm(
         made,
@@ -126,7 +128,7 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
 
 
 def read_cell(path: Path) -> dict[str, Any]:
-    """A cell's file as a document; raises InvalidInputError if it is none, or has fields that are not known."""
+    """Return a cell's file as a JSON object; raises InvalidInputError if it is malformed, or has unknown fields."""
     try:
         cell = json.loads(path.read_text())
     except (OSError, ValueError) as error:
@@ -139,7 +141,7 @@ def read_cell(path: Path) -> dict[str, Any]:
 
 
 def write_cell(path: Path, cell: Mapping[str, Any]) -> None:
-    """Write a cell's file; whatever goes wrong, the old one or the new one is there as a whole."""
+    """Write a cell's file; after an error the old file is there unchanged."""
     begun = path.with_name(f"{path.name}.part")
     begun.write_text(json.dumps(cell, indent=1) + "\n")
     begun.replace(path)
@@ -159,14 +161,14 @@ def _geometry(folder: Path, document: object) -> UrdfGeometry:
 
 
 def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:
-    """The `cameras` of a cell's file, opened.
+    """Open the `cameras` of a cell's file.
 
     Args:
-        folder: of the file: a folder of frames is relative to it.
+        folder: of the file; folders of frames are relative to it.
         table: the cell's `table`, if there is one.
 
     Raises:
-        InvalidInputError: if the document says something that cannot be.
+        InvalidInputError: if the document is malformed.
         CameraError: if a camera cannot be opened.
     """
     if not isinstance(document, list) or not document:
@@ -201,7 +203,7 @@ def _camera(k: int, document: object, folder: Path) -> MountedCamera:
 
 
 def viewpoints_from_json(document: object) -> tuple[Pose, ...]:
-    """Poses of the hand in the world; raises InvalidInputError for anything else."""
+    """Return poses of the hand in the world frame; raises InvalidInputError if the document is malformed."""
     if not isinstance(document, list) or len(document) > MAX_VIEWPOINTS:
         valid = f'at most {MAX_VIEWPOINTS} of {{"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}'
         raise InvalidInputError("viewpoints", f"are {document!r:.80}", valid)

@@ -31,7 +31,9 @@ from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
 )
-ROBOT = "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot; the current folder is searched, too"
+ROBOT = (
+    "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot; modules in the current folder are found"
+)
 
 
 def main() -> int:
@@ -72,7 +74,7 @@ def _parser() -> ArgumentParser:
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
-    init = add("init", "write a cell's file: asks, and lets the arm measure", run_init)
+    init = add("init", "write a cell's file from your answers and the arm's measurements", run_init)
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
@@ -86,7 +88,7 @@ def _add_url(parser: ArgumentParser, default: str) -> None:
 
 
 def _add_task(parser: ArgumentParser, *, required: bool = True) -> None:
-    found = "" if required else "; left out: the tasks that the instruction asks for, step by step"
+    found = "" if required else "; default: the tasks that the instruction asks for, step by step"
     parser.add_argument("--task", required=required, help=f"the task's name at the service{found}")
     parser.add_argument("--instruction", required=True, help="what the robot is to do, in words")
 
@@ -95,17 +97,17 @@ def _add_run(run: ArgumentParser) -> None:
     _add_task(run, required=False)
     add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
-    run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
+    run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion (recommended)")
     what = (
         'JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: limits of '
         "your own, which hold beside the service's"
     )
     run.add_argument("--limits", type=Path, metavar="FILE", help=what)
     how = run.add_mutually_exclusive_group()
-    how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
-    what = "observe again before contact: actions follow objects that were moved, without asking the LLM again"
+    how.add_argument("--stream", action="store_true", help="start to move while the LLM still writes")
+    what = "observe again before contact, and follow objects that were moved without asking the LLM again"
     how.add_argument("--look-again", action="store_true", help=what)
-    what = "where the service finds its answer dangerous (default: ask with --confirm, refuse without)"
+    what = "if the service finds its answer dangerous (default: confirm with --confirm, else refuse)"
     run.add_argument("--on-danger", choices=get_args(OnDanger), help=what)
 
 

@@ -1,6 +1,6 @@
-"""A whole day at the robot in a minute: `python -m roboprompt_client.example` teaches a task and runs it.
+"""Teach a task and run it in a new scene: `python -m roboprompt_client.example`, against a running service.
 
-The arm is imaginary: it is where it was sent, and prints what it is sent. Everything else is as with a real one.
+The arm is imaginary: it is at once where it is sent, and prints each action. The rest is as with a real arm.
 """
 
 import argparse
@@ -20,15 +20,15 @@ TAUGHT_M = ((0.40, 0.10, 0.02), (0.45, -0.15, 0.02), (0.55, 0.05, 0.02), (0.38, 
 UNSEEN_M = (0.47, 0.12, 0.02)
 HOME_M = np.array([0.30, 0.0, 0.50])
 DOWN_XYZW = np.array([1.0, 0.0, 0.0, 0.0])
-ABOVE_M, AT_M, PRESSED_M = (0.0, 0.0, 0.12), (0.0, 0.0, 0.01), 0.02  # from the button
-FRAMES, PERIOD_S = 25, 0.05  # of each stretch of a recording
+ABOVE_M, AT_M, PRESSED_M = (0.0, 0.0, 0.12), (0.0, 0.0, 0.01), 0.02  # relative to the button
+FRAMES, PERIOD_S = 25, 0.05  # of each segment of a recording
 
 
 class ImaginaryArm:
-    """A `Robot`: a real one asks its cameras in `observe`, and moves in `execute`.
+    """A `Robot`; a real one asks its cameras in `observe`, and moves in `execute`.
 
     Attributes:
-        pressed: whether the hand was within a button's size of it.
+        pressed: whether the hand has been within 2 cm of the button.
     """
 
     def __init__(self, button_m: tuple[float, float, float]) -> None:
@@ -36,26 +36,26 @@ class ImaginaryArm:
         self.pressed = False
 
     def observe(self) -> Observation:
-        """The button, and where the hand is."""
+        """Return the button's pose and the hand's."""
         return Observation(button(self._button_m), end_effector=Pose(tuple(self._hand_m), tuple(DOWN_XYZW)))
 
     def execute(self, action: EndEffectorAction) -> None:
-        """Be there."""
+        """Take the action's pose."""
         self._hand_m = action.position_m
         self.pressed |= bool(np.linalg.norm(self._hand_m - self._button_m) < PRESSED_M)
         print(f"the hand goes to {action.position_m.round(3)} m, gripper {'open' if action.gripper_open else 'closed'}")
 
     def stop(self) -> None:
-        """It stands already."""
+        """Do nothing: this arm never moves on the way."""
 
 
 def button(position_m: tuple[float, float, float]) -> ObjectPose:
-    """What the robot sees of its scene."""
+    """Return the button's pose as the robot observes it."""
     return ObjectPose("red button", np.array(position_m), np.array([0.0, 0.0, 0.0, 1.0]))
 
 
 def press(button_m: tuple[float, float, float]) -> Trajectory:
-    """As a person would guide the hand: above the button, down to it, and up again, with a rest at each place."""
+    """Return a demonstration as a person would guide it: above the button, down, and up again, with a rest at each."""
     above_m, at_m = np.add(button_m, ABOVE_M), np.add(button_m, AT_M)
     places = [HOME_M, above_m, above_m, at_m, at_m, above_m, above_m]
     positions_m = np.concatenate([np.linspace(a, b, FRAMES) for a, b in pairwise(places)])
@@ -65,7 +65,7 @@ def press(button_m: tuple[float, float, float]) -> Trajectory:
 
 
 def main() -> None:
-    """Teach five demonstrations, and press a button that stands where none of them had it."""
+    """Teach five demonstrations, and press the button at a place that none of them shows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", default=DEFAULT_URL, help="of the service (default: %(default)s)")
     try:
@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def teach_and_press(url: str) -> None:
-    """All of it, with the service at `url`; raises RoboPromptError where it refuses or does not answer."""
+    """Teach and press with the service at `url`; raises RoboPromptError if it refuses or does not answer."""
     with RoboPromptClient(url) as client:
         for place_m in TAUGHT_M:
             stored = client.upload(TASK, INSTRUCTION, press(place_m), Observation(button(place_m)))

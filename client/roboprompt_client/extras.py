@@ -1,4 +1,4 @@
-"""Packages that are extras, and drivers by name: imported only where a cell's file asks for them."""
+"""Optional packages, and drivers by name; both are imported only when a cell's file uses them."""
 
 import importlib
 from collections.abc import Mapping
@@ -8,25 +8,25 @@ from roboprompt_client.errors import InvalidInputError
 
 
 def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
-    """A module of a maker's package, which is an extra; raises InvalidInputError if it is not installed."""
+    """Return a module of an optional package; raises InvalidInputError if it is not installed."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        remedy = f"roboprompt-client[{extra}]"
+        remedy = f"pip install 'roboprompt-client[{extra}]'"
         raise InvalidInputError(extra, f"{package} is not installed or cannot be loaded: {error}", remedy) from error
 
 
 def make_driver(field: str, name: str, known: Mapping[str, str], options: object) -> Any:  # noqa: ANN401
-    """What a factory returns.
+    """Return the driver that a factory makes.
 
     Args:
-        field: what an error names, e.g. ``arm`` or ``cameras[front].driver``.
+        field: the field that an error names, e.g. ``arm`` or ``cameras[front].driver``.
         name: one of `known`, or MODULE:FACTORY.
         known: MODULE:FACTORY by name.
         options: the factory's arguments by name.
 
     Raises:
-        InvalidInputError: if there is no such factory, or it has no such options.
+        InvalidInputError: if the factory does not exist, or does not take these options.
     """
     module, _, factory = known.get(name, name).partition(":")
     try:

@@ -99,7 +99,7 @@ def test_an_arm_that_is_off_is_said():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"), [({"count": 4}, "saw the board clearly at 4 poses"), ({"tilt_deg": 3.0}, "turned by about")]
+    ("changes", "words"), [({"count": 4}, "saw the board clearly at 4 poses"), ({"tilt_deg": 3.0}, "rotated by about")]
 )
 def test_what_gives_no_pose_is_refused_by_camera(changes, words):
     with pytest.raises(InvalidInputError, match=rf"^cameras\[wrist\]: .*{words}"):
@@ -177,5 +177,5 @@ def test_the_command_moves_the_hand_and_writes_the_cell_s_file(cell, monkeypatch
 def test_nothing_is_moved_or_written_without_a_yes(cell, monkeypatch, capsys):
     before = cell.read_bytes()
     assert run(monkeypatch, cell, answer="n") == 1
-    assert "saw the board nowhere" in capsys.readouterr().err
+    assert "did not see the board" in capsys.readouterr().err
     assert cell.read_bytes() == before

@@ -158,7 +158,7 @@ def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
         (("predict",), "Print the actions for a scene"),
         (("run",), "Observe the scene, ask for actions, and carry them out with an arm"),
         (("record",), "Record demonstrations while a person moves the arm"),
-        (("check",), "See whether an arm does what the Robot Protocol says"),
+        (("check",), "Check whether an arm does what the Robot Protocol says"),
     ],
 )
 def test_help_says_what_a_command_does(monkeypatch, capsys, command, said):

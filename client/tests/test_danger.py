@@ -92,11 +92,13 @@ DONE = {"id": "p", "actions": [ACTION], "findings": []}
 def stream_of(*events):
     """A client of a service that streams these events."""
     body = "".join(f"event: {name}\ndata: {json.dumps(document)}\n\n" for name, document in events)
-    return client_of(httpx.Response(200, text=body, headers={"content-type": "text/event-stream"}))
+    client = client_of(httpx.Response(200, text=body, headers={"content-type": "text/event-stream"}))
+    client.motion_limits = lambda task: MotionLimits()
+    return client
 
 
 def run_stream(arm, *events):
-    return run_task(stream_of(*events), arm, "pick", "pick it up", stream=True, limits=MotionLimits())
+    return run_task(stream_of(*events), arm, "pick", "pick it up", stream=True)
 
 
 @pytest.mark.parametrize(("response", "said"), MALFORMED)
@@ -108,7 +110,7 @@ def test_findings_that_are_not_well_formed_move_nothing(response, said, way, on_
     if way is streamed:
         service = stream_of(("findings", response), ("action", ACTION), ("done", DONE))
     with pytest.raises(InvalidAnswerError, match=f"the service's answer: .*{said}.*a list of objects"):
-        way(service, arm, "pick", "pick it up", on_danger=on_danger, limits=MotionLimits())
+        way(service, arm, "pick", "pick it up", on_danger=on_danger)
     assert (arm.heights, arm.stopped) == ([], 1)
 
 

@@ -76,7 +76,7 @@ def test_corners_without_room_are_asked_for_again(body, monkeypatch, tmp_path, c
     flat = [guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.01])]
     corners = [*flat, guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.4])]
     assert run(monkeypatch, tmp_path / "cell.json", ["xarm", "a", "", "", "", "y", *corners, "n"]) == 0
-    assert "every side needs 0.05 m" in capsys.readouterr().out
+    assert "every side must be at least 0.05 m" in capsys.readouterr().out
 
 
 def test_nothing_is_overwritten(body, monkeypatch, tmp_path, capsys):

@@ -190,7 +190,7 @@ def test_actions_without_an_anchor_go_as_they_are():
 
 
 def test_not_while_streaming():
-    with pytest.raises(InvalidInputError, match="look_again: is asked for together with stream"):
+    with pytest.raises(InvalidInputError, match="look_again: cannot be combined with stream"):
         run(Arm(), stream=True)
 
 

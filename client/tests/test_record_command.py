@@ -130,7 +130,7 @@ def test_a_hand_rests_a_fifth_of_a_second_after_the_last_key(keys, monkeypatch, 
     ("option", "why"),
     [
         (["--guide"], "cannot be guided by its driver"),
-        (["--teleop", "keyboard"], "--teleop: standard input is no terminal"),
+        (["--teleop", "keyboard"], "--teleop: standard input is not a terminal"),
         (["--teleop", "spacemouse"], "--teleop: no SpaceMouse is plugged in"),
     ],
 )

@@ -150,7 +150,7 @@ def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taug
 def test_the_robots_own_limits_hold_whatever_the_service_says(client, taught):
     arm = Arm()
     with pytest.raises(UnsafeActionError, match=r"action 0: position\.x is"):
-        run_task(client, arm, taught, PICK, limits=MotionLimits(Box((0.5, -1, 0), (1, 1, 2))), **REGRESSION)
+        run_task(client, arm, taught, PICK, pinned=MotionLimits(Box((0.5, -1, 0), (1, 1, 2))), **REGRESSION)
     assert arm.log == ["stop"]
 
 
@@ -224,7 +224,7 @@ def test_confirm_asks_before_each_motion(scripted, tmp_path, answers, moved):
     assert process.returncode == (1 if moved else 0)
     assert said.count("Go? [y/N]") == (len(moved) if moved else 3)
     assert not moved or "was not allowed" in errors
-    assert errors.startswith("no preview: the geometry of this robot's arm is unknown")
+    assert errors.startswith("no preview: this robot's geometry is unknown")
 
 
 BREACH = "action 2: position.z is 0.925 m (allowed: 0.6 to 0.9 m, the workspace)"

@@ -144,5 +144,6 @@ def test_a_service_that_dies_in_the_middle_stops_the_robot():
     arm = Arm()
     ended = pytest.raises(ServiceUnreachableError, match="ended before it was complete")
     with answering(lambda *_: (200, EVENTS, said)) as url, RoboPromptClient(url) as client, ended:
-        run_task(client, arm, "pick", INSTRUCTION, stream=True, limits=MotionLimits())
+        client.motion_limits = lambda task: MotionLimits()
+        run_task(client, arm, "pick", INSTRUCTION, stream=True)
     assert [isinstance(entry, EndEffectorAction) for entry in arm.log] == [True, False]

@@ -1,6 +1,6 @@
-"""A ChArUco board: a chessboard whose white squares carry markers, so that a part of it is enough.
+"""A ChArUco board: a chessboard with markers in its white squares, so that a part of it can be located.
 
-Needs OpenCV, as the rest of this room does.
+This package needs OpenCV.
 """
 
 import math
@@ -15,34 +15,34 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 
 DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
-MAX_SQUARES = 100  # a side
+MAX_SQUARES = 100  # per side
 MIN_LENGTH_M = 1e-4
 PRINT_DPI = 300
 METRES_PER_INCH = 0.0254
 SUBPIX_UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 MIN_CORNERS = 8
-RIVAL_RAD = np.radians(3.0)  # two poses that differ by less are one
-RIVAL_ERROR = 1.5  # a rival whose error is larger by this factor is out of the question
+RIVAL_RAD = np.radians(3.0)  # poses that differ by less count as the same
+RIVAL_ERROR = 1.5  # a second pose with an error larger by this factor is ruled out
 
 
 @cache
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """The dictionary of that name in `DICTIONARIES`."""
+    """Return the dictionary of a name in `DICTIONARIES`."""
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
 @dataclass(frozen=True)
 class CharucoBoard:
-    """A board as it was printed.
+    """A printed board.
 
-    Its axes begin at its bottom left corner, where the squares end: x along the bottom edge to the right, y along the
-    left edge to the top, z out of the paper. It stands the right way up when its markers do.
+    Its frame's origin is the bottom left corner of the squares, x along the bottom edge to the right, y along the left
+    edge to the top, z out of the paper. The board is upright when its markers are.
 
     Attributes:
-        columns, rows: squares.
+        columns, rows: numbers of squares.
         square_m, marker_m: sides of a square, and of a marker's black border.
-        dictionary: which family the markers are of, from id 0 upwards.
-        legacy: whether it is of the pattern that OpenCV drew before 4.6; differs where `rows` is even.
+        dictionary: the family of markers, whose ids start at 0.
+        legacy: whether it has the pattern of OpenCV before 4.6, which differs for an even number of rows.
     """
 
     columns: int
@@ -74,13 +74,13 @@ class CharucoBoard:
 
     @property
     def corners_m(self) -> Array:
-        """(N, 3) the chessboard's inner corners in the board's axes, by id."""
+        """(N, 3) the inner corners in the board's frame, in the order of their ids."""
         corners = np.array(self._opencv().getChessboardCorners(), np.float64).reshape(-1, 3)
-        # OpenCV begins at the top left, its z goes into the paper
+        # OpenCV's origin is at the top left, its z points into the paper
         return corners * (1, -1, -1) + (0, self.size_m[1], 0)
 
     def find(self, rgb: npt.NDArray[np.uint8]) -> tuple[Array, npt.NDArray[np.int64], int]:
-        """What an (H, W, 3) image shows: (N, 2) columns and rows of corners, their (N,) ids, and how many markers."""
+        """Find the board in an (H, W, 3) image; return corners (N, 2) in pixels, ids (N,), and number of markers."""
         grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
         options = cv2.aruco.CharucoParameters()
         options.tryRefineMarkers = True
@@ -90,19 +90,19 @@ class CharucoBoard:
         if not isinstance(ids, np.ndarray) or not len(ids):
             return np.zeros((0, 2)), np.zeros(0, np.int64), markers
         corners_px = np.asarray(corners, np.float32).reshape(-1, 2)
-        reach_px = max(int(self._gap_px(corners_px)), 2)  # OpenCV's own window takes in the markers' corners
+        reach_px = max(int(self._gap_px(corners_px)), 2)  # OpenCV's default window would include corners of markers
         cv2.cornerSubPix(grey, corners_px, (reach_px, reach_px), (-1, -1), SUBPIX_UNTIL)
         return corners_px.astype(np.float64), np.asarray(ids, np.int64).ravel(), markers
 
     def _gap_px(self, corners_px: npt.NDArray[np.float32]) -> float:
-        """How far, in the picture, a marker is from its square's sides."""
+        """Return the distance in pixels between a marker and its square's sides."""
         apart_px = np.linalg.norm(corners_px[:, None] - corners_px, axis=2)
         nearest_px = np.sort(apart_px, axis=1)[:, 1:2]
         square_px = float(np.median(nearest_px)) if nearest_px.size else 0.0
         return square_px * (1 - self.marker_m / self.square_m) / 2
 
     def picture(self) -> npt.NDArray[np.uint8]:
-        """(H, W) grey values, to be printed at `PRINT_DPI` without scaling; a rim of half a square around it."""
+        """Return (H, W) gray values with a margin of half a square, to be printed at `PRINT_DPI` without scaling."""
         square_px = round(self.square_m / METRES_PER_INCH * PRINT_DPI)
         rim_px = square_px // 2
         size_px = self.columns * square_px + 2 * rim_px, self.rows * square_px + 2 * rim_px
@@ -117,7 +117,7 @@ class CharucoBoard:
 
 
 def check_seen(where: str, ids: npt.NDArray[np.int64], markers: int, board: CharucoBoard) -> None:
-    """Refuse a picture that shows too little of the board; raises InvalidInputError naming `where`."""
+    """Raise InvalidInputError, naming `where`, for a picture that shows too little of the board."""
     inner = board.columns - 1
     spread = len(set(ids % inner)) > 1 and len(set(ids // inner)) > 1
     if len(ids) >= MIN_CORNERS and spread:
@@ -130,15 +130,17 @@ def check_seen(where: str, ids: npt.NDArray[np.int64], markers: int, board: Char
 
 
 def find_board(points_m: Array, corners_px: Array, matrix: Array) -> tuple[Array, Array]:
-    """Rotation vector and shift; a flat board may leave two, of which the far better one is taken.
+    """Return the board's rotation vector and translation in the camera's frame.
+
+    A flat board may have two solutions; the better one is returned if the other fits much worse.
 
     Args:
-        points_m: (N, 3) in the board's axes.
-        corners_px: (N, 2).
-        matrix: (3, 3) of the camera.
+        points_m: (N, 3) corners in the board's frame.
+        corners_px: (N, 2) the same corners in the picture.
+        matrix: (3, 3) the camera's matrix.
 
     Raises:
-        InvalidInputError: if two poses fit about as well.
+        InvalidInputError: if two poses fit about equally well.
     """
     _, turns, shifts, _ = cv2.solvePnPGeneric(points_m, corners_px, matrix, None, flags=cv2.SOLVEPNP_IPPE)
     refined = [
@@ -159,5 +161,5 @@ def find_board(points_m: Array, corners_px: Array, matrix: Array) -> tuple[Array
 
 
 def rms_length(errors_px: Array) -> float:
-    """Root mean square of the lengths of errors (N, 2)."""
+    """Return the root mean square of the lengths of errors (N, 2)."""
     return float(np.sqrt((errors_px**2).sum(axis=1).mean()))

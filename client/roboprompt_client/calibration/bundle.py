@@ -1,7 +1,7 @@
-"""Cameras against the arm: all cameras and the board in one fit to the corners that they saw at several poses.
+"""Calibrate cameras against the arm: one bundle adjustment of all cameras and the board, over several hand poses.
 
 Either the cameras stand still and the hand holds the board, or the hand carries the cameras and the board lies still.
-A closed form is the start; then the corners' distances in the pictures are made least, over everything at once.
+A closed-form solution is refined by minimizing the corners' reprojection errors over all poses at once.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +18,7 @@ from roboprompt_client.extras import import_extra
 from roboprompt_client.types.arrays import Array
 
 MIN_POSES = 6  # of the hand at which a camera saw the board
-MIN_TURN_DEG = 20.0  # between two of them, about two axes: without it a camera's place does not follow
+MIN_TURN_DEG = 20.0  # between poses, about two axes; with less the camera's position is not determined
 GOOD_PX, GOOD_M, GOOD_DEG = 0.5, 0.003, 0.3
 
 
@@ -29,8 +29,8 @@ class Sighting:
     Attributes:
         camera: its name.
         hand_to_world: (4, 4).
-        points_m: (N, 3) corners in the board's axes.
-        corners_px: (N, 2) where they are in the picture.
+        points_m: (N, 3) corners in the board's frame.
+        corners_px: (N, 2) the same corners in the picture.
     """
 
     camera: str
@@ -41,13 +41,13 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class FittedCamera:
-    """A camera's pose, and how well it fits.
+    """A camera's fitted pose, and the fit's residuals.
 
     Attributes:
-        mount: (4, 4) `camera_to_world`, or `camera_to_hand` of one that the hand carries.
-        rms_px: how far the corners lie from where the fit puts them, root mean square.
-        off_m, off_deg: how far the board is from where each picture alone puts it, in the median of the poses.
-        num_poses: at which it saw the board.
+        mount: (4, 4) `camera_to_world`, or `camera_to_hand` if the hand carries it.
+        rms_px: reprojection error of the corners, root mean square.
+        off_m, off_deg: distance of the fitted board from its pose in each single picture, median over the poses.
+        num_poses: number of poses at which the camera saw the board.
     """
 
     mount: Array
@@ -58,7 +58,7 @@ class FittedCamera:
 
     @property
     def advice(self) -> str:
-        """What to do about the errors; empty if they are small."""
+        """What to do about large residuals; empty if they are small."""
         if self.rms_px > GOOD_PX:
             return "corners do not fit: measure the board's squares, fasten the board, check the camera's intrinsics"
         if self.off_m > GOOD_M or self.off_deg > GOOD_DEG:
@@ -69,14 +69,14 @@ class FittedCamera:
 def fit_cameras(
     sightings: Sequence[Sighting], intrinsics: Mapping[str, Intrinsics], *, carried: bool
 ) -> dict[str, FittedCamera]:
-    """The pose of each camera.
+    """Return the fitted pose of each camera by name.
 
     Args:
-        intrinsics: by camera.
-        carried: whether the hand carries the cameras; otherwise it holds the board.
+        intrinsics: by camera name.
+        carried: True if the hand carries the cameras, False if it holds the board.
 
     Raises:
-        InvalidInputError: if a camera saw the board too seldom, or the hand turned too little.
+        InvalidInputError: if a camera saw the board at too few poses, or the hand rotated too little.
     """
     views = {name: list(_views(sightings, name, k, carried=carried)) for name, k in intrinsics.items()}
     for name, of_camera in views.items():
@@ -98,11 +98,11 @@ def fit_cameras(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A sighting in the frame that moves with the cameras if the hand carries them, else in that of the board.
+    """A sighting, with poses relative to the frame in which the board does not move (the world's or the hand's).
 
     Attributes:
-        carrier: (4, 4) hand to world, or world to hand: `carrier @ mount` is the camera's pose where the board rests.
-        board_to_camera: (4, 4) by what this picture alone says.
+        carrier: (4, 4) hand to world, or world to hand; `carrier @ mount` is the camera's pose in that frame.
+        board_to_camera: (4, 4) estimated from this picture alone.
     """
 
     carrier: Array
@@ -119,7 +119,7 @@ class _View:
         return cls(carrier, sighting, k.matrix, alone)
 
     def errors_px(self, mount: Array, board: Array) -> Array:
-        """(N, 2) how far the corners are from where a camera's mount and the board's pose (4, 4) put them."""
+        """Return the reprojection errors (N, 2) of the corners for a camera's mount and the board's pose (4, 4)."""
         board_to_camera = np.linalg.inv(self.carrier @ mount) @ board
         in_camera = self.sighting.points_m @ board_to_camera[:3, :3].T + board_to_camera[:3, 3]
         pixels = in_camera @ self.matrix.T
@@ -128,7 +128,7 @@ class _View:
 
 
 def _views(sightings: Sequence[Sighting], camera: str, k: Intrinsics, *, carried: bool) -> Iterator[_View]:
-    """Those of one camera; a picture that two poses of the board explain is left out."""
+    """Yield the views of one camera; pictures that two poses of the board explain equally are left out."""
     for sighting in sightings:
         if sighting.camera == camera:
             with suppress(InvalidInputError):
@@ -145,15 +145,15 @@ def _check_poses(name: str, views: Sequence[_View]) -> None:
     spread_deg = np.degrees(np.linalg.svd(np.array(turns), compute_uv=False) / np.sqrt(len(views)))
     if spread_deg[1] < MIN_TURN_DEG / 2:
         turned = " and ".join(f"{2 * spread:.0f}" for spread in spread_deg[:2])
-        message = f"the hand turned by about {turned} degrees between the poses"
+        message = f"the hand rotated by about {turned} degrees between the poses"
         raise InvalidInputError(field, message, f"at least {MIN_TURN_DEG:g} about two axes: tilt the hand both ways")
 
 
 def _hand_eye(views: Sequence[_View]) -> Array:
-    """(4, 4) X of the camera in the frame that carries it, from A X = X B for each pair of poses.
+    """Return X (4, 4), the camera's pose in the frame that carries it, from A X = X B for each pair of poses.
 
     Park and Martin, "Robot sensor calibration: solving AX = XB on the Euclidean group", IEEE Trans. Robotics 1994:
-    X turns the axes of B's turns into those of A's; its shift then follows linearly.
+    X rotates the axes of B's rotations into those of A's; its translation then follows from a linear system.
     """
     pairs = [
         (np.linalg.inv(after.carrier) @ before.carrier, after.board_to_camera @ np.linalg.inv(before.board_to_camera))

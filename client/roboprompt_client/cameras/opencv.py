@@ -1,4 +1,4 @@
-"""What OpenCV reads: a color camera on USB, and a folder of frames that another program writes or that were recorded.
+"""Drivers that read with OpenCV: a USB color camera, and a folder of frames, recorded or written by another program.
 
 In a cell's file:
 
@@ -8,7 +8,7 @@ In a cell's file:
 {"name": "front", "driver": "files", "options": {"folder": "frames"}}
 
 A folder has 0001_color.png (or .jpg), 0001_depth.png (16 bit), and camera.json: {"intrinsics": {...}, "depth_scale":
-0.001}. A frame is complete when its color image is there: write depth first, under another name if it takes long.
+0.001}. A frame counts as complete when its color image exists, so the program must write the depth image first.
 """
 
 import json
@@ -22,7 +22,7 @@ from roboprompt_client.cameras.picture import Intrinsics, Picture, undistorted
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import import_extra
 
-QUEUED_FRAMES = 5  # that drivers keep: they were taken before the call
+QUEUED_FRAMES = 5  # in the system's buffer, taken before the call
 WARM_UP_FRAMES = 30
 MAX_WAIT_S = 5.0
 POLL_S = 0.02
@@ -30,16 +30,16 @@ CALIBRATION, COLOR, DEPTH = "camera.json", "_color", "_depth.png"
 
 
 class UsbCamera:
-    """One color camera; it has no depth.
+    """A color camera without depth.
 
     Args:
-        device: its number, a path as /dev/video2, or an address that OpenCV opens.
-        intrinsics: of the image size that is asked for, as in a camera's JSON.
-        distortion: OpenCV's k1 k2 p1 p2 [k3 ...] of the lens; it is removed.
+        device: its number, a path such as /dev/video2, or an address that OpenCV opens.
+        intrinsics: as in a camera's JSON; they also choose the image size.
+        distortion: OpenCV's k1 k2 p1 p2 [k3 ...] of the lens, which is removed from pictures.
 
     Raises:
         CameraError: if it cannot be opened.
-        InvalidInputError: if the intrinsics are none, or OpenCV is not installed.
+        InvalidInputError: if the intrinsics are malformed, or OpenCV is not installed.
     """
 
     def __init__(self, device: int | str, intrinsics: object, distortion: Sequence[float] = ()) -> None:
@@ -48,13 +48,15 @@ class UsbCamera:
         self._distortion = tuple(distortion)
         self._capture = cv2.VideoCapture(device)
         if not self._capture.isOpened():
-            raise CameraError(f"{device!r} cannot be opened", "a camera that is plugged in and free, as /dev/video0")
+            raise CameraError(
+                f"{device!r} cannot be opened", "a camera that is plugged in and free, such as /dev/video0"
+            )
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, k.width_px)
         self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, k.height_px)
-        self._pass_over(WARM_UP_FRAMES)
+        self._discard(WARM_UP_FRAMES)
 
     def read(self) -> Picture:
-        self._pass_over(QUEUED_FRAMES)
+        self._discard(QUEUED_FRAMES)
         taken_s = time.time()
         done, bgr = self._capture.read()
         if not done:
@@ -69,20 +71,20 @@ class UsbCamera:
     def close(self) -> None:
         self._capture.release()
 
-    def _pass_over(self, frames: int) -> None:
+    def _discard(self, frames: int) -> None:
         for _ in range(frames):
             self._capture.grab()
 
 
 class FrameFolder:
-    """The newest frame of a folder, once it is newer than the call; or recorded frames in the order of their names.
+    """A folder of frames: `read` waits for a frame newer than the call, or takes recorded frames ordered by name.
 
     Args:
         folder: with `camera.json`.
-        recorded: whether the frames are old: each is read once, as if it were taken then.
+        recorded: whether the frames are old; each is then read once, as if it were taken at the call.
 
     Raises:
-        InvalidInputError: if there is no folder with a `camera.json`, or OpenCV is not installed.
+        InvalidInputError: if the folder has no valid `camera.json`, or OpenCV is not installed.
     """
 
     def __init__(self, folder: str, *, recorded: bool = False) -> None:
@@ -105,14 +107,14 @@ class FrameFolder:
         self._last = color.name
         bgr = self._cv2.imread(str(color), self._cv2.IMREAD_COLOR | self._cv2.IMREAD_IGNORE_ORIENTATION)
         if bgr is None:
-            raise CameraError(f"{color} is no image", "a PNG or JPEG")
+            raise CameraError(f"{color} is not an image", "a PNG or JPEG")
         depth = color.with_name(color.stem.removesuffix(COLOR) + DEPTH)
         depth_m = self._depth_m(depth) if depth.exists() else None
         rgb = np.ascontiguousarray(bgr[..., ::-1])
         return Picture(rgb, depth_m, self._intrinsics, taken_s, self._depth_scale)
 
     def close(self) -> None:
-        """Nothing to leave."""
+        """Do nothing."""
 
     def _frames(self) -> list[Path]:
         return sorted(path for end in ("png", "jpg") for path in self._folder.glob(f"*{COLOR}.{end}"))
@@ -136,6 +138,6 @@ class FrameFolder:
     def _depth_m(self, path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
         units = self._cv2.imread(str(path), self._cv2.IMREAD_UNCHANGED)
         if units is None or units.dtype != np.uint16 or units.ndim != 2:
-            raise CameraError(f"{path} is no depth image", f"a 16-bit PNG in units of {self._depth_scale:g} m")
+            raise CameraError(f"{path} is not a depth image", f"a 16-bit PNG in units of {self._depth_scale:g} m")
         depth_m: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = units.astype(np.float32) * self._depth_scale
         return depth_m.astype(np.float32)

@@ -1,4 +1,4 @@
-"""What a camera's driver gives: one picture with its intrinsics and its time."""
+"""What a camera's driver must offer (`CameraDriver`): pictures with their intrinsics and their time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ INTRINSICS = '{"fx": .., "fy": .., "cx": .., "cy": .., "width": .., "height": ..
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A pinhole camera's. Pixel centers are whole numbers; the image has `width_px` columns and `height_px` rows."""
+    """A pinhole camera's intrinsics and image size. Pixel centers are whole numbers."""
 
     fx_px: float
     fy_px: float
@@ -26,12 +26,12 @@ class Intrinsics:
 
     @property
     def matrix(self) -> npt.NDArray[np.float64]:
-        """(3, 3) as OpenCV has it."""
+        """OpenCV's camera matrix (3, 3)."""
         return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1]])
 
     @classmethod
     def from_json(cls, field: str, document: object) -> "Intrinsics":
-        """From the `intrinsics` of a camera's JSON; raises InvalidInputError naming `field`."""
+        """Return the intrinsics of a JSON object; raises InvalidInputError naming `field`."""
         try:
             k: Mapping[str, Any] = document  # type: ignore[assignment]
             fx, fy, cx, cy = (float(k[name]) for name in ("fx", "fy", "cx", "cy"))
@@ -42,13 +42,12 @@ class Intrinsics:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One camera's picture of one moment, free of lens distortion.
+    """One camera's picture of one moment, without lens distortion.
 
     Attributes:
         rgb: (H, W, 3) uint8, red first.
-        depth_m: (H, W) float32 meters along the optical axis, seen from the color camera; 0 where unknown. None:
-            the camera has no depth.
-        taken_s: when, by this computer's clock: seconds since 1970.
+        depth_m: (H, W) float32 meters along the color camera's optical axis, 0 where unknown; None without depth.
+        taken_s: seconds since 1970, by this computer's clock.
         depth_scale: meters per unit of the camera's own depth images.
     """
 
@@ -63,23 +62,23 @@ class CameraDriver(Protocol):
     """A kind of camera. `read` is called while arm and scene rest."""
 
     def read(self) -> Picture:
-        """A picture that is taken after the call.
+        """Return a picture that is taken after the call.
 
         Raises:
-            CameraError: if there is none: unplugged, too slow, no frame; the caller adds the camera's name.
+            CameraError: if there is none (unplugged, too slow, no frame); the caller adds the camera's name.
         """
         ...
 
     def close(self) -> None:
-        """Leave the camera."""
+        """Disconnect."""
         ...
 
 
 def undistorted(picture: Picture, distortion: Sequence[float]) -> Picture:
-    """The picture as a pinhole camera of the same intrinsics has it.
+    """Return the picture without lens distortion; the intrinsics stay.
 
     Args:
-        distortion: OpenCV's k1 k2 p1 p2 [k3 ...]; empty or all 0: nothing is done.
+        distortion: OpenCV's k1 k2 p1 p2 [k3 ...]; empty or all 0: the picture is returned as it is.
 
     Raises:
         InvalidInputError: if OpenCV is needed and not installed.
@@ -90,6 +89,6 @@ def undistorted(picture: Picture, distortion: Sequence[float]) -> Picture:
     matrix, size_px = picture.intrinsics.matrix, (picture.intrinsics.width_px, picture.intrinsics.height_px)
     maps = cv2.initUndistortRectifyMap(matrix, np.array(distortion, np.float64), None, matrix, size_px, cv2.CV_32FC1)
     rgb = cv2.remap(picture.rgb, *maps, cv2.INTER_LINEAR)
-    # A depth between those of two surfaces would be on neither.
+    # interpolating depth between two surfaces would give points on neither
     depth_m = None if picture.depth_m is None else cv2.remap(picture.depth_m, *maps, cv2.INTER_NEAREST)
     return replace(picture, rgb=rgb, depth_m=depth_m)

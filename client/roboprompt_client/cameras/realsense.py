@@ -1,4 +1,4 @@
-"""Intel RealSense over pyrealsense2: depth aligned to color, the factory's intrinsics and depth scale, no filters.
+"""Driver of Intel RealSense cameras: depth aligned to color, factory intrinsics and depth scale, no filters.
 
 In a cell's file:
 
@@ -16,19 +16,19 @@ from roboprompt_client.extras import import_extra
 
 WARM_UP_FRAMES = 30  # for the automatic exposure, 1 s at 30 Hz
 MAX_WAIT_S = 2.0  # for a frame
-MAX_LATE_FRAMES = 60  # that were taken before the call
+MAX_LATE_FRAMES = 60  # frames taken before the call that are skipped
 
 
 class RealSense:
-    """One camera, streaming from its first picture on.
+    """One camera, which streams until it is closed.
 
     Args:
-        serial: as printed on the camera; None: the only one that is plugged in.
+        serial: as printed on the camera; None: the only camera that is plugged in.
         width_px, height_px, frame_rate_hz: of color and depth.
-        device: an opened device of pyrealsense2 instead of one that is plugged in.
+        device: a device of pyrealsense2, instead of one that is plugged in.
 
     Raises:
-        CameraError: if there is no such camera, or it has no such streams.
+        CameraError: if the camera is missing, or lacks a stream of this size and rate.
         InvalidInputError: if pyrealsense2 is not installed.
     """
 
@@ -73,7 +73,7 @@ class RealSense:
         self._started = []
 
     def _start(self) -> None:
-        """Open the profiles of both streams: of two sensors, or of one that has both (D405)."""
+        """Start the depth and color streams, of two sensors or of one that has both (D405)."""
         rs = self._rs
         wanted = {(rs.stream.depth, rs.format.z16), (rs.stream.color, rs.format.rgb8)}
         for sensor in self._device.query_sensors():
@@ -100,7 +100,7 @@ class RealSense:
         return bool((video.width(), video.height(), video.fps()) == self._mode)
 
     def _frames(self) -> tuple[Any, Any]:
-        """The next depth and color frame of one moment, depth as the color camera sees it."""
+        """Return the next depth and color frames of one moment, depth aligned to color."""
         end_s = time.monotonic() + MAX_WAIT_S
         while time.monotonic() < end_s:
             try:
@@ -114,7 +114,7 @@ class RealSense:
         raise CameraError(gone, "its cable, a USB 3 port, no other program that uses it")
 
     def _taken_s(self, frame: Any) -> float:  # noqa: ANN401
-        """By this computer's clock; where the camera does not say, when the frame came."""
+        """Return a frame's time by this computer's clock; if the camera does not report it, the time of arrival."""
         hardware = self._rs.timestamp_domain.hardware_clock
         return time.time() if frame.get_frame_timestamp_domain() == hardware else float(frame.get_timestamp()) / 1000
 
@@ -128,7 +128,7 @@ class RealSense:
 
 
 def realsense_serials() -> list[str]:
-    """Of the cameras that are plugged in; none where pyrealsense2 is not installed."""
+    """Return the serials of the cameras that are plugged in; empty if pyrealsense2 is not installed."""
     try:
         rs = import_extra("pyrealsense2", "pyrealsense2", "realsense")
     except InvalidInputError:

@@ -1,4 +1,4 @@
-"""A cell's cameras and where they are: their pictures become calibrated frames, or an error names the camera."""
+"""A cell's cameras with their mounts: pictures become calibrated frames, or an error names the camera."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -14,11 +14,11 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import Pose
 
-MAX_UNKNOWN_DEPTH = 0.5  # share of the pixels
+MAX_UNKNOWN_DEPTH = 0.5  # share of pixels
 MAX_SKEW_S = 0.25  # of a camera's clock against this computer's
-# Of the hand while its camera takes a picture: at 0.5 m an object then moves by 2 mm at most.
+# Of the hand while its camera takes a picture; at 0.5 m this shifts an object by 2 mm at most.
 MAX_HAND_MOTION_M, MAX_HAND_TURN_RAD = 0.001, 0.002
-SETTLE_S = 0.3  # after a motion: arms swing a little
+SETTLE_S = 0.3  # after a motion, because arms swing a little
 HandPose = Callable[[], Array]
 
 
@@ -27,8 +27,8 @@ class MountedCamera:
     """A camera of the cell.
 
     Attributes:
-        in_hand: whether it moves with the hand.
-        mount: (4, 4) `camera_to_hand` of one in the hand, else `camera_to_world`; None: not calibrated yet.
+        in_hand: whether the hand carries it.
+        mount: (4, 4) `camera_to_hand` if the hand carries it, else `camera_to_world`; None: not calibrated yet.
     """
 
     name: str
@@ -38,18 +38,18 @@ class MountedCamera:
 
     @property
     def field(self) -> str:
-        """Where its pose stands in the cell's file."""
+        """The field of the cell's file with its pose."""
         return f"cameras[{self.name}].camera_to_{'hand' if self.in_hand else 'world'}"
 
     def calibrated(self, picture: Picture, hand_to_world: Array | None, name: str = "") -> RgbdFrame:
-        """The picture with its pose in the world.
+        """Return the picture as a frame with its camera's pose in the world.
 
         Args:
-            hand_to_world: (4, 4) at the moment of the picture; needed for a camera in the hand.
-            name: of the frame's camera, where one camera gives several; else its own.
+            hand_to_world: (4, 4) at the time of the picture; needed for a camera in the hand.
+            name: of the frame's camera; "": the camera's own.
 
         Raises:
-            InvalidInputError: if the camera's pose is not known, or picture and intrinsics do not fit.
+            InvalidInputError: if the camera is not calibrated, or picture and intrinsics do not fit.
         """
         if self.mount is None:
             raise InvalidInputError(self.field, "is not known", "a pose: `roboprompt-robot calibrate` finds it")
@@ -66,10 +66,10 @@ class Rig:
     """The cell's cameras.
 
     Args:
-        table: where they saw it when they were calibrated, if that is known.
+        table: the table's plane when the cameras were calibrated, if it was remembered.
 
     Raises:
-        InvalidInputError: for two cameras of one name.
+        InvalidInputError: for two cameras with one name.
     """
 
     def __init__(self, cameras: Iterable[MountedCamera], table: Table | None = None) -> None:
@@ -80,20 +80,20 @@ class Rig:
         self._last: dict[str, bytes] = {}
 
     def close(self) -> None:
-        """Leave all cameras."""
+        """Disconnect from all cameras."""
         for camera in self.cameras:
             camera.driver.close()
 
     def frames(self, hand: HandPose | None = None, *, only: Sequence[str] | None = None) -> tuple[RgbdFrame, ...]:
-        """What the cameras see now.
+        """Return what the cameras see now.
 
         Args:
-            hand: gives the hand's pose (4, 4) in the world; needed for cameras in the hand.
-            only: the names of those that are asked; None: all.
+            hand: returns the hand's pose (4, 4) in the world; needed for cameras in the hand.
+            only: names of cameras; None: all.
 
         Raises:
             CameraError: naming the camera whose picture is missing, old, frozen, without depth, or taken in motion.
-            InvalidInputError: if the pose of one is not known.
+            InvalidInputError: if a camera is not calibrated.
         """
         chosen = [camera for camera in self.cameras if only is None or camera.name in only]
         return tuple(camera.calibrated(*self.picture(camera, hand)) for camera in chosen)
@@ -101,12 +101,12 @@ class Rig:
     def look_around(
         self, hand: HandPose, viewpoints: Sequence[Pose], go_to: Callable[[int, Pose], None]
     ) -> tuple[RgbdFrame, ...]:
-        """The frames of all cameras: of one in the hand one at each viewpoint, as NAME.1, NAME.2 ...
+        """Return the frames of all cameras; a camera in the hand gives one at each viewpoint, as NAME.1, NAME.2 ...
 
-        Cameras that stand still take theirs before the hand moves, and where there are no viewpoints, all take one.
+        Cameras that stand still take theirs before the hand moves. Without viewpoints each camera takes one.
 
         Args:
-            go_to: moves the hand to a viewpoint, with its number from 1. What it raises goes on.
+            go_to: moves the hand to a viewpoint, given its number from 1. Its errors are raised.
         """
         carried = [camera for camera in self.cameras if camera.in_hand]
         if not viewpoints or not carried:
@@ -119,7 +119,7 @@ class Rig:
         return tuple(frames)
 
     def picture(self, camera: MountedCamera, hand: HandPose | None = None) -> tuple[Picture, Array | None]:
-        """A picture of one camera with the hand's pose when it was taken (None for one that does not move with it)."""
+        """Return a camera's picture, and the hand's pose (4, 4) at that time (None for a camera that stands still)."""
         if camera.in_hand and hand is None:
             raise CameraError("is in the hand", "an arm that says where its hand is", camera.name)
         before = hand() if camera.in_hand and hand is not None else None
@@ -152,7 +152,7 @@ class Rig:
 
 
 def check_rest(name: str, before: Array, after: Array) -> None:
-    """Refuse a picture of a camera during which the hand moved from one pose (4, 4) to another; raises CameraError."""
+    """Raise CameraError if the hand moved between two poses (4, 4), before and after a camera's picture."""
     moved_m = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
     cosine = (np.trace(before[:3, :3].T @ after[:3, :3]) - 1) / 2
     turned_rad = float(np.arccos(np.clip(cosine, -1, 1)))

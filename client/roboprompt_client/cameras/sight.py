@@ -1,4 +1,4 @@
-"""What the cameras see, as tables and as a page: the table in each picture, and where the service finds the objects."""
+"""What the cameras see, as text tables and as a page: the table top in each picture, and the objects' poses."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.quaternions import to_matrix, yaw_rad
 
 MAX_TILT_DEG, MAX_APART_M = 1.0, 0.006  # of the table; a calibrated camera's is within 0.3 degrees and 2 mm
-TABLE_DEG = 40.0  # what is steeper is a wall
+TABLE_DEG = 40.0  # a steeper plane is a wall
 CAMERA_COLUMNS = ("camera", "pixels", "depth known", "middle depth", "table")
 OBJECT_COLUMNS = ("object", "position, m", "yaw", "confidence", "seen by")
 AXIS_M = 0.05
@@ -29,7 +29,7 @@ STYLE = (
     "text{font:600 14px system-ui,sans-serif;paint-order:stroke;stroke:#000;stroke-width:3px;fill:#fff}"
     "figure{display:inline-block;margin:0 1em 1em 0;width:min(100%,480px)}"
 )
-# A click says the pixel under the mouse, as `roboprompt-robot label` takes it.
+# A click shows the pixel under the mouse as an option of `roboprompt-robot label`.
 SCRIPT = (
     "for(const picture of document.querySelectorAll('svg'))picture.onclick=event=>{"
     "const at=new DOMPoint(event.clientX,event.clientY).matrixTransform(picture.getScreenCTM().inverse());"
@@ -39,7 +39,7 @@ SCRIPT = (
 
 
 class Found(NamedTuple):
-    """An object that was looked for; its pose is None where it was not found, and `problem` says why."""
+    """The result of looking for an object: its pose, or None and the problem."""
 
     name: str
     pose: ObjectPose | None
@@ -48,7 +48,7 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class Sight:
-    """What the cameras see at one moment; `tables` has one item a frame."""
+    """What the cameras see at one moment; `tables` has one item for each frame."""
 
     frames: tuple[RgbdFrame, ...]
     tables: tuple[FlatSurface | None, ...]
@@ -58,19 +58,19 @@ class Sight:
     def of(
         cls, client: RoboPromptClient, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
     ) -> "Sight":
-        """Let the service find each object in the frames; raises ServiceUnreachableError if it does not answer."""
+        """Return what the frames show, objects found by the service; raises ServiceUnreachableError if it is away."""
         surfaces = [find_flat_surface(frame) for frame in frames]
         tables = tuple(None if item is None or item.tilt_deg > TABLE_DEG else item for item in surfaces)
         return cls(tuple(frames), tables, tuple(_find(client, frames, *item) for item in object_models.items()))
 
     def doubts(self) -> list[str]:
-        """What says that a camera is not where its pose says: it was bumped, or calibrated wrongly."""
+        """Return the signs that a camera is not where its pose says: it was bumped, or its calibration is wrong."""
         doubts = []
         seen = [(frame, table) for frame, table in zip(self.frames, self.tables, strict=True) if table is not None]
         for frame, table in seen:
             name = frame.camera.name
             if table.is_above_the_camera:
-                doubts.append(f"{name}: the table would lie above it: are the axes of its pose OpenGL's?")
+                doubts.append(f"{name}: the table would be above the camera: does its pose have OpenGL axes?")
             elif table.tilt_deg > MAX_TILT_DEG:
                 doubts.append(f"{name}: the table is tilted by {table.tilt_deg:.1f} degrees: calibrate it again")
         if len(seen) > 1:
@@ -80,15 +80,15 @@ class Sight:
                 off_mm = np.rint(1000 * (heights_m - np.median(heights_m))).astype(int)
                 named = zip([frame.camera.name for frame, _ in seen], off_mm, strict=True)
                 listed = ", ".join(f"{name} {off:+d} mm" for name, off in named)
-                doubts.append(f"the cameras do not agree how high the table is: {listed}: calibrate them again")
+                doubts.append(f"the cameras disagree on the table's height: {listed}: calibrate them again")
         return doubts
 
     def camera_rows(self) -> list[tuple[str, ...]]:
-        """A table of the cameras, its head first."""
+        """Return a table of the cameras, starting with its header."""
         return [CAMERA_COLUMNS, *map(_camera_row, self.frames, self.tables)]
 
     def object_rows(self) -> list[tuple[str, ...]]:
-        """A table of the objects, its head first; of one that was not found the reason."""
+        """Return a table of the objects, starting with its header; for a missing one it has the reason."""
         return [OBJECT_COLUMNS, *map(_object_row, self.objects)]
 
 
@@ -101,13 +101,13 @@ def _find(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, mode
 
 
 def _color_hint(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> str:
-    """Whether an object that is not found is there once red and blue are swapped."""
+    """Return a hint if the object is found after swapping red and blue, else an empty text."""
     swapped = [replace(frame, rgb=frame.rgb[..., ::-1].copy()) for frame in frames if frame.rgb is not None]
     try:
         client.find_poses(swapped, {name: model})
     except ServiceProblemError:
         return ""
-    return "; it is found once red and blue are swapped: the camera's driver gives them the other way round"
+    return "; it is found with red and blue swapped: the camera's driver has them in the wrong order"
 
 
 def _camera_row(frame: RgbdFrame, table: FlatSurface | None) -> tuple[str, ...]:
@@ -131,7 +131,7 @@ def _object_row(found: Found) -> tuple[str, ...]:
 
 
 def sight_page(sight: Sight) -> str:
-    """One HTML file: the pictures with the objects drawn in, and the tables.
+    """Return an HTML page: the pictures with the objects drawn in, and the tables.
 
     Raises:
         InvalidInputError: if OpenCV, which encodes the pictures, is not installed.
@@ -171,12 +171,12 @@ def _figure(frame: RgbdFrame, poses: Iterable[ObjectPose]) -> str:
 
 
 def _mark(frame: RgbdFrame, pose: ObjectPose) -> str:
-    """The object's name at its place, and its axes where its rotation is known; empty behind the camera."""
+    """Return SVG of the object's name and, if its rotation is known, its axes; empty if it is behind the camera."""
     rotation = np.eye(3) if pose.quaternion_xyzw is None else to_matrix(pose.quaternion_xyzw)
     pixels, depth_m = frame.camera.project(np.vstack([pose.position_m, pose.position_m + AXIS_M * rotation.T]))
     if (depth_m <= 0).any():
         return ""
-    (x, y), *tips = (pixels + 0.5).round(1).tolist()  # the page counts from pixels' corners, a camera from their middle
+    (x, y), *tips = (pixels + 0.5).round(1).tolist()  # SVG counts from pixel corners, a camera from pixel centers
     axes = "".join(
         f'<line x1="{x}" y1="{y}" x2="{u}" y2="{v}" stroke="{color}" stroke-width="3"/>'
         for (u, v), color in zip(() if pose.quaternion_xyzw is None else tips, AXIS_COLORS, strict=False)

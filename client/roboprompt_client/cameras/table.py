@@ -1,4 +1,4 @@
-"""The table, which tells whether a camera is where its pose says: the largest flat surface in each picture."""
+"""The table, i.e. the largest flat surface in each picture: it shows whether a camera is still where its pose says."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -11,14 +11,14 @@ from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.types.arrays import Array, positions_array
 from roboprompt_client.types.camera import RgbdFrame
 
-GRID_ROWS = 30  # of pixels that are looked at
+GRID_ROWS = 30  # of sampled pixels
 NUM_TRIALS = 60
 # Standard deviation of a stereo camera's depth (Intel D400) at 1 m; it grows with the square of the distance
 DEPTH_SIGMA_AT_1_M = 0.002
-FLAT_M = 3 * DEPTH_SIGMA_AT_1_M  # points nearer to a plane than this, at 1 m, belong to it
+FLAT_M = 3 * DEPTH_SIGMA_AT_1_M  # inliers of a plane at 1 m are nearer to it than this
 MIN_SHARE = 0.25  # of the points, for a plane to count as table or floor
 MAX_OFF_M, MAX_TILT_DEG = 0.008, 1.0  # a calibrated camera's table is within 2 mm and 0.3 degrees
-OTHER_M, OTHER_DEG = 0.1, 10.0  # what is farther off is another surface
+OTHER_M, OTHER_DEG = 0.1, 10.0  # a plane that is farther off is another surface
 TABLE_JSON = '{"position": [x, y, z], "normal": [0, 0, 1]}: `roboprompt-robot look --remember` writes it'
 
 
@@ -27,9 +27,9 @@ class FlatSurface:
     """A plane in the world frame.
 
     Attributes:
-        normal: (3,) of unit length, upward.
-        middle_m: (3,) the middle of its points that are seen.
-        sees_m: (3,) the camera that sees it.
+        normal: (3,) upward, of unit length.
+        middle_m: (3,) mean of its visible points.
+        sees_m: (3,) position of the camera that sees it.
     """
 
     normal: Array
@@ -38,22 +38,22 @@ class FlatSurface:
 
     @property
     def tilt_deg(self) -> float:
-        """Its angle against the horizontal."""
+        """The angle between the plane and the horizontal."""
         return math.degrees(math.acos(min(1.0, float(self.normal[2]))))
 
     @property
     def is_above_the_camera(self) -> bool:
-        """Whether the camera would look at its lower side."""
+        """Whether the camera would see its lower side."""
         return bool((self.sees_m - self.middle_m) @ self.normal < 0)
 
     def height_m(self, place_m: Array) -> float:
-        """Its z at a place (>= 2,) in the world."""
+        """Return the plane's z at a place (x, y, ...) in the world."""
         slope = self.normal[:2] / self.normal[2]
         return float(self.middle_m[2] - slope @ (place_m[:2] - self.middle_m[:2]))
 
 
 def find_flat_surface(frame: RgbdFrame) -> FlatSurface | None:
-    """The plane near most points; None where no plane has a quarter of them, or the frame has hardly any depth."""
+    """Return the plane with most inliers; None if no plane has a quarter of the points, or depth is nearly missing."""
     if frame.depth_m is None:
         return None
     stride_px = max(1, frame.depth_m.shape[0] // GRID_ROWS)
@@ -72,7 +72,7 @@ def find_flat_surface(frame: RgbdFrame) -> FlatSurface | None:
 
 
 def _near_most(points_m: Array, tolerance_m: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """(N,) which points are near the plane through three of them that is near most."""
+    """Return (N,) the inliers of the best plane through three random points (RANSAC)."""
     triples = np.random.default_rng(0).integers(len(points_m), size=(NUM_TRIALS, 3))
     corners = points_m[triples]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -84,14 +84,14 @@ def _near_most(points_m: Array, tolerance_m: Array) -> np.ndarray[tuple[int, ...
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A plane in the world: a place on it (3,) in meters, and its upward normal (3,) of unit length."""
+    """A remembered plane in the world: a point on it (3,) in meters, and its upward normal (3,) of unit length."""
 
     position_m: Array
     normal: Array
 
     @classmethod
     def seen_in(cls, frames: Iterable[RgbdFrame]) -> "Table":
-        """The mean of what the cameras see; raises InvalidInputError if none of them sees a level surface."""
+        """Return the mean of the planes in the frames; raises InvalidInputError if no frame shows a level one."""
         surfaces = [surface for frame in frames if (surface := _level(frame)) is not None]
         if not surfaces:
             raise InvalidInputError("table", "is seen by no camera", "a table that fills a quarter of a picture")
@@ -100,7 +100,7 @@ class Table:
 
     @classmethod
     def from_json(cls, document: object) -> "Table":
-        """That of a cell's file; raises InvalidInputError if it is none."""
+        """Return the table of a cell's file; raises InvalidInputError if it is malformed."""
         item: Mapping[str, Any] = document if isinstance(document, Mapping) else {}
         if set(item) != {"position", "normal"}:
             raise InvalidInputError("table", f"is {document!r:.80}", TABLE_JSON)
@@ -111,11 +111,11 @@ class Table:
         return cls(position_m, normal)
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in a cell's file."""
+        """Return the `table` of a cell's file."""
         return {"position": self.position_m.round(4).tolist(), "normal": self.normal.round(5).tolist()}
 
     def check(self, frames: Iterable[RgbdFrame]) -> None:
-        """Refuse the pictures of a camera that sees the table elsewhere; raises CameraError naming it."""
+        """Raise CameraError, naming the camera, if one sees the table at another place."""
         for frame in frames:
             surface = _level(frame)
             if surface is None:

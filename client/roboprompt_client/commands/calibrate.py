@@ -1,4 +1,4 @@
-"""`roboprompt-robot calibrate`: where the cell's cameras are, from pictures of a ChArUco board at poses of the hand."""
+"""`roboprompt-robot calibrate`: find the cameras' poses from pictures of a ChArUco board at several hand poses."""
 
 import time
 from argparse import Namespace
@@ -25,28 +25,34 @@ if TYPE_CHECKING:  # OpenCV and scipy are extras
     from roboprompt_client.calibration.board import CharucoBoard
     from roboprompt_client.calibration.bundle import FittedCamera, Sighting
 
-MOTION_DEG, MOTION_M = 22.0, 0.05  # of the proposed poses around where the hand is
+MOTION_DEG, MOTION_M = 22.0, 0.05  # of the proposed poses around the hand's first pose
 PROPOSED = 14
 COLUMNS = ("camera", "poses", "corners off", "board off, in the median", "what to do")
 
 
 def add_calibrate(add: AddCommand) -> None:
-    """Add `calibrate` to the script's commands."""
-    what = "find where the cell's cameras are, by a ChArUco board in the hand, or before cameras that the hand carries"
+    """Add `calibrate` to the commands."""
+    what = "find the poses of the cell's cameras with a ChArUco board"
     calibrate = add("calibrate", what, run_calibrate)
     calibrate.add_argument("--robot", required=True, metavar="CELL", help=CELL)
-    calibrate.add_argument("--carried", action="store_true", help="those in the hand; the board lies still")
-    calibrate.add_argument("--by-hand", action="store_true", help="you guide the arm; it does not move")
+    calibrate.add_argument(
+        "--carried", action="store_true", help="cameras in the hand, board on the table (default: board in the hand)"
+    )
+    calibrate.add_argument("--by-hand", action="store_true", help="you guide the arm; it does not move by itself")
     calibrate.add_argument("--columns", type=int, default=5, help="squares of the board (default: %(default)s)")
     calibrate.add_argument("--rows", type=int, default=7, help="squares of the board (default: %(default)s)")
-    calibrate.add_argument("--square", type=float, default=0.035, metavar="M", help="side (default: %(default)s)")
-    calibrate.add_argument("--marker", type=float, default=0.026, metavar="M", help="side (default: %(default)s)")
+    calibrate.add_argument(
+        "--square", type=float, default=0.035, metavar="M", help="side of a square (default: %(default)s)"
+    )
+    calibrate.add_argument(
+        "--marker", type=float, default=0.026, metavar="M", help="side of a marker (default: %(default)s)"
+    )
     calibrate.add_argument("--dictionary", default="DICT_5X5_100", help="family of markers (default: %(default)s)")
-    calibrate.add_argument("--legacy", action="store_true", help="the pattern that OpenCV drew before 4.6")
+    calibrate.add_argument("--legacy", action="store_true", help="the board has the pattern of OpenCV before 4.6")
 
 
 def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
-    """Visit poses, fit, print the errors, write the cell's file; 1 where an error is large or nothing is written."""
+    """Visit poses, fit, print residuals, write the cell's file; return 1 if one is large or nothing is written."""
     import_extra("cv2", "opencv-python-headless", "calibrate")
     import_extra("scipy", "scipy", "calibrate")
     from roboprompt_client.calibration.board import CharucoBoard
@@ -61,10 +67,10 @@ def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
         cameras = [camera for camera in arm.cameras.cameras if camera.in_hand == arguments.carried]
         if not cameras:
             remedy = "--carried for cameras with camera_to_hand; without it those with camera_to_world"
-            raise InvalidInputError("cameras", "none of this kind are in the cell's file", remedy)
+            raise InvalidInputError("cameras", "the cell's file has none of this kind", remedy)
         sightings, intrinsics = _sightings(arm, cameras, board, by_hand=arguments.by_hand)
     if not sightings:
-        raise InvalidInputError("cameras", "saw the board nowhere", "a pose at which they see the whole board")
+        raise InvalidInputError("cameras", "did not see the board", "poses at which they see the whole board")
     fitted = fit_cameras(sightings, intrinsics, carried=arguments.carried)
     say(in_columns([COLUMNS, *(_row(name, item) for name, item in fitted.items())]))
     if not ask_yes(f"Write these poses into {path}? [y/N] "):
@@ -76,7 +82,7 @@ def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
 def _sightings(
     arm: Arm, cameras: Sequence[MountedCamera], board: "CharucoBoard", *, by_hand: bool
 ) -> tuple[list["Sighting"], dict[str, Intrinsics]]:
-    """What the cameras saw of the board at each pose, and their intrinsics."""
+    """Return the sightings of the board at all poses, and the intrinsics by camera name."""
     from roboprompt_client.calibration.board import check_seen
     from roboprompt_client.calibration.bundle import Sighting
 
@@ -100,16 +106,16 @@ def _sightings(
 
 
 def _guided() -> Iterator[int]:
-    """Numbers of poses to which the person guides the arm."""
+    """Let the person guide the arm; yield the number of each pose."""
     number = 1
-    what = "tilted otherwise than before. Enter: picture, q: done "
+    what = "with another tilt than before. Enter: picture, q: done "
     while ask(f"Guide the hand to pose {number}, {what}") not in ("q", None):
         yield number
         number += 1
 
 
 def _visited(arm: Arm) -> Iterator[int]:
-    """Numbers of poses to which the arm goes by itself, each of them allowed by the person."""
+    """Move the arm to the proposed poses that the person allows; yield the number of each."""
     number = 0
     for pose in _proposed(arm.hand_to_world()):
         if problem := arm.problem_with(pose):
@@ -125,7 +131,7 @@ def _visited(arm: Arm) -> Iterator[int]:
 
 
 def _proposed(hand: Array) -> Iterator[Pose]:
-    """Poses around where the hand is, tilted about all its axes."""
+    """Yield poses around the hand's pose (4, 4), tilted about all its axes."""
     random = np.random.default_rng(0)
     yield _pose(hand)
     for _ in range(PROPOSED - 1):
@@ -147,7 +153,7 @@ def _row(name: str, fitted: "FittedCamera") -> tuple[str, ...]:
 
 
 def _write(path: Path, fitted: "dict[str, FittedCamera]", field: str) -> None:
-    """Put the poses into the cell's file; what else is in it stays."""
+    """Write the poses into the cell's file; its other fields stay."""
     cell = read_cell(path)
     for camera in cell["cameras"]:
         if camera["name"] in fitted:

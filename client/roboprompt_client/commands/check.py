@@ -21,8 +21,8 @@ from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 LIFT_M, TURN_RAD = 0.03, math.radians(10)
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_DEG = 0.005, 2.0
-TOUCH_TOLERANCE_M = 0.005  # a hand that is guided to a corner is there within 2 mm
-MAX_OBSERVE_S = 1.0  # longer, and observing before each contact delays the motion noticeably
+TOUCH_TOLERANCE_M = 0.005  # a person guides the hand to a corner within 2 mm
+MAX_OBSERVE_S = 1.0  # a longer observation delays the motion noticeably where the robot looks again
 STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
@@ -31,8 +31,8 @@ class CheckResult(NamedTuple):
     """One check.
 
     Attributes:
-        passed: None where it could not be decided.
-        detail: what was seen, with its numbers, and what to do about it.
+        passed: None if a person must compare it with a ruler, or it could not be decided.
+        detail: the measured numbers, and what to do about them.
     """
 
     name: str
@@ -42,13 +42,17 @@ class CheckResult(NamedTuple):
 
 def add_check(add: AddCommand, robot_help: str) -> None:
     """Add `check` to the commands."""
-    what = "see whether an arm does what the Robot Protocol says; without --move nothing moves"
+    what = "check whether an arm does what the Robot Protocol says; without --move nothing moves"
     check = add("check", what, run_check)
     check.add_argument("--robot", metavar="ROBOT", required=True, help=robot_help)
-    check.add_argument("--move", action="store_true", help="3 cm up, a turn by 10 degrees, gripper, stop; asks first")
+    check.add_argument(
+        "--move",
+        action="store_true",
+        help="move 3 cm up, rotate by 10 degrees, close and open the gripper, stop; asks first",
+    )
     what = (
         "meters, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by "
-        "hand; says how far off the arm takes itself to be (may be repeated)"
+        "hand; prints how far the arm's own pose is off (may be repeated)"
     )
     place = ("X", "Y", "Z")
     check.add_argument("--touch", nargs=3, type=float, action="append", default=[], metavar=place, help=what)
@@ -69,12 +73,12 @@ def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
 
 
 class ArmCheck:
-    """Checks one robot; with `moves` it lifts the hand by 3 cm, turns it by 10 degrees and works the gripper.
+    """The checks of one robot; with `moves` it lifts the hand by 3 cm, rotates it by 10 degrees, and uses the gripper.
 
     Args:
-        confirm: asked before the first motion, and when a place is touched; None: go.
-        touched_m: places in the world frame, meters, to which a person guides the point between the fingertips, such as
-            corners of the ChArUco board that the camera was calibrated with.
+        confirm: asked before the first motion and at each place; None: go on without asking.
+        touched_m: places (3,) in the world frame to which a person guides the point between the fingertips, such as
+            corners of the ChArUco board with which the camera was calibrated.
     """
 
     def __init__(
@@ -90,11 +94,11 @@ class ArmCheck:
         self._results: list[CheckResult] = []
 
     def run(self) -> tuple[CheckResult, ...]:
-        """All checks; the arm is stopped where one goes wrong, and the moving ones end there."""
+        """Return the results of all checks; if a motion fails, the arm is stopped and further motions are left out."""
         if (start := self._check_observation()) is not None:
             for place_m in self._touched_m:
                 self._check_touch(place_m)
-            rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and turn by 10 degrees. Is the space above it free?"
+            rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and rotate by 10 degrees. Is the space above it free?"
             if self._moves and self._confirm(rises):
                 self._check_motions(start)
         return tuple(self._results)
@@ -112,7 +116,7 @@ class ArmCheck:
         names = ", ".join(pose.name for pose in seen.objects) or "no object"
         self._say("observe: objects", None if not seen.objects else True, f"{names}; {len(seen.frames)} cameras")
         if (hand := seen.end_effector) is None:
-            lacking = "is not given: tasks that bound steps need it, and so do the motions"
+            lacking = "is missing: the motions need it, and so do tasks that bound steps"
             self._say("observe: end_effector", None, lacking)
             return None
         norm = math.hypot(*hand.quaternion_xyzw)
@@ -124,7 +128,7 @@ class ArmCheck:
         return hand
 
     def _check_touch(self, place_m: Array) -> None:
-        """Whether the arm's base and tool are where the calibration has them."""
+        """Compare the arm's pose with a place that a person guides the hand to."""
         named = ", ".join(f"{value:.3f}" for value in place_m)
         if not self._confirm(f"Guide the point between the fingertips to {named} m, by hand. Is it there?"):
             self._say(f"touch {named}", None, "was left out")
@@ -137,8 +141,8 @@ class ArmCheck:
         assert hand is not None
         off_m = np.array(hand.position_m) - place_m
         along = ", ".join(f"{1000 * value:+.1f}" for value in off_m)
-        detail = f"the arm says {1000 * np.linalg.norm(off_m):.1f} mm off ({along} along x, y, z)"
-        remedy = "base_to_world, the tool's length or the board's place are wrong by that"
+        detail = f"the arm's pose is {1000 * np.linalg.norm(off_m):.1f} mm off ({along} along x, y, z)"
+        remedy = "base_to_world, the tool's length or the board's place is wrong by that"
         passed = float(np.linalg.norm(off_m)) <= TOUCH_TOLERANCE_M
         self._say(f"touch {named}", passed, detail if passed else f"{detail}: {remedy}")
 
@@ -169,7 +173,7 @@ class ArmCheck:
         off_deg = math.degrees(rotations.angle_between_rad(hand.quaternion_xyzw, action.quaternion_xyzw))
         detail = f"{1000 * off_m:.1f} mm and {off_deg:.1f} degrees off after {took_s:.1f} s"
         passed = off_m <= POSITION_TOLERANCE_M and off_deg <= ROTATION_TOLERANCE_DEG
-        return self._say(name, passed, f"{detail}; did the arm do what it says?")
+        return self._say(name, passed, f"{detail}; did the arm do it?")
 
     def _check_stop(self, action: EndEffectorAction) -> None:
         ended: list[BaseException | None] = []
@@ -178,7 +182,7 @@ class ArmCheck:
             try:
                 self._robot.execute(action)
                 ended.append(None)
-            except Exception as error:  # an adapter may raise anything: that is what is looked at
+            except Exception as error:  # an adapter may raise anything; the kind is checked below
                 ended.append(error)
 
         motion = threading.Thread(target=move, daemon=True)
@@ -197,7 +201,7 @@ class ArmCheck:
             self._say("stop", True, f"ended the motion after {1000 * took_s:.0f} ms")
         else:
             what = "as if it had arrived" if ended[0] is None else f"with {type(ended[0]).__name__}"
-            self._say("stop", False, f"execute ended {what}: it is to raise MotionError")
+            self._say("stop", False, f"execute ended {what}, but must raise MotionError")
 
     def _say(self, name: str, passed: bool | None, detail: str) -> bool:
         self._results.append(CheckResult(name, passed, detail))

@@ -1,4 +1,4 @@
-"""`roboprompt-robot init`: a cell's file, from a person's answers and from what the arm itself measures."""
+"""`roboprompt-robot init`: write a cell's file from a person's answers and the arm's measurements."""
 
 import math
 from argparse import Namespace
@@ -23,14 +23,14 @@ from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.names import checked_name
 
-ADDRESSED = ("franka", "ur", "xarm")  # a LeRobot arm is made by a function, and one of ROS has topics
-MARGIN_M = 0.01  # around the corners that were touched: a hand on the table is not below it
+ADDRESSED = ("franka", "ur", "xarm")  # others need a factory or options: LeRobot, ROS
+MARGIN_M = 0.01  # around the touched corners, so that a hand on the table is within the workspace
 MIN_SIDE_M = 0.05
 REALTIME = Path("/sys/kernel/realtime")
 WITHOUT_REALTIME = (
     "This computer has no real-time kernel: a Franka may stop with communication errors. Go on without one? [y/N] "
 )
-WITHOUT_CAMERAS = "Where are the objects? A file that says it, such as objects.json [Enter: none, or cameras later] "
+WITHOUT_CAMERAS = "A file with the objects' poses, such as objects.json [Enter: none, or cameras later] "
 CORNERS = (
     "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
     "farthest right one. Fingers on the table are the lowest."
@@ -38,15 +38,15 @@ CORNERS = (
 
 
 def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
-    """Ask, measure, and write the file; nothing but the gripper moves by itself.
+    """Ask, measure, and write the file; only the gripper moves by itself.
 
     Raises:
-        InvalidInputError: if the file exists, an answer cannot be, or standard input ends.
-        MotionError: if the arm cannot be reached; the file is not kept.
+        InvalidInputError: if the file exists, an option is invalid, or standard input ends.
+        MotionError: if the arm cannot be reached; no file is left then.
     """
     path: Path = arguments.file
     if path.exists():
-        raise InvalidInputError("FILE", f"{path} exists", "a name of its own: nothing is overwritten")
+        raise InvalidInputError("FILE", f"{path} exists and is not overwritten", "a new name")
     cell = {**_arm(), "base_to_world": _base()}
     if cameras := [camera for serial in realsense_serials() if (camera := _camera(serial))]:
         cell["cameras"] = cameras
@@ -81,7 +81,7 @@ def _arm() -> dict[str, Any]:
 
 
 def _realtime_kernel() -> bool:
-    """Whether Linux runs with the real-time patches (PREEMPT_RT)."""
+    """Return whether Linux has a real-time kernel (PREEMPT_RT)."""
     try:
         return REALTIME.read_text().strip() == "1"
     except OSError:
@@ -89,14 +89,14 @@ def _realtime_kernel() -> bool:
 
 
 def _base() -> dict[str, Any]:
-    say("Where does the base stand in the frame in which objects are said? Enter: that frame is the base's own.")
+    say("Where is the arm's base in the world frame, in which objects have their poses? Enter: at its origin.")
     position_m = _answer("x y z, meters: ", lambda text: _numbers(text or "0 0 0", 3))
-    (yaw_deg,) = _answer("Turned about z by, degrees: ", lambda text: _numbers(text or "0", 1))
+    (yaw_deg,) = _answer("Rotated about z by, degrees: ", lambda text: _numbers(text or "0", 1))
     return {"position": position_m, "quaternion_xyzw": rotations.about_z(math.radians(yaw_deg)).tolist()}
 
 
 def _objects_file(folder: Path, text: str) -> str:
-    """The name of a file with objects' poses, from the cell's folder; empty for none."""
+    """Return the name of a file with object poses in the cell's folder; empty for none."""
     if text:
         try:
             observation_from_file("objects", folder / text)
@@ -106,7 +106,7 @@ def _objects_file(folder: Path, text: str) -> str:
 
 
 def _camera(serial: str) -> dict[str, Any]:
-    """A camera that is plugged in, its pose not known yet; empty where it is left out."""
+    """Return the entry of a plugged-in camera, without its pose; empty if the person leaves it out."""
     question = f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] "
     if not (name := _answer(question, lambda text: checked_name("name", text) if text else "")):
         return {}
@@ -115,10 +115,10 @@ def _camera(serial: str) -> dict[str, Any]:
 
 
 def _measured(arm: Arm) -> dict[str, Any]:
-    """What the arm says of itself: where the hand may be, and how wide the fingers are when open."""
+    """Return what the arm measures: the hand's workspace, and the width of the open fingers."""
     state = arm.state()
     place = state.position_m.round(3).tolist()
-    say(f"\nThe arm answers: its hand is at {place} m in that frame. Compare with a ruler.")
+    say(f"\nThe arm answers: its hand is at {place} m in the world frame. Compare with a ruler.")
     found: dict[str, Any] = {}
     if ask_yes("Measure the space that the hand may use, by hand? [y/N] "):
         found["limits"] = {"workspace": _box(arm)}
@@ -131,7 +131,7 @@ def _measured(arm: Arm) -> dict[str, Any]:
 
 
 def _box(arm: Arm) -> dict[str, Any]:
-    """Two opposite corners that a person guided the hand to."""
+    """Return the box between two opposite corners to which a person guides the hand."""
     say(CORNERS)
     yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand meanwhile? Hold it. [y/N] ")
     with arm.guided() if yields else nullcontext():
@@ -141,7 +141,7 @@ def _box(arm: Arm) -> dict[str, Any]:
             if (high_m - low_m).min() >= MIN_SIDE_M:
                 return {"min": (low_m - MARGIN_M).round(3).tolist(), "max": (high_m + MARGIN_M).round(3).tolist()}
             sides_m = (high_m - low_m).round(3).tolist()
-            say(f"These corners span {sides_m} m: every side needs {MIN_SIDE_M} m at least. Once more.")
+            say(f"These corners span {sides_m} m: every side must be at least {MIN_SIDE_M} m. Try again.")
 
 
 def _corner(arm: Arm, which: str) -> Array:
@@ -153,13 +153,13 @@ def _corner(arm: Arm, which: str) -> Array:
 
 
 def _answer(question: str, read: Callable[[str], Any]) -> Any:  # noqa: ANN401
-    """The first answer that can be read; what is wrong with the others is said."""
+    """Ask until an answer is valid; print what is wrong with the others."""
     while (text := ask(question)) is not None:
         try:
             return read(text)
         except ValueError as error:
             say(f"  {error}")
-    raise InvalidInputError("standard input", "ended before all was answered", "a person who answers")
+    raise InvalidInputError("standard input", "ended before all questions were answered", "a person who answers")
 
 
 def _known_arm(text: str) -> str:

@@ -1,4 +1,4 @@
-"""`roboprompt-robot look`, `label` and `viewpoints`: what the cell's cameras see, and from where they look."""
+"""`roboprompt-robot look`, `label` and `viewpoints`: what the cell's cameras see, and from where."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Mapping, Sequence
@@ -20,45 +20,47 @@ from roboprompt_client.types.camera import RgbdFrame
 AddCommand = Callable[[str, str, Callable[[RoboPromptClient, Namespace], int]], ArgumentParser]
 CELL = "a cell's JSON file with cameras"
 NOT_FOUND = 404
-KEEP = "Guide the hand to a place from which its camera sees the objects. Enter: viewpoint {}, q: done "
+KEEP = "Guide the hand to a pose from which its camera sees the objects. Enter: keep it as viewpoint {}, q: done "
 
 
 def add_find(parser: ArgumentParser) -> None:
-    """Add the option that names what is to be found in pictures."""
-    what = "an object to be found in the pictures (may be repeated; default: all that the task knows)"
+    """Add the option that names the objects to find in pictures."""
+    what = "an object to find in the pictures (may be repeated; default: all that the task knows)"
     parser.add_argument("--find", action="append", metavar="OBJECT", help=what)
 
 
 def add_look(add: AddCommand) -> None:
-    """Add `look`, `label` and `viewpoints` to the script's commands."""
-    look = add("look", "show what the cameras see, and where the service finds a task's objects in it", run_look)
+    """Add `look`, `label` and `viewpoints` to the commands."""
+    look = add("look", "show what the cameras see, and where the service finds a task's objects", run_look)
     look.add_argument("--robot", required=True, metavar="CELL", help=CELL)
-    look.add_argument("--task", help="whose objects are looked for (default: none)")
+    look.add_argument("--task", help="find this task's objects (default: none)")
     add_find(look)
-    what = "keep where the table is: later a bumped camera is refused"
+    what = "remember where the table is, so that a camera that was bumped is noticed later"
     look.add_argument("--remember", action="store_true", help=what)
-    look.add_argument("--html", type=Path, metavar="FILE", help="write the pictures with the objects drawn in, too")
+    look.add_argument(
+        "--html", type=Path, metavar="FILE", help="also write a page of the pictures with the objects drawn in"
+    )
 
-    label = add("label", "show the service an object by a click in what the cameras see now, or learn it", run_label)
-    label.add_argument("--robot", metavar="CELL", help=f"{CELL}; needed with --click unless --episode")
+    label = add("label", "label an object by a click in the cameras' pictures, or learn it from its labels", run_label)
+    label.add_argument("--robot", metavar="CELL", help=f"{CELL}; needed with --click, unless --episode is given")
     label.add_argument("--task", required=True, help="the task's name at the service")
-    label.add_argument("--object", required=True, help="its name, as instructions call it")
-    what = "a pixel of the object; `look --html` says which one the mouse is on (may be repeated, one a camera)"
+    label.add_argument("--object", required=True, help="its name in instructions")
+    what = "a pixel of the object; a click in the page of `look --html` shows it (may be repeated, once a camera)"
     pixel = ("CAMERA", "COLUMN", "ROW")
     label.add_argument("--click", nargs=3, action="append", default=[], metavar=pixel, help=what)
-    label.add_argument("--episode", metavar="ID", help="click in its first pictures instead of new ones")
-    label.add_argument("--yaw-deg", type=float, help="where its x axis points, to within ten degrees")
-    label.add_argument("--learn", action="store_true", help="learn what it looks like from all its labels")
-    turns = "none, yaw, or degrees (default: %(default)s)"
+    label.add_argument("--episode", metavar="ID", help="label its first pictures instead of new ones")
+    label.add_argument("--yaw-deg", type=float, help="direction of its x axis, to within ten degrees")
+    label.add_argument("--learn", action="store_true", help="let the service learn the object from all its labels")
+    turns = "none, yaw (looks the same all around), or the angle after which it looks the same (default: %(default)s)"
     label.add_argument("--symmetric", type=_symmetry, default="none", help=turns)
 
-    what = "teach from where a camera in the hand looks: one camera then sees the scene from several sides"
+    what = "teach poses from which a camera in the hand looks at the scene"
     viewpoints = add("viewpoints", what, run_viewpoints)
     viewpoints.add_argument("--robot", required=True, metavar="CELL", help=CELL)
 
 
 def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
-    """Print the tables, and write the page; 1 where a camera is in doubt or an object is not found."""
+    """Print the tables, and write the page; return 1 if a camera seems wrong or an object is not found."""
     models = {} if arguments.task is None else _models(client, arguments.task, arguments.find)
     with seeing_arm(arguments.robot) as arm:
         assert arm.cameras is not None
@@ -70,7 +72,7 @@ def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
     if arguments.remember and not doubts:
         path = Path(arguments.robot)
         write_cell(path, {**read_cell(path), "table": Table.seen_in(sight.frames).to_json()})
-        say(f"the table is kept in {path}")
+        say(f"the table's place is written to {path}")
     elif table is not None:
         doubts += _bumped(table, sight.frames)
     for doubt in doubts:
@@ -84,7 +86,7 @@ def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
 
 
 def _bumped(table: Table, frames: Sequence[RgbdFrame]) -> list[str]:
-    """What the table says of each camera."""
+    """Return an error for each camera that sees the table at another place."""
     found = []
     for frame in frames:
         try:
@@ -95,7 +97,7 @@ def _bumped(table: Table, frames: Sequence[RgbdFrame]) -> list[str]:
 
 
 def run_label(client: RoboPromptClient, arguments: Namespace) -> int:
-    """Send a label, learn, or both."""
+    """Send a label, or learn the object, or both."""
     if not arguments.click and not arguments.learn:
         raise InvalidInputError("--click", "and --learn are missing", "one of them, or both")
     client.ping()
@@ -125,12 +127,12 @@ def _label(client: RoboPromptClient, arguments: Namespace) -> None:
 
 
 def run_viewpoints(_: RoboPromptClient, arguments: Namespace) -> int:
-    """Write the poses that the person guides the hand to into the cell's file; 1 where none was kept."""
+    """Write the poses to which the person guides the hand into the cell's file; return 1 if there are none."""
     path = Path(arguments.robot)
     with seeing_arm(arguments.robot) as arm:
         assert arm.cameras is not None
         if not any(camera.in_hand for camera in arm.cameras.cameras):
-            raise InvalidInputError("cameras", "none is in the hand", "a camera with camera_to_hand")
+            raise InvalidInputError("cameras", "the hand carries none", "a camera with camera_to_hand")
         yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand? Hold it. [y/N] ")
         with arm.guided() if yields else nullcontext():
             kept = _viewpoints(arm)
@@ -152,7 +154,7 @@ def _viewpoints(arm: Arm) -> list[dict[str, Any]]:
 
 
 def seeing_arm(cell: str | None) -> Arm:
-    """The arm of a cell's file with cameras; a person is asked before it moves to a viewpoint.
+    """Return the arm of a cell's file with cameras; it asks a person before it moves to a viewpoint.
 
     Raises:
         InvalidInputError: if the cell has no cameras.
@@ -167,10 +169,10 @@ def seeing_arm(cell: str | None) -> Arm:
 
 
 def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, find: Sequence[str] | None) -> None:
-    """Let the pictures of a cell's cameras show the objects that are named, or those that the task knows.
+    """Set which objects are to be found in the cameras' pictures: those in `find`, else those that the task knows.
 
     Raises:
-        InvalidInputError: if none is named, and no task is or the service does not answer.
+        InvalidInputError: if neither objects nor a task are named, or the service does not answer.
         ServiceProblemError: if it refuses.
     """
     if not isinstance(robot, Arm) or robot.cameras is None:
@@ -179,7 +181,7 @@ def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, f
         robot.to_find = tuple(find)
         return
     if task is None:
-        raise InvalidInputError("--find", "is left out beside --task", "the names of the objects in view")
+        raise InvalidInputError("--find", "is missing, and so is --task", "the names of the objects in view")
     try:
         robot.to_find = tuple(_models(client, task, None))
     except ServiceUnreachableError as error:
@@ -187,7 +189,7 @@ def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, f
 
 
 def _models(client: RoboPromptClient, task: str, names: Sequence[str] | None) -> Mapping[str, Any]:
-    """What the task knows of its objects, by name; of a task that is not there nothing."""
+    """Return the object models of a task by name; empty if there is no such task."""
     known: Mapping[str, Any] = (_task(client, task) or {}).get("object_models") or {}
     if names is None:
         return known
@@ -198,7 +200,7 @@ def _models(client: RoboPromptClient, task: str, names: Sequence[str] | None) ->
 
 
 def _task(client: RoboPromptClient, task: str) -> dict[str, Any] | None:
-    """The task's document; None where there is none of this name."""
+    """Return the task's document, or None if there is no task of this name."""
     try:
         return client.get(f"/tasks/{task}")
     except ServiceProblemError as error:
@@ -211,7 +213,7 @@ def _pixel(text: str) -> float:
     try:
         return float(text)
     except ValueError as error:
-        raise InvalidInputError("--click", f"has {text!r}", "CAMERA COLUMN ROW, as `front 312 205`") from error
+        raise InvalidInputError("--click", f"has {text!r}", "CAMERA COLUMN ROW, such as `front 312 205`") from error
 
 
 def _symmetry(text: str) -> str | float:

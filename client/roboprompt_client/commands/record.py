@@ -1,4 +1,4 @@
-"""`roboprompt-robot record`: demonstrations are recorded while a person moves the arm, and uploaded."""
+"""`roboprompt-robot record`: record demonstrations while a person moves the arm, and upload them."""
 
 import sys
 import time
@@ -36,22 +36,31 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     record.add_argument("--robot", metavar="ROBOT", help=robot_help)
     record.add_argument("--task", help="needed unless --send-only")
     record.add_argument("--instruction", help="needed unless --send-only")
-    what = f"what the robot sees, unless it says so, {OBJECTS}"
+    what = f"what the robot sees, if it does not know it itself, {OBJECTS}"
     record.add_argument("--objects", type=Path, metavar="FILE", help=what)
     add_find(record)
-    record.add_argument("--spool", type=Path, default=SPOOL, help="folder (default: %(default)s)")
-    record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
+    record.add_argument(
+        "--spool",
+        type=Path,
+        default=SPOOL,
+        help="folder for recordings that wait for the service (default: %(default)s)",
+    )
+    record.add_argument(
+        "--rate-hz", type=float, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
+    )
     led = record.add_mutually_exclusive_group()
-    what = "let the arm carry its own weight and yield to your hand (Franka)"
+    what = "let the arm carry its own weight and yield to your hand (Franka only)"
     led.add_argument("--guide", action="store_true", help=what)
-    led.add_argument("--teleop", choices=("keyboard", "spacemouse"), help="steer the hand from here while it records")
-    record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
+    led.add_argument(
+        "--teleop", choices=("keyboard", "spacemouse"), help="steer the hand with these keys or this device"
+    )
+    record.add_argument("--send-only", action="store_true", help="upload recordings that wait, and record nothing")
 
 
 def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
-    """Record until the person has enough; what the service does not take now waits in the spool.
+    """Record until the person ends it, and upload; recordings that the service cannot take now wait in the spool.
 
-    Returns 1 where the service refused a recording or did not answer, else 0.
+    Return 1 if the service refused a recording or did not answer, else 0.
     """
     try:
         spool = Spool(arguments.spool)
@@ -63,16 +72,16 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
             if getattr(arguments, name) is None:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
         if arguments.objects is not None:
-            observation_from_file("--objects", arguments.objects)  # what is wrong with it is said before the recording
+            observation_from_file("--objects", arguments.objects)  # report its faults before the recording
         with closing_robot(open_robot(arguments.robot)) as robot:
             failed = _record_all(client, robot, spool, arguments)
     return failed | _send_all(client, spool)
 
 
 def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:
-    """Recordings until the person ends; 1 where the service refused one or did not answer."""
+    """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
-        raise InvalidInputError("--robot", "cannot be recorded", "a robot with state(), such as a cell's Arm")
+        raise InvalidInputError("--robot", "cannot be recorded: it has no state()", "an arm of a cell's file")
     find_in_pictures(robot, client, arguments.task, arguments.find)
     if isinstance(robot, Arm):
         robot.confirm_viewpoint = Person(robot).confirm_viewpoint
@@ -84,7 +93,7 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
 
 
 def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str) -> None:
-    """After a run that failed: record how it is done, where the person wants to show it."""
+    """After a run that failed, offer to record a demonstration of how it is done."""
     if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
         return
     spool = Spool(SPOOL)
@@ -95,23 +104,23 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
 
 
 def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
-    """One demonstration; what is interrupted stays in the spool."""
+    """Record one demonstration; an interrupted one stays in the spool."""
     try:
         seen = _seen(robot, arguments.objects)
     except CameraError as error:
         say(str(error))
         return
     folder = spool.new(arguments.task, arguments.instruction, seen)
-    arm: HasState = robot  # type: ignore[assignment]  # what has `state` can be recorded
+    arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
     try:
         how = {"guide": arguments.guide, "teleop": arguments.teleop}
         trajectory = record_live(arm, folder / JOURNAL, arguments.rate_hz, **how)
     except (MotionError, InvalidInputError) as error:
         if (folder / JOURNAL).exists():
-            say(f"{error}; what came before is in {folder}")
+            say(f"{error}; the recording until then is kept in {folder}")
             return
         spool.discard(folder)
-        if isinstance(error, InvalidInputError):  # the next recording would not begin, either
+        if isinstance(error, InvalidInputError):  # the next recording would fail, too
             raise
         say(str(error))
         return
@@ -125,7 +134,7 @@ def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
 
 
 def _seen(robot: Robot, objects: Path | None) -> Observation:
-    """The scene at the start: poses of the file where there is one, and what the cell's cameras see."""
+    """Return the scene at the start: the file's poses if there is a file, and the cameras' pictures."""
     if objects is None:
         return robot.observe()
     given = observation_from_file("--objects", objects)
@@ -136,7 +145,7 @@ def _seen(robot: Robot, objects: Path | None) -> Observation:
 
 
 def _send_all(client: RoboPromptClient, spool: Spool) -> int:
-    """Upload what waits; 1 where the service refused one."""
+    """Upload the recordings that wait; return 1 if one was refused or the service does not answer, else 0."""
     refused = 0
     for folder in spool.waiting():
         try:
@@ -149,11 +158,12 @@ def _send_all(client: RoboPromptClient, spool: Spool) -> int:
             refused = 1
             continue
         refused |= not sent.stored
-        say(_told(sent))
+        say(_answer_text(sent))
     return refused
 
 
-def _told(sent: Sent) -> str:
+def _answer_text(sent: Sent) -> str:
+    """Return the answer to a recording for a person: keyframes and findings, or why it was refused."""
     answer = sent.answer
     if not sent.stored:
         return f"refused: {answer.get('detail', answer.get('title'))} ({sent.folder})"
@@ -165,22 +175,21 @@ def _told(sent: Sent) -> str:
 def record_live(
     arm: HasState, journal: Path, rate_hz: float, *, guide: bool = False, teleop: str | None = None
 ) -> Trajectory | None:
-    """Record until the person ends it: keys move the gripper, and what is recorded is shown as it comes.
+    """Record until the person ends it; keys open and close the gripper, and a line shows the progress.
 
     Args:
-        guide: let the arm yield to the person's hand meanwhile.
-        teleop: `keyboard` or `spacemouse`, with which the person steers the hand meanwhile; None: neither.
+        guide: let the arm yield to the person's hand.
+        teleop: `keyboard` or `spacemouse`, to steer the hand with; None: neither.
 
     Returns:
-        what was recorded; None where the person discards it.
+        the recording, or None if the person discards it.
 
     Raises:
-        InvalidInputError: if the arm can be neither guided nor steered, or what was recorded is no trajectory.
-        MotionError: if the arm stopped answering or moving; the journal has what came before.
-        KeyboardInterrupt: likewise.
+        InvalidInputError: if the arm cannot be guided or steered as asked, or the recording is invalid.
+        MotionError, KeyboardInterrupt: if arm or person ended it; the journal has the recording until then.
     """
     with ExitStack() as led:
-        read = _nothing if teleop is None else led.enter_context(opened(teleop))
+        read = _no_motion if teleop is None else led.enter_context(opened(teleop))
         steer = _led(arm, led, guide=guide, steers=teleop is not None)
         recorder = Recorder(arm, journal, rate_hz)
         recorder.start()
@@ -195,7 +204,7 @@ def record_live(
 
 
 def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
-    """The velocity that the hand follows, if any; what begins ends with `led`."""
+    """Let the arm be guided or steered until `led` is closed; return the function that steers it, or None."""
     if guide:
         if not hasattr(arm, "guided"):
             raise InvalidInputError("--guide", "this robot cannot be guided", AN_ARM)
@@ -208,12 +217,12 @@ def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer |
     return steer
 
 
-def _nothing(keys: str) -> Said:
+def _no_motion(keys: str) -> Said:
     return Said(np.zeros(6), keys)
 
 
 def _until_ended(arm: HasState, recorder: Recorder, read: Read, steer: Steer | None) -> bool:
-    """Whether the person keeps the recording."""
+    """Serve the person's keys until they end the recording; return whether they keep it."""
     _show(f"{KEYS}\n" if steer is None else f"{MOVES}\n{KEYS}\n")
     shown_s, moving, problem = 0.0, False, ""
     with keyboard() as pressed:
@@ -225,7 +234,9 @@ def _until_ended(arm: HasState, recorder: Recorder, read: Read, steer: Steer | N
                     return key != END
                 if key in (OPEN, CLOSE) and hasattr(arm, "set_gripper"):
                     arm.set_gripper(is_open=key == OPEN)
-            if steer is not None and (moving or said.direction.any()):  # once more with zeros: then it rests at once
+            if steer is not None and (
+                moving or said.direction.any()
+            ):  # once more with zeros, so that the hand stops at once
                 refusal = steer(SPEED_M_S * said.direction[:3], TURN_RAD_S * said.direction[3:])
                 moving = bool(said.direction.any())
                 problem = refusal if moving else problem

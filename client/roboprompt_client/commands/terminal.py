@@ -1,4 +1,4 @@
-"""A person at the terminal, who sees the plan, is asked before each motion, and says afterwards whether it worked."""
+"""Questions to a person at the terminal: the plan, leave for each motion, and whether the run worked."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -14,12 +14,12 @@ YES, NO = ("y", "yes"), ("n", "no")
 
 
 def say(text: str) -> None:
-    """Print at once."""
+    """Print without buffering."""
     print(text, flush=True)
 
 
 def in_columns(rows: Iterable[Sequence[str]]) -> str:
-    """Rows of cells for a terminal; the last cell of a row may be longer than its column."""
+    """Return rows of cells as aligned text; the last cell of a row may be longer than its column."""
     listed = list(rows)
     widths = [max(len(row[k]) for row in listed if len(row) > k + 1) for k in range(max(map(len, listed)) - 1)]
     lines = ["  ".join([*(c.ljust(w) for c, w in zip(row[:-1], widths, strict=False)), row[-1]]) for row in listed]
@@ -27,14 +27,14 @@ def in_columns(rows: Iterable[Sequence[str]]) -> str:
 
 
 def plan_table(previewed: Sequence[Previewed]) -> str:
-    """A plan, its warnings below it."""
+    """Return a plan as a table, with its warnings below."""
     rows = in_columns([COLUMNS, *(item.cells(number) for number, item in enumerate(previewed, 1))])
     warnings = [f"! action {number}: {item.warning}" for number, item in enumerate(previewed, 1) if item.warning]
     return "\n".join([rows, *warnings])
 
 
 def ask(question: str) -> str | None:
-    """What a person types, without surrounding spaces; None where standard input has ended."""
+    """Return what the person types, without surrounding spaces; None if standard input has ended."""
     try:
         return input(question).strip()
     except EOFError:
@@ -42,26 +42,26 @@ def ask(question: str) -> str | None:
 
 
 def ask_yes(question: str) -> bool:
-    """Whether a person types yes."""
+    """Return whether the person types y or yes."""
     return (ask(question) or "").lower() in YES
 
 
 class Person:
-    """What the loop calls `preview`, `confirm` and `on_outcome`.
+    """The person who answers a run's `preview`, `confirm` and `on_outcome`.
 
     Attributes:
-        said: the outcome of the last run that the person gave one for.
+        said: the last outcome that the person gave.
     """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.said: Outcome | None = None
-        self._shown: list[Previewed] = []  # in the order in which `confirm` is asked about them
+        self._shown: list[Previewed] = []  # in the order of the questions of `confirm`
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
-        """Print the plan, or that the arm's geometry is unknown."""
+        """Print the plan, or that there is no preview."""
         if not isinstance(self._robot, Arm):
-            _print("no preview: the geometry of this robot's arm is unknown (a cell's file names it)")
+            _print("no preview: this robot's geometry is unknown (a cell's file would name it)")
             return
         previewed = self._robot.preview(actions, limits)
         self._shown += previewed
@@ -69,7 +69,7 @@ class Person:
             _print(plan_table(previewed))
 
     def confirm(self, index: int, action: EndEffectorAction) -> bool:
-        """Whether the person lets the action go; what is wrong with it is printed first."""
+        """Return whether the person allows the action; its warnings are printed first."""
         if index < len(self._shown) and (warning := self._shown[index].warning):
             _print(f"! {warning}")
         gripper = "open" if action.gripper_open else "closed"
@@ -77,20 +77,20 @@ class Person:
         return ask_yes(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
 
     def confirm_steps(self, steps: Sequence[PlannedStep]) -> bool:
-        """Whether the person lets the plan begin."""
+        """Return whether the person allows the steps."""
         _print("\n".join(f"{number}. {step.instruction} ({step.task})" for number, step in enumerate(steps, start=1)))
         return ask_yes("Are these the steps? [y/N] ")
 
     def confirm_viewpoint(self, number: int, pose: Pose) -> bool:
-        """Whether the person lets the hand go to a viewpoint; what is wrong with the way is printed first."""
+        """Return whether the person allows the motion to a viewpoint; its problems are printed first."""
         if isinstance(self._robot, Arm) and (problem := self._robot.problem_with(pose)):
             _print(f"! {problem}")
         x_m, y_m, z_m = pose.position_m
         return ask_yes(f"viewpoint {number}: the hand goes to {x_m:.3f} {y_m:.3f} {z_m:.3f} m. Go? [y/N] ")
 
     def outcome(self, predicted: PredictedActions) -> Outcome | None:
-        """What the person says: `y` or `n`, with a note behind it; None where they answer nothing."""
-        self._shown.clear()  # the next plan counts its actions anew
+        """Return the outcome that the person types (`y` or `n`, with a note after it), or None if they type nothing."""
+        self._shown.clear()  # the next plan counts its actions from 0
         while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
             word, _, note = answer.partition(" ")
             if word.lower().rstrip(",:") in (*YES, *NO):

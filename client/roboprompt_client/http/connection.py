@@ -99,6 +99,8 @@ class Request(Generic[Answer]):
         except httpx.TransportError as error:  # also httpx-sse's SSEError
             address = f"{str(base_url).rstrip('/')}/{self.path.lstrip('/')}"
             what = f"{self.method} {address}: {error or type(error).__name__}"
+            if isinstance(error, httpx.ConnectError):
+                what += ": is the service running, and is this its address?"
             raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 

@@ -1,4 +1,4 @@
-"""Records an arm's state while a person moves it; samples are on disk within a second."""
+"""Record an arm's state while a person moves it; each sample is on disk within a second."""
 
 import json
 import os
@@ -19,13 +19,13 @@ from roboprompt_client.types.trajectory_npz import MIN_GRIPPER_TRAVEL_M, traject
 RATE_HZ = 50.0
 MIN_RATE_HZ = 20.0
 FLUSH_S = 1.0
-OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
-_FIXED_COLUMNS = 10  # time, position, quaternion, width, open; then joints' positions and velocities, and a wrench
+OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
+_FIXED_COLUMNS = 10  # time, position, quaternion, width, open; joint positions, joint velocities and wrench follow
 WRENCH = 6
 
 
 class Progress(NamedTuple):
-    """What a recording has so far: its frames, how long it takes, and the arm as it was seen last."""
+    """A recording so far: number of frames, duration, and the arm's last state."""
 
     frames: int
     elapsed_s: float
@@ -33,20 +33,20 @@ class Progress(NamedTuple):
 
     @property
     def rate_hz(self) -> float:
-        """As it was sampled, not as it was asked for."""
+        """The sampling rate that was reached."""
         return (self.frames - 1) / self.elapsed_s if self.elapsed_s else 0.0
 
 
 class HasState(Protocol):
-    """What can be recorded, such as an `Arm`."""
+    """A robot that can be recorded, such as an `Arm`."""
 
     def state(self) -> ArmState:
-        """The arm as it is now, in the world frame; called from another thread."""
+        """Return the arm's present state in the world frame; called from another thread."""
         ...
 
 
 class Recorder:
-    """Samples an arm in a thread of its own, and writes what it has to a journal.
+    """Samples an arm in a thread, and writes the samples to a journal file.
 
         recorder = Recorder(arm, Path("pick-1.journal"))
         recorder.start()
@@ -54,18 +54,18 @@ class Recorder:
         client.upload("pick", "pick up the cube", recorder.stop(), observation)
 
     Args:
-        journal: a file that does not exist; `trajectory_from_journal` reads it, also after a crash.
+        journal: path of a new file; `trajectory_from_journal` reads it, also after a crash.
         rate_hz: at least 20.
 
     Raises:
-        InvalidInputError: for a rate that is too low, or a journal that exists.
+        InvalidInputError: for a rate out of range, or a journal that exists.
     """
 
     def __init__(self, arm: HasState, journal: Path, rate_hz: float = RATE_HZ) -> None:
         if not MIN_RATE_HZ <= rate_hz <= 1000:
             raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
         if journal.exists():
-            raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
+            raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
         self._ended = threading.Event()
         self._progress: Progress | None = None
@@ -78,17 +78,17 @@ class Recorder:
 
     @property
     def progress(self) -> Progress | None:
-        """None before the first sample; raises as `stop`, once the arm or the journal fails."""
+        """The recording so far; None before the first sample. Raises as `stop` after the arm or the journal failed."""
         if self._error is not None:
             raise self._error
         return self._progress
 
     def stop(self) -> Trajectory:
-        """End, and what was recorded.
+        """Stop sampling, and return the trajectory.
 
         Raises:
-            MotionError: if the arm stopped answering; the journal has what came before.
-            InvalidInputError: if what was recorded is no trajectory, or could not be written.
+            MotionError: if the arm stopped answering; the journal has the samples until then.
+            InvalidInputError: if the samples are not a valid trajectory, or could not be written.
         """
         self._ended.set()
         self._thread.join()
@@ -110,7 +110,7 @@ class Recorder:
         with create_private(self._journal) as file:
             file.write(json.dumps({"joints": joints, "wrench": WRENCH}).encode() + b"\n")
             flushed_s = due_s = seen_s = began_s
-            for frames in count(1):  # at least once, however soon it ends
+            for frames in count(1):  # at least one sample
                 self._progress = Progress(frames, seen_s - began_s, state)
                 file.write(_row(seen_s - began_s, state, joints).tobytes())
                 if seen_s - flushed_s > FLUSH_S:
@@ -122,19 +122,19 @@ class Recorder:
                 seen_s, state = self._read()
 
     def _read(self) -> tuple[float, ArmState]:
-        """The state, and its time: the middle of the interval in which the arm answered."""
+        """Return the state, and its time: the middle between request and answer."""
         asked_s = time.monotonic()
         state = self._arm.state()
         return (asked_s + time.monotonic()) / 2, state
 
 
 def create_private(path: Path) -> BinaryIO:
-    """A new file for this user alone; raises FileExistsError for anything at `path`, be it a link to nowhere."""
-    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), "wb")
+    """Return a new file that only this user may read; raises FileExistsError if `path` exists."""
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:
-    """What a journal holds but a row that a crash cut off; raises InvalidInputError if that is no trajectory."""
+    """Return a journal's trajectory, without a row that a crash cut off; raises InvalidInputError if it is invalid."""
     rows, joints = _rows(path)
     if not len(rows):
         raise InvalidInputError("recording", f"{path} has no frames", "at least one")
@@ -158,7 +158,7 @@ def trajectory_from_journal(path: Path) -> Trajectory:
 
 
 def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
-    """Measured fingers, else what was commanded; without a gripper it counts as open."""
+    """Return the measured width, else the commanded state; an arm without a gripper counts as open."""
     if np.isfinite(widths_m).all():
         still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
         opened = {"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}
@@ -184,7 +184,7 @@ def _rows(path: Path) -> tuple[Array, int]:
         known = json.loads(head)
         joints, wrench = int(known["joints"]), int(known.get("wrench", 0))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InvalidInputError("recording", f"{path} is no journal", "a file of roboprompt-robot record") from error
+        raise InvalidInputError("recording", f"{path} is not a journal", "a file of roboprompt-robot record") from error
     width = _FIXED_COLUMNS + 2 * joints + wrench
     whole = len(body) // (8 * width) * width
     return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints

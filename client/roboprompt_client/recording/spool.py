@@ -1,7 +1,7 @@
-"""Recordings that stay on disk until the service has stored them: none is lost, and none is stored twice.
+"""Keep recordings on disk until the service has stored them, so that none is lost or stored twice.
 
-A spool belongs to one user: its folders are 0700 and its files 0600, and only plain files of that user are read, so
-that another user can neither see a recording nor make it upload anything else.
+A spool belongs to one user: its folders are 0700 and its files 0600, and only plain files of that user are read.
+Another user can neither read a recording nor have another file uploaded.
 """
 
 import json
@@ -24,7 +24,7 @@ from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
 WAITS_S = (1.0, 2.0, 4.0, 8.0)
-# No or a wrong key, too slow, too many requests: the same recording may be stored later.
+# No key or a wrong one, a timeout, too many requests: the service may store the same recording later.
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
 IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
@@ -32,7 +32,7 @@ OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alon
 
 
 class Sent(NamedTuple):
-    """A recording that the service answered: with the episode's description, or the problem document of a refusal."""
+    """The service's answer to a recording: the episode's description, or the problem document of a refusal."""
 
     folder: Path
     stored: bool
@@ -40,7 +40,7 @@ class Sent(NamedTuple):
 
 
 class Spool:
-    """A folder with a folder for each recording, whose name is its idempotency key.
+    """A folder with a subfolder for each recording, whose name is its idempotency key.
 
     Raises:
         OSError: if it cannot be made, or belongs to another user.
@@ -64,24 +64,24 @@ class Spool:
         return folder
 
     def waiting(self) -> Iterator[Path]:
-        """The recordings that were neither stored nor refused, oldest first."""
+        """Yield the recordings that were neither stored nor refused, oldest first."""
         folders = [path.parent for path in self._folder.glob(f"*/{JOURNAL}")]
         for folder in sorted(folders, key=lambda path: (path / SCENE).lstat().st_mtime):
             if not (folder / SENT).exists() and not (folder / REFUSED).exists():
                 yield folder
 
     def discard(self, folder: Path) -> None:
-        """Remove a recording that a person does not want."""
+        """Delete a recording."""
         for file in folder.iterdir():
             file.unlink()
         folder.rmdir()
 
     def send(self, client: RoboPromptClient, folder: Path, sleep: Callable[[float], None] = time.sleep) -> Sent:
-        """Upload one, again and again while the service does not answer.
+        """Upload a recording, with retries while the service does not answer.
 
         Raises:
-            ServiceUnreachableError: if it never does, or refuses this robot at present; the recording waits.
-            InvalidInputError: if it is not a recording, or another user's; it stays where it is.
+            ServiceUnreachableError: if no retry is answered, or the refusal is temporary; the recording waits.
+            InvalidInputError: if the folder is not a recording, or belongs to another user; it stays.
         """
         parts = _parts(folder)
         for wait_s in (*WAITS_S, None):
@@ -104,7 +104,7 @@ class Spool:
 
 
 def _parts(folder: Path) -> dict[str, Part]:
-    """The parts of `POST /episodes`: the scene, its images by the names of their files, and the trajectory."""
+    """Return the parts of `POST /episodes`: metadata, images by the names of their files, and the trajectory."""
     _require_own(folder, stat.S_ISDIR)
     try:
         scene = json.loads(_read(folder / SCENE))
@@ -134,15 +134,15 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _require_own(path: Path, is_kind: Callable[[int], bool]) -> None:
-    """Refuse links, what belongs to another user, and what another user may write to.
+    """Refuse links, and files that belong to another user or that another user may write to.
 
     Raises:
-        InvalidInputError: as said.
-        FileNotFoundError: if there is nothing.
+        InvalidInputError: if it is one of these.
+        FileNotFoundError: if the path does not exist.
     """
     found = path.lstat()
-    others_write = os.name == "posix" and (found.st_uid != os.getuid() or bool(found.st_mode & 0o022))
-    # A second name of a file: of one that this user can read, but that was never recorded.
+    others_write = found.st_uid != os.getuid() or bool(found.st_mode & 0o022)
+    # a hard link may be to a file of this user that is not a recording
     linked = stat.S_ISREG(found.st_mode) and found.st_nlink > 1
     if not is_kind(found.st_mode) or others_write or linked:
         message = f"{path} is a link, belongs to another user or may be written by others"

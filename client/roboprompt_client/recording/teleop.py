@@ -1,14 +1,16 @@
-"""A person's keys at a terminal, and how they or a SpaceMouse move the hand.
+"""Read a person's keys at a terminal or a SpaceMouse, with which they steer the hand.
 
-A direction is (6,): along the world's x, y, z and about them, each -1 to 1, 1 being the full speed. Where the base is
-not turned x points away from it, y to its left, z up.
+A direction is (6,): motions along and about the world's x, y, z, each -1 to 1, where 1 is full speed. If the base is
+not rotated in the world, x points away from it, y to its left, z up.
 """
 
 import os
 import re
 import select
 import sys
+import termios
 import time
+import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,28 +21,20 @@ import numpy as np
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 
-try:
-    import termios
-    import tty
-except ImportError:  # Windows
-    HAS_TERMIOS = False
-else:
-    HAS_TERMIOS = True
-
-MAX_KEYS = 64  # at a time
-END = "x"  # what a terminal that has gone is read as
+MAX_KEYS = 64  # per read
+END = "x"  # also read from a terminal that was closed
 SPEED_M_S, TURN_RAD_S = 0.10, 0.5
 TICK_S = 0.04  # between two commands to the arm
-HELD_S = 0.15  # after its last press a key counts as held: terminals repeat it 20 to 30 times a second
-# A key that is tapped moves the hand by millimeters, one that is held has its full speed after a while.
+HELD_S = 0.15  # a key counts as held so long after its last press; terminals repeat it 20 to 30 times a second
+# A tap moves the hand by millimeters; a held key reaches full speed after a while.
 TAPPED_SHARE, FULL_AFTER_S = 0.2, 1.0
-STALE_S = 0.2  # a SpaceMouse that is pushed reports more often
-MAX_REPORTS, MAX_REPORT_BYTES = 64, 64  # that are read at once
-FULL_TRAVEL = 350  # what a cap reports at the end of its travel
-TO_WORLD = (1, 0, 2, 4, 3, 5)  # of the cap's axes, each the other way round
+STALE_S = 0.2  # a SpaceMouse reports more often while it is pushed
+MAX_REPORTS, MAX_REPORT_BYTES = 64, 64  # per read
+FULL_TRAVEL = 350  # reported at the end of the cap's travel
+TO_WORLD = (1, 0, 2, 4, 3, 5)  # the world's axis of each axis of the cap, with the opposite sign
 HIDRAW = Path("/sys/class/hidraw")
-MADE_BY_3DCONNEXION = r"HID_ID=\w+:0000(256F:\w+|046D:0000C6\w\w)"  # its own devices, and those from Logitech's time
-DEAD_SHARE = 0.05  # of a cap's travel: what a hand that rests on it does
+MADE_BY_3DCONNEXION = r"HID_ID=\w+:0000(256F:\w+|046D:0000C6\w\w)"  # also those sold by Logitech
+DEAD_SHARE = 0.05  # of the cap's travel is ignored: a resting hand moves it so far
 
 _ALONG, _ABOUT = np.eye(6)[:3], np.eye(6)[3:]
 DIRECTIONS: Mapping[str, Array] = {
@@ -52,32 +46,32 @@ MOVES = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   i k,
 
 
 class Said(NamedTuple):
-    """What a person wants: a direction (6,), and the keys of the recording that were pressed."""
+    """A person's input: a direction (6,) and the keys that were pressed."""
 
     direction: Array
     keys: str
 
 
 Pressed = Callable[[float], str]
-Read = Callable[[str], Said]  # from the keys that were pressed since the last call
+Read = Callable[[str], Said]  # argument: the keys pressed since the last call
 
 
 def has_keyboard() -> bool:
-    """Whether standard input is a terminal whose keys can be read one by one."""
-    return HAS_TERMIOS and sys.stdin.isatty()
+    """Return whether standard input is a terminal, whose keys can be read one by one."""
+    return sys.stdin.isatty()
 
 
 @contextmanager
 def keyboard() -> Iterator[Pressed]:
-    """A function that returns the keys pressed since its last call, and waits for the first at most some seconds.
+    """Yield a function that returns the keys pressed since its last call; it waits for one at most the given seconds.
 
-    Keys are unseen until the terminal is as it was before. Where there are no single keys it waits for a line.
+    Within the context keys are not echoed. If standard input is not a terminal, the function waits for a line.
     """
     if not has_keyboard():
         yield _line
         return
     before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # keys typed before still count
     try:
         yield _pressed
     finally:
@@ -99,18 +93,18 @@ def _line(_wait_s: float) -> str:
 
 
 class HeldKeys:
-    """Since when, and until when, each key counts as held."""
+    """Which keys are held, and since when: terminals report presses only."""
 
     def __init__(self) -> None:
         self._spans_s: dict[str, tuple[float, float]] = {}
 
     def press(self, key: str, now_s: float) -> None:
-        """Note one of `DIRECTIONS`."""
+        """Note the press of a key of `DIRECTIONS`."""
         since_s, until_s = self._spans_s.get(key, (now_s, now_s))
         self._spans_s[key] = (since_s if now_s < until_s else now_s, now_s + HELD_S)
 
     def direction(self, now_s: float) -> Array:
-        """(6,), of all that are held."""
+        """Return the sum (6,) of the held keys' directions."""
         total: Array = np.zeros(6)
         for key, (since_s, until_s) in self._spans_s.items():
             if now_s < until_s:
@@ -119,13 +113,13 @@ class HeldKeys:
 
 
 class SpaceMouse:
-    """A 3Dconnexion SpaceMouse by its raw reports; its buttons close (left) and open (right) the gripper.
+    """A 3Dconnexion SpaceMouse, read by its raw reports; its buttons close (left) and open (right) the gripper.
 
-    Reports 1 and 2 have little-endian int16 along and about the cap's axes, to the right, to the person and down, in
-    one report or in two; report 3 has the buttons' bits.
+    Reports 1 and 2 have little-endian int16 along and about the cap's axes (right, toward the person, down), in one
+    report or in two; report 3 has the buttons' bits.
 
     Args:
-        reports: a file descriptor that does not block, from which each read is one report (Linux's hidraw).
+        reports: a non-blocking file descriptor of Linux's hidraw; each read is one report.
     """
 
     def __init__(self, reports: int) -> None:
@@ -135,9 +129,9 @@ class SpaceMouse:
         self._buttons = 0
 
     def read(self, keys: str) -> Said:
-        """What it reported last; a report that is old, of a device that was unplugged, moves nothing."""
+        """Return the last report's direction, zero if the report is old, and the keys with the buttons' clicks."""
         buttons = self._buttons
-        with suppress(OSError):  # none waits, or the device is gone
+        with suppress(OSError):  # no report waits, or the device was unplugged
             for _ in range(MAX_REPORTS):
                 self._take(os.read(self._reports, MAX_REPORT_BYTES))
         clicked = "".join(key for bit, key in ((1, "c"), (2, "o")) if self._buttons & bit and not buttons & bit)
@@ -160,17 +154,17 @@ class SpaceMouse:
 
 @contextmanager
 def opened(device: str) -> Iterator[Read]:
-    """What a person moves the hand with.
+    """Yield the function that reads a person's input from a device.
 
     Args:
         device: `keyboard` or `spacemouse`.
 
     Raises:
-        InvalidInputError: if there is no such device, or this user may not read it.
+        InvalidInputError: if the device is missing, or this user may not read it.
     """
     if device == "keyboard":
         if not has_keyboard():
-            raise InvalidInputError("--teleop", "standard input is no terminal whose keys can be read", "a terminal")
+            raise InvalidInputError("--teleop", "standard input is not a terminal", "a terminal")
         yield _of_keyboard(HeldKeys())
         return
     path = _space_mouse()
@@ -178,7 +172,7 @@ def opened(device: str) -> Iterator[Read]:
         reports = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
         raise InvalidInputError(
-            "--teleop", f"{path} cannot be read: {error}", "a udev rule that lets this user"
+            "--teleop", f"{path} cannot be read: {error}", "a udev rule that allows this user"
         ) from error
     try:
         yield SpaceMouse(reports).read
@@ -187,7 +181,7 @@ def opened(device: str) -> Iterator[Read]:
 
 
 def _space_mouse() -> Path:
-    """The device of one that is plugged in."""
+    """Return the device file of a SpaceMouse that is plugged in."""
     for device in sorted(HIDRAW.glob("hidraw*")):
         uevent = (device / "device/uevent").read_text()
         if re.search(MADE_BY_3DCONNEXION, uevent):

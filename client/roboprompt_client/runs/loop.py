@@ -39,12 +39,12 @@ log = logging.getLogger(__name__)
 
 
 def watch_nothing(task: str, instruction: str) -> AbstractContextManager[CarryingOut]:
-    """A watch for a robot that is not watched."""
+    """Return a watch that does nothing."""
     return nullcontext(lambda *_: nullcontext())
 
 
 def show_nothing(actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
-    """A preview for a loop without a person."""
+    """Do nothing: the preview of a run without a person."""
 
 
 def run_task(
@@ -53,7 +53,6 @@ def run_task(
     task: str,
     instruction: str,
     *,
-    limits: MotionLimits | None = None,
     pinned: MotionLimits | None = None,
     confirm: Confirm | None = None,
     stream: bool = False,
@@ -65,53 +64,50 @@ def run_task(
     on_outcome: OnOutcome | None = None,
     **options: Any,  # noqa: ANN401
 ) -> PredictedActions:
-    """Let the robot carry out one instruction; returns what was predicted.
+    """Let the robot carry out one instruction; return the prediction.
 
-    Whatever goes wrong, Ctrl-C included, the robot is stopped where it is before the error goes on.
+    After any error, also Ctrl-C, the robot is stopped before the error is raised.
 
     Args:
-        limits: what the robot may do, whatever the service says; None: what the service says of the task.
-        pinned: bounds of the robot's own that hold as well: the service cannot widen them.
-        confirm: asked before each action, with its index; the run ends where it says no.
-        stream: begin to move while the LLM still writes; otherwise nothing moves until the whole reply is known to be
-            a list of actions within the limits.
-        look_again: observe again before contact (the module `look_again` says when) and move the remaining actions
-            along with the objects that they refer to; what is returned has the actions as they were carried out. Not
-            together with `stream`.
-        leading: with `look_again`: aims ahead of objects that move by themselves (the module `leading`).
-        on_danger: where the service finds its own answer dangerous: ask `confirm` before anything moves, refuse, or go
-            ahead. None: `confirm` where there is one, else `refuse`. With `stream` this holds for what is
-            found ahead of the first action.
-        preview: shown the actions and the limits that hold, before the actions are checked and before anything moves;
-            with `stream` each action as it comes.
-        watch: around the run; what it gives is around the motion of each action, with its index and the prediction's
-            id, if it is known. `partial(Live, client, robot)` lets people watch and stop the robot at the service.
-        on_outcome: called with what was carried out; what it returns is recorded at the service. A failure to record
-            it is logged.
-        options: as for `RoboPromptClient.predict`.
+        pinned: limits of the robot's own, which hold beside the task's: the service cannot widen them.
+        confirm: asked before each action, with its index; the run ends if it returns False.
+        stream: start to move while the LLM still writes; otherwise nothing moves until all actions are checked.
+        look_again: observe again before contact (see the module `look_again`) and move the remaining actions along
+            with their objects; the returned prediction has the actions as they were carried out. Not with `stream`.
+        leading: with `look_again`, aims ahead of objects that move by themselves (see the module `leading`).
+        on_danger: what to do about a finding of severity `danger`: ask `confirm` before anything moves, `refuse`, or
+            `go`. None: `confirm` if there is one, else `refuse`. With `stream` it applies to the findings before the
+            first action.
+        preview: called with the actions and the limits before the actions are checked and anything moves; with `stream`
+            for each action.
+        watch: a context of the run that yields a context of each action's motion, given its index and the prediction's
+            id, if known. `partial(Live, client, robot)` lets people watch and stop the robot on the service's page.
+        on_outcome: called with the prediction that was carried out; the outcome that it returns is recorded at the
+            service. A failure to record is only logged.
+        options: as of `RoboPromptClient.predict`.
 
     Raises:
-        InvalidInputError: if arguments do not fit each other, the limits cannot be held (NaN, say) or leave no room
-            within the pinned ones, or if steps are bounded and the observation lacks `end_effector`; nothing was moved.
+        InvalidInputError: if arguments contradict each other, limits are invalid or leave no room, or steps are
+            bounded and the observation lacks `end_effector`; nothing was moved.
         ServiceProblemError, ServiceUnreachableError: without `stream` nothing was moved.
-        InvalidAnswerError: if the findings are missing or not well formed; nothing was moved.
-        UnsafeActionError: if an action is beyond the limits; it was not carried out, and without `stream` none was.
+        InvalidAnswerError: if the findings are missing or malformed; nothing was moved.
+        UnsafeActionError: if an action is beyond the limits; it was not carried out, without `stream` none was.
         MotionError: if an action could not be carried out.
-        NotConfirmedError: if `confirm` said no.
-        DangerError: if the answer is dangerous and `on_danger` refuses it; nothing was moved.
-        ObjectLostError: if an object that is looked for again is not seen; with `leading` also if it has left what
-            carried it, or moves too fast.
+        NotConfirmedError: if `confirm` returned False.
+        DangerError: if a finding is a danger and `on_danger` is `refuse`; nothing was moved.
+        ObjectLostError: if an object is not seen again; with `leading` also if it changed its height or is too fast.
     """
     try:
         danger = checked_on_danger(on_danger, confirm)
         if leading is not None and not look_again:
             raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
         if look_again and stream:
-            message = "is asked for together with stream, which moves before all actions are known"
-            raise InvalidInputError("look_again", message, "one of both")
+            message = "cannot be combined with stream, which moves before all actions are known"
+            raise InvalidInputError("look_again", message, "one of the two")
         if look_again:
             _require_still_cameras(robot)
-        allowed = _allowed(client, task, limits, pinned)
+        of_task = client.motion_limits(task)
+        allowed = of_task if pinned is None else of_task.intersection(pinned)
         with watch(task, instruction) as carrying_out:
             run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
             predicted = run.streamed() if stream else run.whole(look_again, leading)
@@ -121,14 +117,14 @@ def run_task(
     if on_outcome is not None and predicted.actions and (outcome := on_outcome(predicted)) is not None:
         try:
             client.record_outcome(predicted.id, *outcome)
-        except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done all the same
+        except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
             log.warning("the outcome was not recorded: %s", error)
     return predicted
 
 
 @dataclass(frozen=True)
 class _Run:
-    """One robot that carries out one instruction within the limits that hold."""
+    """One robot carrying out one instruction within limits."""
 
     client: RoboPromptClient
     robot: Robot
@@ -142,10 +138,10 @@ class _Run:
     options: Mapping[str, Any]
 
     def whole(self, look_again: bool, leading: Leading | None) -> PredictedActions:
-        """Nothing moves before all actions are known to be allowed."""
+        """Carry out the actions after all of them were checked; return the prediction."""
         looked_s = 0.0 if leading is None else leading.clock()
         observation = self.robot.observe()
-        self.guard(observation)  # refuses a start that is not known before the service is asked
+        self.guard(observation)  # refuse a missing start pose before the service is asked
         finder = ObjectFinder(self.client, self.robot, self.task, observation) if look_again else None
         predicted = self.client.predict(self.task, self.instruction, observation, **self.options)
         self.preview(predicted.actions, self.allowed)
@@ -165,10 +161,10 @@ class _Run:
         return replace(predicted, actions=follower.actions)
 
     def streamed(self) -> PredictedActions:
-        """Each action is carried out as it comes."""
+        """Carry out each action as it comes; return the prediction."""
         observation = self.robot.observe()
         guard = self.guard(observation)
-        findings: list[Sequence[Finding]] = []  # of the event ahead of the first action
+        findings: list[Sequence[Finding]] = []  # of the event before the first action
         for index, item in enumerate(
             self.client.stream(self.task, self.instruction, observation, on_findings=findings.append, **self.options)
         ):
@@ -198,7 +194,7 @@ class _Run:
         require_allowed(findings, actions, self.on_danger, self.confirm)
 
     def execute(self, index: int, action: EndEffectorAction, prediction_id: str | None = None) -> None:
-        """Move, if `confirm` lets the action go."""
+        """Carry out an action if `confirm` allows it."""
         if self.confirm is not None and not self.confirm(index, action):
             raise NotConfirmedError(f"action {index + 1} was not allowed")
         with self.carrying_out(index, action, prediction_id):
@@ -210,10 +206,3 @@ def _require_still_cameras(robot: Robot) -> None:
     if getattr(robot, "viewpoints", ()):
         message = "is asked of an arm that goes to viewpoints to look, away from what it does"
         raise InvalidInputError("look_again", message, "cameras that need no viewpoints")
-
-
-def _allowed(
-    client: RoboPromptClient, task: str, limits: MotionLimits | None, pinned: MotionLimits | None
-) -> MotionLimits:
-    of_task = limits or client.motion_limits(task)
-    return of_task if pinned is None else of_task.intersection(pinned)
