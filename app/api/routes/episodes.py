@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
+from app.api.decoding import UniqueKeysRoute
 from app.api.documents import episode_document, metadata_document
 from app.api.image_work import decode_frames, image_work, split_images
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, body_of, problems
@@ -35,7 +36,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 
-router = APIRouter(tags=["episodes"])
+router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
 
 
 @router.post(

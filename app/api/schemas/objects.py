@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, Field
 
+from app.api.schemas import examples
 from app.api.schemas.requests import CameraIn, MaskId, Name, RequestModel
 from app.perception.models import AsObjectModel
 from app.perception.registered.model import Symmetric
@@ -15,7 +16,9 @@ Box = Annotated[tuple[Number, Number, Number, Number], Field(description="[left,
 
 
 class LearnBody(RequestModel):
-    """What to learn, and from how much."""
+    """Objects to learn, and the number of episodes to learn from."""
+
+    model_config = examples.shown(examples.LEARN)
 
     objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64, description="null: all of the task")] = (
         None
@@ -25,6 +28,8 @@ class LearnBody(RequestModel):
 
 class TryModelBody(RequestModel):
     """An object model, and the episodes in whose images it is to find the object."""
+
+    model_config = examples.shown(examples.TRY_MODEL)
 
     object: Name
     model: Annotated[dict[str, Any], AsObjectModel()]
@@ -46,6 +51,8 @@ class PoseQuestionIn(RequestModel):
 
 class PosesBody(RequestModel):
     """Objects to be found in images; the images are parts or fields rgb_NAME, depth_NAME and mask_NAME."""
+
+    model_config = examples.shown(examples.POSES)
 
     objects: Annotated[list[PoseQuestionIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(min_length=1, max_length=16)]
@@ -118,6 +125,8 @@ class LabelBody(RequestModel):
     Give one of: `clicks` or `boxes`, from which masks grow in every camera; `polygons`; parts `mask_NAME`; or
     `mask_ids` of the mask images that the episode has, which may be left out where the episode says them.
     """
+
+    model_config = examples.shown(examples.LABEL)
 
     object: Name
     episode_id: Annotated[
@@ -201,7 +210,9 @@ class LabelList(BaseModel):
 
 
 class LearnLabelsBody(RequestModel):
-    """Which object to learn."""
+    """The object to learn from its labels."""
+
+    model_config = examples.shown(examples.LEARN_LABELS)
 
     object: Name
     symmetric: Symmetric = "none"

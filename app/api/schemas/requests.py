@@ -92,9 +92,7 @@ class CameraIn(RequestModel):
 class EpisodeMetadata(RequestModel):
     """The part `metadata` of an upload."""
 
-    model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.SAMPLE_METADATA]}
-    )
+    model_config = examples.shown(examples.SAMPLE_METADATA)
 
     task: Name
     instruction: Instruction
@@ -127,7 +125,9 @@ class EpisodeMetadata(RequestModel):
 
 
 class EpisodeEdit(RequestModel):
-    """What to correct of an episode; what is not named, or null, stays."""
+    """Corrections of an episode; a field that is left out or null stays as it is."""
+
+    model_config = examples.shown(examples.EDIT)
 
     instruction: Instruction | None = None
     left_out: Annotated[Truth | None, Field(description=LEFT_OUT)] = None
@@ -171,7 +171,7 @@ class TrajectoryIn(RequestModel):
 class EpisodeJson(BaseModel):
     """An upload as one JSON document; images are further fields rgb_NAME, depth_NAME, mask_NAME in base64."""
 
-    model_config = ConfigDict(extra="allow", json_schema_extra={"examples": [examples.EPISODE]})
+    model_config = ConfigDict(extra="allow") | examples.shown(examples.EPISODE)
 
     metadata: EpisodeMetadata
     trajectory: TrajectoryIn
@@ -192,7 +192,7 @@ class EndEffectorIn(RequestModel):
 class RunBody(RequestModel):
     """Where a robot is with what it carries out."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = examples.shown(examples.RUN)
 
     task: Name
     instruction: Instruction
@@ -207,7 +207,7 @@ class RunBody(RequestModel):
 class PredictBody(PredictOptions, RequestModel):
     """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PREDICT]})
+    model_config = examples.shown(examples.PREDICT)
 
     task: Annotated[
         Name | None,
@@ -232,7 +232,7 @@ class PredictBody(PredictOptions, RequestModel):
 class PlanBody(RequestModel):
     """What a person asks for, of tasks that were taught apart, and what is there."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PLAN]})
+    model_config = examples.shown(examples.PLAN)
 
     instruction: Instruction
     objects: Annotated[
@@ -244,7 +244,7 @@ class PlanBody(RequestModel):
 class OutcomeBody(RequestModel):
     """How the robot fared with a prediction."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
+    model_config = examples.shown(examples.OUTCOME)
 
     success: Truth
     note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None

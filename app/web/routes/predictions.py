@@ -110,8 +110,8 @@ def compare_page(
     request: Request, services: Wired, ids: Annotated[list[str] | None, Query(alias="id")] = None
 ) -> Response:
     """Two predictions and their configurations side by side."""
-    if ids is None or len(ids) != 2:
-        raise InvalidInputError("id", f"{len(ids or ())} predictions were chosen", "two")
+    if ids is None or len(ids) != 2 or ids[0] == ids[1]:
+        raise InvalidInputError("id", "does not name two different predictions", "?id=ONE&id=OTHER")
     with services.store.read() as connection:
         one, other = (view_prediction(connection, id_) for id_ in ids)
         compared = compare(connection, one, other)

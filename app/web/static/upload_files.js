@@ -51,7 +51,7 @@ function ofParts(folder, parts) {
     for (const { file } of parts) body.append(file.name.replace(/\.\w+$/, ""), file);
     return { body };
   };
-  return { name: folder.replace(/\/$/, "") || "the files", request };
+  return { name: folder.replace(/\/$/, "") || "Chosen files", request };
 }
 
 /** The demonstration that a file holds by itself, or the reason why it holds none. `parts`: those of its folder. */

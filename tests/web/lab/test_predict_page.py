@@ -43,7 +43,7 @@ def test_the_embedded_llm_follows_the_demonstrations(page):
     page.set_default_timeout(120_000)
     predict(page, "embedded/gemma-3-270m")
     assert state(page, "good").startswith("3 actions in ")
-    assert "every action goes where the demonstrations go" in page.locator("#result").inner_text()
+    assert "every action is close to theirs" in page.locator("#result").inner_text()
     assert page.locator("#part-reply .action").count() == 3
     assert "of them cached" in page.locator("#part-reply").inner_text()
 
@@ -63,7 +63,7 @@ def test_the_reply_is_seen_while_it_comes_and_on_the_page_now(page, context, slo
     slow_provider.go_on.set()
     assert state(page, "good").startswith("3 actions in ")
     assert not page.get_by_role("button", name="Cancel").is_visible()
-    watching.get_by_text("No prediction has been under way").wait_for()
+    watching.get_by_text("No prediction is being computed").wait_for()
     watching.close()
 
 
