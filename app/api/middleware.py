@@ -51,7 +51,7 @@ class OuterMiddleware:
     """ASGI middleware: observes every request, and adds security headers that the route has not set.
 
     A request keeps the `X-Request-ID` that it came with, or gets one; the answer carries it. There is no CORS: scripts
-    of other websites read no answer.
+    of other websites read no answer. HEAD is answered as GET; the server leaves out the body.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -61,6 +61,8 @@ class OuterMiddleware:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        if scope["method"] == "HEAD":  # FastAPI's routes, unlike Starlette's, do not know it
+            scope = {**scope, "method": "GET"}
         request_id = _request_id(scope)
         started = time.perf_counter()
         status = 500

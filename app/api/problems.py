@@ -145,6 +145,11 @@ def problem_of(request: Request, error: Exception) -> JSONResponse:
     match error:
         case RoboPromptError():
             return _own_problem(request, error)
+        case HTTPException(status_code=404, detail="Not Found"):  # the router's own
+            return http_problem(HTTPException(404, f"{request.url.path[:MAX_SHOWN]!r}: see /docs for the addresses"))
+        case HTTPException(status_code=405, headers=headers):
+            allowed = (headers or {}).get("Allow")
+            return http_problem(HTTPException(405, f"{request.method} is not valid here; valid: {allowed}", headers))
         case HTTPException():
             return http_problem(error)
         case RequestValidationError() | ValidationError():

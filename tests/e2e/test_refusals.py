@@ -227,3 +227,18 @@ def test_a_correction_with_a_key_twice_is_refused(http, task):
     response = http.patch(f"/episodes/{episode['id']}", content=twice, headers=headers)
     assert (response.status_code, "appears twice" in response.json()["detail"]) == (400, True)
     assert not http.get(f"/episodes/{episode['id']}").json()["left_out"]
+
+
+def test_head_is_answered_as_get_without_a_body(http):
+    for path in ("/healthz", "/tasks", "/ui/tasks", "/docs"):
+        head, get = http.head(path), http.get(path)
+        assert (head.status_code, head.content) == (200, b""), path
+        assert head.headers["content-type"] == get.headers["content-type"]
+    assert http.head("/tasks/none").status_code == 404
+    assert http.head("/predict").status_code == 405
+
+
+def test_an_unknown_address_or_method_is_named(http):
+    assert http.get("/episode").json()["detail"] == "'/episode': see /docs for the addresses"
+    refused = http.delete("/predictions").json()
+    assert refused["detail"] == "DELETE is not valid here; valid: GET"
