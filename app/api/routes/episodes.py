@@ -45,9 +45,7 @@ router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
     response_model=UploadedEpisodeOut,
     openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
     responses=problems(
-        _400="the body cannot be read",
         _409="the idempotency key came with other content",
-        _413="the body is too large",
         _415="neither multipart nor JSON",
         _422="a value is not valid, or the objects are not those of the task",
     ),
@@ -101,9 +99,7 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
     return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays, max_frames)
 
 
-@router.get(
-    "/episodes", response_model=EpisodePage, responses=problems(_404="no such task", _422="a value is not valid")
-)
+@router.get("/episodes", response_model=EpisodePage, responses=problems(_404="no such task"))
 def list_episodes(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,

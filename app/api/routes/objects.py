@@ -47,9 +47,7 @@ LABELS: list[str | Enum] = ["labels"]
 FEW_VIEWS = 3  # with fewer, advice asks for more
 PATH = "/tasks/{name}/labels"
 _REFUSED = problems(
-    _400="the body cannot be read",
     _404="no such task or episode",
-    _413="the body is too large",
     _415="neither multipart nor JSON",
     _422="a value is not valid, or no mask follows from it",
 )
@@ -66,8 +64,6 @@ _RESPONSES: dict[int | str, dict[str, object]] = {
     response_model=PosesOut,
     openapi_extra=body_of(PosesBody),
     responses=problems(
-        _400="the body cannot be read",
-        _413="the body is too large",
         _415="neither multipart nor JSON",
         _422="a value is not valid, an object is not in view, or its pose is not certain",
     ),

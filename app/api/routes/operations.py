@@ -23,7 +23,7 @@ router = APIRouter(route_class=UniqueKeysRoute)
 RunId = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits of the robot's choice")]
 
 
-@router.get("/jobs", tags=["tasks"], response_model=JobPage, responses=problems(_422="a value is not valid"))
+@router.get("/jobs", tags=["tasks"], response_model=JobPage)
 def list_jobs(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
@@ -99,7 +99,7 @@ def metrics(services: Wired) -> Response:
     "/runs/{run_id}",
     tags=["runs"],
     response_model=RunAnswer,
-    responses=problems(_404="no such task, or the run is another key's", _422="a value is not valid"),
+    responses=problems(_404="no such task, or the run is another key's"),
 )
 def report_run(services: Wired, run_id: RunId, body: RunBody) -> Response:
     """Where a robot is with what it carries out, five times a second; the answer says whether it shall stop.

@@ -45,11 +45,9 @@ router = APIRouter(tags=["predictions"])
     openapi_extra=body_of(PredictBody, packed=True),
     responses=STREAMED
     | problems(
-        _400="the body cannot be read",
         _403="the key lacks the scope, is for other tasks, or may not read the demonstrations that a dry run shows",
         _404="no such task or episode",
         _409="the task has no demonstrations yet, or the idempotency key came with other content",
-        _413="the body is too large",
         _415="neither multipart, JSON nor MessagePack",
         _422="a value is not valid, or the objects are not those of the task",
         _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",

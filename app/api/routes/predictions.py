@@ -15,7 +15,7 @@ from app.store import erasure, predictions
 router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
 
 
-@router.get("/predictions", response_model=PredictionPage, responses=problems(_422="a value is not valid"))
+@router.get("/predictions", response_model=PredictionPage)
 def list_predictions(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
@@ -71,7 +71,7 @@ def drop_case(services: Wired, prediction_id: str) -> Response:
 @router.post(
     "/predictions/{prediction_id}/outcome",
     response_model=StoredPrediction,
-    responses=problems(_404="no such prediction", _422="a value is not valid"),
+    responses=problems(_404="no such prediction"),
 )
 def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) -> Response:
     """Tell how the robot fared; a later outcome replaces an earlier one.
