@@ -1,4 +1,4 @@
-"""Objects in images: what is asked and answered about them, and learned from them."""
+"""Bodies and answers about objects in images: poses, labels, and object models learned from them."""
 
 from datetime import datetime
 from typing import Annotated, Any
@@ -20,10 +20,14 @@ class LearnBody(RequestModel):
 
     model_config = examples.shown(examples.LEARN)
 
-    objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64, description="null: all of the task")] = (
-        None
-    )
-    episodes: Annotated[int, Field(ge=1, le=100, description="at most so many, the task's first"), WHOLE] = 10
+    objects: Annotated[
+        list[Name] | None, Field(min_length=1, max_length=64, description="null: all objects of the task")
+    ] = None
+    episodes: Annotated[
+        int,
+        Field(ge=1, le=100, description="largest number of episodes to learn from; the task's first are taken"),
+        WHOLE,
+    ] = 10
 
 
 class TryModelBody(RequestModel):
@@ -34,15 +38,18 @@ class TryModelBody(RequestModel):
     object: Name
     model: Annotated[dict[str, Any], AsObjectModel()]
     episode_ids: Annotated[
-        list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=10, description="of the task")
+        list[Annotated[str, Field(max_length=64)]],
+        Field(min_length=1, max_length=10, description="ids of episodes of the task"),
     ]
 
 
 class PoseQuestionIn(RequestModel):
-    """An object to be found: what is known of it, or its ids in the mask images."""
+    """An object to be found, by an object model or by its ids in the mask images."""
 
     name: Name
-    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64, description="ids of its pixels in mask_NAME")] = ()
+    mask_ids: Annotated[
+        tuple[MaskId, ...], Field(max_length=64, description="ids of the object's pixels in mask_NAME")
+    ] = ()
     model: Annotated[
         Annotated[dict[str, Any], AsObjectModel()] | None,
         Field(description="an object model, as in a task's `object_models`"),
@@ -59,15 +66,17 @@ class PosesBody(RequestModel):
 
 
 class LearnedOut(BaseModel):
-    """What was learned of a task's objects."""
+    """The object models that were learned."""
 
     object_models: Annotated[
-        dict[str, Annotated[dict[str, Any], AsObjectModel()]], Field(description="as the task now has them, by object")
+        dict[str, Annotated[dict[str, Any], AsObjectModel()]],
+        Field(description="all object models that the task now has, by object name"),
     ]
     refused: Annotated[
-        dict[str, str], Field(description="why nothing was learned of an object; its poses come as before")
+        dict[str, str],
+        Field(description="by object name, the reason why no model was learned; its poses are found as before"),
     ]
-    episode_ids: Annotated[list[str], Field(description="from which was learned")]
+    episode_ids: Annotated[list[str], Field(description="ids of the episodes that were learned from")]
 
 
 class PoseOut(BaseModel):
@@ -82,14 +91,14 @@ class PoseOut(BaseModel):
 
 
 class RefusalOut(BaseModel):
-    """Why an object is not found."""
+    """The reason why an object was not found."""
 
     message: str
-    valid: Annotated[str | None, Field(description="what would help")]
+    valid: Annotated[str | None, Field(description="what would help to find it")]
 
 
 class TriedEpisodeOut(BaseModel):
-    """What a model makes of an episode; both null where the episode has no images with color and depth."""
+    """The pose found in an episode, or the reason why none was; both are null without color and depth images."""
 
     episode_id: str
     pose: PoseOut | None
@@ -97,19 +106,19 @@ class TriedEpisodeOut(BaseModel):
 
 
 class TriedModelOut(BaseModel):
-    """Where a model finds its object, by episode in their order."""
+    """Where a model finds its object, in the order of the episode ids."""
 
     episodes: list[TriedEpisodeOut]
 
 
 class PosesOut(BaseModel):
-    """One pose per object, in the order asked."""
+    """One pose per object, in the order of the request."""
 
     poses: list[PoseOut]
 
 
 def _several(value: object) -> object:
-    """A lone pixel as a list of one."""
+    """Return a single pixel as a list of one."""
     is_pixel = isinstance(value, list | tuple) and value and not isinstance(value[0], list | tuple)
     return [value] if is_pixel else value
 
@@ -130,31 +139,47 @@ class LabelBody(RequestModel):
 
     object: Name
     episode_id: Annotated[
-        str | None, Field(max_length=64, description="whose first images they are; null: those sent with `cameras`")
+        str | None,
+        Field(
+            max_length=64, description="episode whose first images are labeled; null: the images sent with `cameras`"
+        ),
     ] = None
     cameras: Annotated[
         list[CameraIn],
-        Field(default_factory=list, max_length=16, description="of images sent as parts rgb_NAME, depth_NAME"),
+        Field(
+            default_factory=list,
+            max_length=16,
+            description="cameras of the images that are sent as parts rgb_NAME, depth_NAME",
+        ),
     ]
-    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64, description="ids of its pixels in mask images")] = ()
+    mask_ids: Annotated[
+        tuple[MaskId, ...], Field(max_length=64, description="ids of the object's pixels in mask images")
+    ] = ()
     clicks: Annotated[
         dict[str, Pixels],
-        Field(default_factory=dict, max_length=16, description="by camera a pixel of the object, or several"),
+        Field(default_factory=dict, max_length=16, description="by camera name: one or more pixels on the object"),
     ]
     clicks_off: Annotated[
         dict[str, Pixels],
-        Field(default_factory=dict, max_length=16, description="by camera pixels of what is not the object"),
+        Field(default_factory=dict, max_length=16, description="by camera name: pixels that are not on the object"),
     ]
     boxes: Annotated[
-        dict[str, Box], Field(default_factory=dict, max_length=16, description="by camera a box around the object")
+        dict[str, Box],
+        Field(default_factory=dict, max_length=16, description="by camera name: a box around the object"),
     ]
     polygons: Annotated[
         dict[str, Annotated[list[Pixel], Field(max_length=1000)]],
-        Field(default_factory=dict, max_length=16, description="by camera three or more corners around the object"),
+        Field(
+            default_factory=dict,
+            max_length=16,
+            description="by camera name: a polygon around the object, three or more corners",
+        ),
     ]
     yaw_deg: Annotated[
         Number | None,
-        Field(ge=-360, le=360, description="of its x axis about the vertical, to within ten degrees; null: searched"),
+        Field(
+            ge=-360, le=360, description="yaw of the object's x axis, accurate to ten degrees; null: it is searched for"
+        ),
     ] = None
 
     arrows: Annotated[
@@ -162,33 +187,32 @@ class LabelBody(RequestModel):
         Field(
             default_factory=dict,
             max_length=1,
-            description="by camera tail and head of an arrow along the object's x axis, in place of yaw_deg",
+            description="by camera name: tail and head of an arrow along the object's x axis, instead of yaw_deg",
         ),
     ]
 
 
-class PreviewedCamera(BaseModel):
-    """A camera of a preview."""
+class LabeledCamera(BaseModel):
+    """The size of a label's mask in one camera."""
 
     name: str
-    num_pixels: Annotated[int, Field(description="of the object's mask")]
+    num_pixels: Annotated[int, Field(description="size of the object's mask, pixels")]
+
+
+class PreviewedCamera(LabeledCamera):
+    """The mask that a label would have in one camera."""
+
     outlines: Annotated[
-        list[list[tuple[float, float]]], Field(description="of the mask: corners [x, y]; one within another is a hole")
+        list[list[tuple[float, float]]],
+        Field(description="polygons around the mask, corners [x, y]; a polygon inside another is a hole"),
     ]
 
 
 class LabelPreviewOut(BaseModel):
-    """What a label would say."""
+    """The label that would be stored."""
 
     cameras: list[PreviewedCamera]
     yaw_deg: float | None
-
-
-class LabeledCamera(BaseModel):
-    """A camera of a label."""
-
-    name: str
-    num_pixels: Annotated[int, Field(description="of the object's mask")]
 
 
 class LabelOut(BaseModel):
@@ -204,7 +228,7 @@ class LabelOut(BaseModel):
 
 
 class LabelList(BaseModel):
-    """A task's labels, the first one first."""
+    """A task's labels, oldest first."""
 
     labels: list[LabelOut]
 
@@ -217,15 +241,15 @@ class LearnLabelsBody(RequestModel):
     object: Name
     symmetric: Symmetric = "none"
     yaw_may_be_unknown: Annotated[
-        Truth, Field(description="give a pose without rotation where the images do not decide the yaw")
+        Truth, Field(description="true: answer a pose without rotation if the images do not determine the yaw")
     ] = False
 
-    dry_run: Annotated[Truth, Field(description="answer the model, and leave the task as it is")] = False
+    dry_run: Annotated[Truth, Field(description="true: answer the model and leave the task unchanged")] = False
 
 
 class LearnedLabelsOut(BaseModel):
-    """What was learned of an object: its model, which the task now has unless it was a dry run."""
+    """The learned object model. The task now has it, unless it was a dry run."""
 
     object: str
     model: Annotated[dict[str, Any], AsObjectModel()]
-    advice: Annotated[str, Field(description="what would make it surer; empty if nothing")]
+    advice: Annotated[str, Field(description="what would make the model more reliable; empty if nothing")]

@@ -1,4 +1,4 @@
-"""What robots send."""
+"""Bodies of requests: episodes, predictions, plans, runs and outcomes."""
 
 import json
 from typing import Annotated, Any
@@ -26,7 +26,7 @@ Name = Annotated[str, Field(min_length=1, max_length=64)]
 MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
 Note = Annotated[str, Field(max_length=500), AfterValidator(plain_text)]
-LEFT_OUT = "whether it is kept, but shown in no prompt"
+LEFT_OUT = "true: the episode is kept, but no prompt shows it"
 
 
 class RequestModel(BaseModel):
@@ -48,10 +48,10 @@ class ObjectIn(RequestModel):
     name: Name
     position: Annotated[Position | None, Field(description="meters, world frame")] = None
     quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
-    mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
+    mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of the object's pixels in mask_NAME")] = []
 
     def query(self) -> ObjectQuery:
-        """As perception wants it."""
+        """Return the object as a query for a pose estimator."""
         return ObjectQuery(self.name, self.position, self.quaternion_xyzw, tuple(self.mask_ids))
 
 
@@ -62,7 +62,11 @@ class Intrinsics(RequestModel):
     fy: Pixels
     cx: Pixels
     cy: Pixels
-    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given"), WHOLE] = None
+    width: Annotated[
+        int | None,
+        Field(gt=0, description="of the images, pixels; if given, images of another size are refused"),
+        WHOLE,
+    ] = None
     height: Annotated[int | None, Field(gt=0), WHOLE] = None
 
 
@@ -83,7 +87,7 @@ class CameraIn(RequestModel):
     ] = 0.001
 
     def camera(self) -> Camera:
-        """As the pipeline wants it."""
+        """Return the camera as the pipeline's type."""
         k = self.intrinsics
         size = (k.width, k.height) if k.width is not None and k.height is not None else None
         return Camera(self.name, k.fx, k.fy, k.cx, k.cy, np.array(self.camera_to_world), self.depth_scale, size)
@@ -103,24 +107,27 @@ class EpisodeMetadata(RequestModel):
         Field(
             ge=MIN_FREQUENCY_HZ,
             le=MAX_FREQUENCY_HZ,
-            description="of a trajectory without timestamps; with them the measured rate is stored",
+            description="rate of a trajectory without timestamps; with timestamps the measured rate is stored",
         ),
     ] = 20.0
     prediction_id: Annotated[
-        str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
+        str | None,
+        Field(
+            max_length=64, description="id of the prediction of this task that the robot carried out in this episode"
+        ),
     ] = None
     extra: Annotated[
         dict[str, Any],
         AfterValidator(_short_json),
         Field(
-            description="kept with the episode, at most 64 kB; `commanded_positions` (T, 3), where the hand was sent,"
-            " may show contact, and the rest is not interpreted"
+            description="any JSON to keep with the episode, at most 64 kB. Only `commanded_positions` (T, 3), the"
+            " commanded hand positions, is interpreted: it may show contact"
         ),
     ] = {}
     left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
-    note: Annotated[Note, Field(description="for people")] = ""
+    note: Annotated[Note, Field(description="a remark for people")] = ""
     uploaded_instruction: Annotated[
-        Instruction | None, Field(description="of an episode whose instruction was corrected elsewhere: the first one")
+        Instruction | None, Field(description="the first instruction, if it was corrected before this upload")
     ] = None
 
 
@@ -131,7 +138,7 @@ class EpisodeEdit(RequestModel):
 
     instruction: Instruction | None = None
     left_out: Annotated[Truth | None, Field(description=LEFT_OUT)] = None
-    note: Annotated[Note | None, Field(description="for people; empty for none")] = None
+    note: Annotated[Note | None, Field(description="a remark for people; empty removes it")] = None
 
 
 class TrajectoryIn(RequestModel):
@@ -149,22 +156,22 @@ class TrajectoryIn(RequestModel):
     ] = None
     gripper_width: Annotated[
         list[Number] | None,
-        Field(description="(T,) m between the fingers, measured; instead of gripper_open or beside it"),
+        Field(description="(T,) measured distance between the fingers, m; instead of gripper_open or with it"),
     ] = None
     joint_velocities: Annotated[
         list[list[Number]] | None,
-        Field(description="(T, J) rad/s; left out they follow from joint_positions and timestamps"),
+        Field(description="(T, J) rad/s; if left out, computed from joint_positions and timestamps"),
     ] = None
     timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
     joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, J) rad")] = None
     object_positions: Annotated[
         list[list[list[Number]]] | None,
-        Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
+        Field(description="(T, N, 3) m, of the objects in the order of metadata; closed-loop predictions need them"),
     ] = None
     object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
     wrenches: Annotated[
         list[list[Number]] | None,
-        Field(description="(T, 6) N and Nm that act on the hand, along the world's axes: kept, not interpreted"),
+        Field(description="(T, 6) force in N and torque in Nm on the hand, along the world's axes; only kept"),
     ] = None
 
 
@@ -178,42 +185,46 @@ class EpisodeJson(BaseModel):
 
 
 class EndEffectorIn(RequestModel):
-    """Where the robot's end effector is now."""
+    """The present pose of the robot's end effector."""
 
     position: Annotated[Position, Field(description="meters, world frame")]
     quaternion_xyzw: Annotated[Quaternion, Field(description="unit quaternion, world frame")]
 
     def pose(self) -> Pose:
-        """As the pipeline wants it; raises InvalidInputError for a quaternion that is none of unit length."""
+        """Return the pose; raise InvalidInputError unless the quaternion has unit length."""
         unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
         return Pose(self.position, tuple(unit.tolist()))
 
 
 class RunBody(RequestModel):
-    """Where a robot is with what it carries out."""
+    """The state of a robot that carries out an instruction."""
 
     model_config = examples.shown(examples.RUN)
 
     task: Name
     instruction: Instruction
-    prediction_id: Annotated[str | None, Field(max_length=64, description="left out while it is not known")] = None
-    action: Annotated[int | None, Field(ge=1, le=1000, description="the one that is carried out, from 1"), WHOLE] = None
-    target: Annotated[EndEffectorIn | None, Field(description="of that action")] = None
-    end_effector: Annotated[EndEffectorIn | None, Field(description="where it is, measured")] = None
+    prediction_id: Annotated[
+        str | None, Field(max_length=64, description="left out before the prediction has an id")
+    ] = None
+    action: Annotated[int | None, Field(ge=1, le=1000, description="number of the action under way, from 1"), WHOLE] = (
+        None
+    )
+    target: Annotated[EndEffectorIn | None, Field(description="target pose of that action")] = None
+    end_effector: Annotated[EndEffectorIn | None, Field(description="measured pose")] = None
     joint_positions: Annotated[list[Number] | None, Field(max_length=16, description="rad")] = None
     gripper_open: Truth | None = None
 
 
 class PredictBody(PredictOptions, RequestModel):
-    """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
+    """An observation, an instruction and options. Options that are left out come from the task, then from the model."""
 
     model_config = examples.shown(examples.PREDICT)
 
     task: Annotated[
         Name | None,
         Field(
-            description="left out: the one task of exactly these objects that does what the instruction says; the "
-            "answer names it. Refused where none does, or several do"
+            description="if left out, the service looks for the one task that has exactly these objects and does what "
+            "the instruction says, and the answer names it; no such task, or several, is an error"
         ),
     ] = None
     instruction: Instruction
@@ -222,27 +233,27 @@ class PredictBody(PredictOptions, RequestModel):
     end_effector: Annotated[
         EndEffectorIn | None,
         Field(
-            description="the first action's way begins here; required where the task's motion_limits bound steps "
-            "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
+            description="the present pose, where the motion to the first action begins. Required if the task's "
+            "motion_limits have max_step_m or max_step_rotation_deg, except for later steps of a closed loop"
         ),
     ] = None
-    dry_run: Annotated[Truth, Field(description="answer with the prompt, ask no LLM")] = False
+    dry_run: Annotated[Truth, Field(description="true: answer with the prompt and ask no LLM")] = False
 
 
 class PlanBody(RequestModel):
-    """What a person asks for, of tasks that were taught apart, and what is there."""
+    """A sentence over several tasks, and the objects of the scene."""
 
     model_config = examples.shown(examples.PLAN)
 
     instruction: Instruction
     objects: Annotated[
         list[ObjectIn],
-        Field(min_length=1, max_length=64, description="all of the scene; words of place need positions"),
+        Field(min_length=1, max_length=64, description="all objects of the scene; words such as 'left' need positions"),
     ]
 
 
 class OutcomeBody(RequestModel):
-    """How the robot fared with a prediction."""
+    """Whether the robot succeeded with a prediction."""
 
     model_config = examples.shown(examples.OUTCOME)
 
