@@ -141,7 +141,7 @@ async def _events(
     keep: _Keep,
     turn: AsyncExitStack,
 ) -> AsyncIterator[bytes]:
-    """The answer as server-sent events; what is doubtful beforehand comes first.
+    """Yield the answer as server-sent events, first the findings of the scene.
 
     Args:
         turn: left at the end; a repeated request waits for it.

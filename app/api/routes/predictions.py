@@ -1,4 +1,4 @@
-"""Recorded predictions and how the robot fared with them; and what a sentence over several tasks asks for."""
+"""Recorded predictions, their outcomes and cases; and the steps of a sentence over several tasks."""
 
 from typing import Annotated, Literal
 

@@ -38,7 +38,7 @@ def predictions_page(
     order: Order = "successes",
     cursor: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Predictions and how each configuration fares.
+    """Predictions and the success of each configuration.
 
     Yardsticks are listed where they are asked for, by name too, and where no model was asked.
     """
@@ -89,7 +89,7 @@ def configurations_page(
     task: Text = "",
     ids: Annotated[list[str] | None, Query(alias="compare")] = None,
 ) -> Response:
-    """How each configuration fares, and those that were chosen against each other."""
+    """The success of each configuration, and a comparison of the chosen ones."""
     with services.store.read() as connection:
         stats = task_stats(connection, task or None)
         names = list(tasks.counts(connection))

@@ -177,7 +177,7 @@ def test_one_alone_is_not_compared(page, seeded):
 
 def test_configurations_are_counted(page):
     page.goto("/ui/predictions?task=pick")
-    page.get_by_role("link", name="How each model and configuration fares").click()
+    page.get_by_role("link", name="Success of each model and configuration").click()
     page.wait_for_url("**/configurations?task=pick")
     table = page.get_by_role("table", name="Success of yardsticks")
     row = table.get_by_role("row").filter(has_text="regression").filter(has_text="object_frame")
