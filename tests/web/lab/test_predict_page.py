@@ -95,13 +95,18 @@ def test_an_error_names_the_field(page):
     page.get_by_role("button", name="Show the prompt only").click()
     assert "objects[cube].quaternion_xyzw" in state(page, "bad")
     quaternion.fill("0 0 0 3")
-    page.expected_refusals = [422]
+    page.expected_refusals = [422, 422]
     page.get_by_role("button", name="Show the prompt only").click()
     until(page, "document.querySelector('#state').innerText.includes('unit')")
     quaternion.fill("")
     page.get_by_role("button", name="Show the prompt only").click()
     until(page, "document.querySelector('#state').innerText.includes('no LLM was asked')")
     assert page.locator("#prompt pre .action").count() == 3 * 3  # of four demonstrations with the same rows
+    quaternion.fill("1 2 3 4")
+    page.get_by_role("button", name="Show the prompt only").click()
+    until(page, "document.querySelector('#state').innerText.includes('unit')")
+    assert page.locator("#prompt").is_hidden(), "the prompt of an earlier request stands below the refusal"
+    assert page.locator("#space-view").is_hidden()
 
 
 def test_what_a_model_lacks_is_said(page):

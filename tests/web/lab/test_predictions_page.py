@@ -169,9 +169,10 @@ def test_two_are_compared(page, seeded):
     assert page.get_by_role("region", name="Table of actions of both").get_by_role("row").count() == 4
 
 
-def test_one_alone_is_not_compared(page, seeded):
+@pytest.mark.parametrize("number", [1, 2])
+def test_one_alone_is_not_compared(page, seeded, number):
     page.expected_refusals = [422]
-    page.goto(f"/ui/predictions/compare?id={seeded['failure']}")
+    page.goto("/ui/predictions/compare?" + "&".join([f"id={seeded['failure']}"] * number))
     assert "does not name two different predictions" in page.get_by_role("alert").inner_text()
 
 
