@@ -3,10 +3,11 @@
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
 from app.api.schemas import examples
-from app.api.schemas.requests import CameraIn, MaskId, Name, RequestModel
+from app.api.schemas.requests import CameraIn, Described, MaskId, Name, RequestModel
+from app.api.schemas.responses import PoseOut
 from app.perception.models import AsObjectModel
 from app.perception.registered.model import Symmetric
 from app.perception.strict import WHOLE, Number, Truth
@@ -20,14 +21,10 @@ class LearnBody(RequestModel):
 
     model_config = examples.shown(examples.LEARN)
 
-    objects: Annotated[
-        list[Name] | None, Field(min_length=1, max_length=64, description="null: all objects of the task")
-    ] = None
-    episodes: Annotated[
-        int,
-        Field(ge=1, le=100, description="largest number of episodes to learn from; the task's first are taken"),
-        WHOLE,
-    ] = 10
+    objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64)] = None
+    """null: all objects of the task"""
+    episodes: Annotated[int, Field(ge=1, le=100), WHOLE] = 10
+    """largest number of episodes to learn from; the task's first are taken"""
 
 
 class TryModelBody(RequestModel):
@@ -37,23 +34,18 @@ class TryModelBody(RequestModel):
 
     object: Name
     model: Annotated[dict[str, Any], AsObjectModel()]
-    episode_ids: Annotated[
-        list[Annotated[str, Field(max_length=64)]],
-        Field(min_length=1, max_length=10, description="ids of episodes of the task"),
-    ]
+    episode_ids: Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=10)]
+    """ids of episodes of the task"""
 
 
 class PoseQuestionIn(RequestModel):
     """An object to be found, by an object model or by its ids in the mask images."""
 
     name: Name
-    mask_ids: Annotated[
-        tuple[MaskId, ...], Field(max_length=64, description="ids of the object's pixels in mask_NAME")
-    ] = ()
-    model: Annotated[
-        Annotated[dict[str, Any], AsObjectModel()] | None,
-        Field(description="an object model, as in a task's `object_models`"),
-    ] = None
+    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64)] = ()
+    """ids of the object's pixels in mask_NAME"""
+    model: Annotated[dict[str, Any], AsObjectModel()] | None = None
+    """an object model, as in a task's `object_models`"""
 
 
 class PosesBody(RequestModel):
@@ -65,39 +57,26 @@ class PosesBody(RequestModel):
     cameras: Annotated[list[CameraIn], Field(min_length=1, max_length=16)]
 
 
-class LearnedOut(BaseModel):
+class LearnedOut(Described):
     """The object models that were learned."""
 
-    object_models: Annotated[
-        dict[str, Annotated[dict[str, Any], AsObjectModel()]],
-        Field(description="all object models that the task now has, by object name"),
-    ]
-    refused: Annotated[
-        dict[str, str],
-        Field(description="by object name, the reason why no model was learned; its poses are found as before"),
-    ]
-    episode_ids: Annotated[list[str], Field(description="ids of the episodes that were learned from")]
+    object_models: dict[str, Annotated[dict[str, Any], AsObjectModel()]]
+    """all object models that the task now has, by object name"""
+    refused: dict[str, str]
+    """by object name, the reason why no model was learned; its poses are found as before"""
+    episode_ids: list[str]
+    """ids of the episodes that were learned from"""
 
 
-class PoseOut(BaseModel):
-    """An object's pose in the world frame."""
-
-    name: str
-    position: list[float]
-    quaternion_xyzw: list[float] | None
-    confidence: float
-    reason: str
-    cameras: list[str]
-
-
-class RefusalOut(BaseModel):
+class RefusalOut(Described):
     """The reason why an object was not found."""
 
     message: str
-    valid: Annotated[str | None, Field(description="what would help to find it")]
+    valid: str | None
+    """what would help to find it"""
 
 
-class TriedEpisodeOut(BaseModel):
+class TriedEpisodeOut(Described):
     """The pose found in an episode, or the reason why none was; both are null without color and depth images."""
 
     episode_id: str
@@ -105,13 +84,13 @@ class TriedEpisodeOut(BaseModel):
     refusal: RefusalOut | None
 
 
-class TriedModelOut(BaseModel):
+class TriedModelOut(Described):
     """Where a model finds its object, in the order of the episode ids."""
 
     episodes: list[TriedEpisodeOut]
 
 
-class PosesOut(BaseModel):
+class PosesOut(Described):
     """One pose per object, in the order of the request."""
 
     poses: list[PoseOut]
@@ -138,84 +117,52 @@ class LabelBody(RequestModel):
     model_config = examples.shown(examples.LABEL)
 
     object: Name
-    episode_id: Annotated[
-        str | None,
-        Field(
-            max_length=64, description="episode whose first images are labeled; null: the images sent with `cameras`"
-        ),
-    ] = None
-    cameras: Annotated[
-        list[CameraIn],
-        Field(
-            default_factory=list,
-            max_length=16,
-            description="cameras of the images that are sent as parts rgb_NAME, depth_NAME",
-        ),
-    ]
-    mask_ids: Annotated[
-        tuple[MaskId, ...], Field(max_length=64, description="ids of the object's pixels in mask images")
-    ] = ()
-    clicks: Annotated[
-        dict[str, Pixels],
-        Field(default_factory=dict, max_length=16, description="by camera name: one or more pixels on the object"),
-    ]
-    clicks_off: Annotated[
-        dict[str, Pixels],
-        Field(default_factory=dict, max_length=16, description="by camera name: pixels that are not on the object"),
-    ]
-    boxes: Annotated[
-        dict[str, Box],
-        Field(default_factory=dict, max_length=16, description="by camera name: a box around the object"),
-    ]
+    episode_id: Annotated[str | None, Field(max_length=64)] = None
+    """episode whose first images are labeled; null: the images sent with `cameras`"""
+    cameras: Annotated[list[CameraIn], Field(default_factory=list, max_length=16)]
+    """cameras of the images that are sent as parts rgb_NAME, depth_NAME"""
+    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64)] = ()
+    """ids of the object's pixels in mask images"""
+    clicks: Annotated[dict[str, Pixels], Field(default_factory=dict, max_length=16)]
+    """by camera name: one or more pixels on the object"""
+    clicks_off: Annotated[dict[str, Pixels], Field(default_factory=dict, max_length=16)]
+    """by camera name: pixels that are not on the object"""
+    boxes: Annotated[dict[str, Box], Field(default_factory=dict, max_length=16)]
+    """by camera name: a box around the object"""
     polygons: Annotated[
-        dict[str, Annotated[list[Pixel], Field(max_length=1000)]],
-        Field(
-            default_factory=dict,
-            max_length=16,
-            description="by camera name: a polygon around the object, three or more corners",
-        ),
+        dict[str, Annotated[list[Pixel], Field(max_length=1000)]], Field(default_factory=dict, max_length=16)
     ]
-    yaw_deg: Annotated[
-        Number | None,
-        Field(
-            ge=-360, le=360, description="yaw of the object's x axis, accurate to ten degrees; null: it is searched for"
-        ),
-    ] = None
+    """by camera name: a polygon around the object, three or more corners"""
+    yaw_deg: Annotated[Number | None, Field(ge=-360, le=360)] = None
+    """yaw of the object's x axis, accurate to ten degrees; null: it is searched for"""
 
-    arrows: Annotated[
-        dict[str, tuple[Pixel, Pixel]],
-        Field(
-            default_factory=dict,
-            max_length=1,
-            description="by camera name: tail and head of an arrow along the object's x axis, instead of yaw_deg",
-        ),
-    ]
+    arrows: Annotated[dict[str, tuple[Pixel, Pixel]], Field(default_factory=dict, max_length=1)]
+    """by camera name: tail and head of an arrow along the object's x axis, instead of yaw_deg"""
 
 
-class LabeledCamera(BaseModel):
+class LabeledCamera(Described):
     """The size of a label's mask in one camera."""
 
     name: str
-    num_pixels: Annotated[int, Field(description="size of the object's mask, pixels")]
+    num_pixels: int
+    """size of the object's mask, pixels"""
 
 
 class PreviewedCamera(LabeledCamera):
     """The mask that a label would have in one camera."""
 
-    outlines: Annotated[
-        list[list[tuple[float, float]]],
-        Field(description="polygons around the mask, corners [x, y]; a polygon inside another is a hole"),
-    ]
+    outlines: list[list[tuple[float, float]]]
+    """polygons around the mask, corners [x, y]; a polygon inside another is a hole"""
 
 
-class LabelPreviewOut(BaseModel):
+class LabelPreviewOut(Described):
     """The label that would be stored."""
 
     cameras: list[PreviewedCamera]
     yaw_deg: float | None
 
 
-class LabelOut(BaseModel):
+class LabelOut(Described):
     """A labeled view of an object."""
 
     id: str
@@ -227,7 +174,7 @@ class LabelOut(BaseModel):
     created_at: datetime
 
 
-class LabelList(BaseModel):
+class LabelList(Described):
     """A task's labels, oldest first."""
 
     labels: list[LabelOut]
@@ -240,16 +187,17 @@ class LearnLabelsBody(RequestModel):
 
     object: Name
     symmetric: Symmetric = "none"
-    yaw_may_be_unknown: Annotated[
-        Truth, Field(description="true: answer a pose without rotation if the images do not determine the yaw")
-    ] = False
+    yaw_may_be_unknown: Truth = False
+    """true: answer a pose without rotation if the images do not determine the yaw"""
 
-    dry_run: Annotated[Truth, Field(description="true: answer the model and leave the task unchanged")] = False
+    dry_run: Truth = False
+    """true: answer the model and leave the task unchanged"""
 
 
-class LearnedLabelsOut(BaseModel):
+class LearnedLabelsOut(Described):
     """The learned object model. The task now has it, unless it was a dry run."""
 
     object: str
     model: Annotated[dict[str, Any], AsObjectModel()]
-    advice: Annotated[str, Field(description="what would make the model more reliable; empty if nothing")]
+    advice: str
+    """what would make the model more reliable; empty if nothing"""

@@ -29,8 +29,14 @@ Note = Annotated[str, Field(max_length=500), AfterValidator(plain_text)]
 LEFT_OUT = "true: the episode is kept, but no prompt shows it"
 
 
-class RequestModel(BaseModel):
-    """Strict about names: a misspelled field is an error, not silence."""
+class Described(BaseModel):
+    """A model whose fields are described in the OpenAPI document by the texts below them."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class RequestModel(Described):
+    """Refuses unknown fields, so that a misspelled one is an error."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -46,9 +52,12 @@ class ObjectIn(RequestModel):
     """An object of the scene: its pose in the world frame where the robot knows it, or its ids in the mask images."""
 
     name: Name
-    position: Annotated[Position | None, Field(description="meters, world frame")] = None
-    quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
-    mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of the object's pixels in mask_NAME")] = []
+    position: Position | None = None
+    """meters, world frame"""
+    quaternion_xyzw: Quaternion | None = None
+    """unit quaternion, world frame"""
+    mask_ids: Annotated[list[MaskId], Field(max_length=64)] = []
+    """ids of the object's pixels in mask_NAME"""
 
     def query(self) -> ObjectQuery:
         """Return the object as a query for a pose estimator."""
@@ -62,11 +71,8 @@ class Intrinsics(RequestModel):
     fy: Pixels
     cx: Pixels
     cy: Pixels
-    width: Annotated[
-        int | None,
-        Field(gt=0, description="of the images, pixels; if given, images of another size are refused"),
-        WHOLE,
-    ] = None
+    width: Annotated[int | None, Field(gt=0), WHOLE] = None
+    """of the images, pixels; if given, images of another size are refused"""
     height: Annotated[int | None, Field(gt=0), WHOLE] = None
 
 
@@ -75,16 +81,10 @@ class CameraIn(RequestModel):
 
     name: Name
     intrinsics: Intrinsics
-    camera_to_world: Annotated[
-        tuple[Row4, Row4, Row4, Row4],
-        Field(
-            description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, meters"
-        ),
-    ]
-    depth_scale: Annotated[
-        Number,
-        Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M, description="meters per unit of a 16-bit depth image"),
-    ] = 0.001
+    camera_to_world: tuple[Row4, Row4, Row4, Row4]
+    """4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, meters"""
+    depth_scale: Annotated[Number, Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M)] = 0.001
+    """meters per unit of a 16-bit depth image"""
 
     def camera(self) -> Camera:
         """Return the camera as the pipeline's type."""
@@ -102,33 +102,18 @@ class EpisodeMetadata(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    control_frequency_hz: Annotated[
-        Number,
-        Field(
-            ge=MIN_FREQUENCY_HZ,
-            le=MAX_FREQUENCY_HZ,
-            description="rate of a trajectory without timestamps; with timestamps the measured rate is stored",
-        ),
-    ] = 20.0
-    prediction_id: Annotated[
-        str | None,
-        Field(
-            max_length=64, description="id of the prediction of this task that the robot carried out in this episode"
-        ),
-    ] = None
-    extra: Annotated[
-        dict[str, Any],
-        AfterValidator(_short_json),
-        Field(
-            description="any JSON to keep with the episode, at most 64 kB. Only `commanded_positions` (T, 3), the"
-            " commanded hand positions, is interpreted: it may show contact"
-        ),
-    ] = {}
+    control_frequency_hz: Annotated[Number, Field(ge=MIN_FREQUENCY_HZ, le=MAX_FREQUENCY_HZ)] = 20.0
+    """rate of a trajectory without timestamps; with timestamps the measured rate is stored"""
+    prediction_id: Annotated[str | None, Field(max_length=64)] = None
+    """id of the prediction of this task that the robot carried out in this episode"""
+    extra: Annotated[dict[str, Any], AfterValidator(_short_json)] = {}
+    """any JSON to keep with the episode, at most 64 kB. Only `commanded_positions` (T, 3), the commanded hand
+    positions, is interpreted: it may show contact"""
     left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
-    note: Annotated[Note, Field(description="a remark for people")] = ""
-    uploaded_instruction: Annotated[
-        Instruction | None, Field(description="the first instruction, if it was corrected before this upload")
-    ] = None
+    note: Note = ""
+    """a remark for people"""
+    uploaded_instruction: Instruction | None = None
+    """the first instruction, if it was corrected before this upload"""
 
 
 class EpisodeEdit(RequestModel):
@@ -138,44 +123,38 @@ class EpisodeEdit(RequestModel):
 
     instruction: Instruction | None = None
     left_out: Annotated[Truth | None, Field(description=LEFT_OUT)] = None
-    note: Annotated[Note | None, Field(description="a remark for people; empty removes it")] = None
+    note: Note | None = None
+    """a remark for people; empty removes it"""
 
 
 class TrajectoryIn(RequestModel):
     """The trajectory of a JSON upload; in multipart it is the .npz part `trajectory` with the same arrays."""
 
-    end_effector_positions: Annotated[list[list[Number]], Field(description="(T, 3) m, world frame")]
-    end_effector_quaternions_xyzw: Annotated[list[list[Number]], Field(description="(T, 4), world frame")]
-    gripper_open: Annotated[
-        list[float] | None,
-        Field(
-            description="(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have"
-            " come to rest), e.g. their width above or below the middle between its extremes. Commands come earlier;"
-            " both are the same where the arm rests while it grasps. Suction: 0 while it holds. No gripper: 1"
-        ),
-    ] = None
-    gripper_width: Annotated[
-        list[Number] | None,
-        Field(description="(T,) measured distance between the fingers, m; instead of gripper_open or with it"),
-    ] = None
-    joint_velocities: Annotated[
-        list[list[Number]] | None,
-        Field(description="(T, J) rad/s; if left out, computed from joint_positions and timestamps"),
-    ] = None
-    timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
-    joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, J) rad")] = None
-    object_positions: Annotated[
-        list[list[list[Number]]] | None,
-        Field(description="(T, N, 3) m, of the objects in the order of metadata; closed-loop predictions need them"),
-    ] = None
-    object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
-    wrenches: Annotated[
-        list[list[Number]] | None,
-        Field(description="(T, 6) force in N and torque in Nm on the hand, along the world's axes; only kept"),
-    ] = None
+    end_effector_positions: list[list[Number]]
+    """(T, 3) m, world frame"""
+    end_effector_quaternions_xyzw: list[list[Number]]
+    """(T, 4), world frame"""
+    gripper_open: list[float] | None = None
+    """(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have come to rest),
+    e.g. their width above or below the middle between its extremes. Commands come earlier; both are the same where
+    the arm rests while it grasps. Suction: 0 while it holds. No gripper: 1"""
+    gripper_width: list[Number] | None = None
+    """(T,) measured distance between the fingers, m; instead of gripper_open or with it"""
+    joint_velocities: list[list[Number]] | None = None
+    """(T, J) rad/s; if left out, computed from joint_positions and timestamps"""
+    timestamps: list[Number] | None = None
+    """(T,) s"""
+    joint_positions: list[list[Number]] | None = None
+    """(T, J) rad"""
+    object_positions: list[list[list[Number]]] | None = None
+    """(T, N, 3) m, of the objects in the order of metadata; closed-loop predictions need them"""
+    object_quaternions_xyzw: list[list[list[Number]]] | None = None
+    """(T, N, 4)"""
+    wrenches: list[list[Number]] | None = None
+    """(T, 6) force in N and torque in Nm on the hand, along the world's axes; only kept"""
 
 
-class EpisodeJson(BaseModel):
+class EpisodeJson(Described):
     """An upload as one JSON document; images are further fields rgb_NAME, depth_NAME, mask_NAME in base64."""
 
     model_config = ConfigDict(extra="allow") | examples.shown(examples.EPISODE)
@@ -187,8 +166,10 @@ class EpisodeJson(BaseModel):
 class EndEffectorIn(RequestModel):
     """The present pose of the robot's end effector."""
 
-    position: Annotated[Position, Field(description="meters, world frame")]
-    quaternion_xyzw: Annotated[Quaternion, Field(description="unit quaternion, world frame")]
+    position: Position
+    """meters, world frame"""
+    quaternion_xyzw: Quaternion
+    """unit quaternion, world frame"""
 
     def pose(self) -> Pose:
         """Return the pose; raise InvalidInputError unless the quaternion has unit length."""
@@ -203,15 +184,16 @@ class RunBody(RequestModel):
 
     task: Name
     instruction: Instruction
-    prediction_id: Annotated[
-        str | None, Field(max_length=64, description="left out before the prediction has an id")
-    ] = None
-    action: Annotated[int | None, Field(ge=1, le=1000, description="number of the action under way, from 1"), WHOLE] = (
-        None
-    )
-    target: Annotated[EndEffectorIn | None, Field(description="target pose of that action")] = None
-    end_effector: Annotated[EndEffectorIn | None, Field(description="measured pose")] = None
-    joint_positions: Annotated[list[Number] | None, Field(max_length=16, description="rad")] = None
+    prediction_id: Annotated[str | None, Field(max_length=64)] = None
+    """left out before the prediction has an id"""
+    action: Annotated[int | None, Field(ge=1, le=1000), WHOLE] = None
+    """number of the action under way, from 1"""
+    target: EndEffectorIn | None = None
+    """target pose of that action"""
+    end_effector: EndEffectorIn | None = None
+    """measured pose"""
+    joint_positions: Annotated[list[Number] | None, Field(max_length=16)] = None
+    """rad"""
     gripper_open: Truth | None = None
 
 
@@ -220,24 +202,17 @@ class PredictBody(PredictOptions, RequestModel):
 
     model_config = examples.shown(examples.PREDICT)
 
-    task: Annotated[
-        Name | None,
-        Field(
-            description="if left out, the service looks for the one task that has exactly these objects and does what "
-            "the instruction says, and the answer names it; no such task, or several, is an error"
-        ),
-    ] = None
+    task: Name | None = None
+    """if left out, the service looks for the one task that has exactly these objects and does what the instruction
+    says, and the answer names it; no such task, or several, is an error"""
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    end_effector: Annotated[
-        EndEffectorIn | None,
-        Field(
-            description="the present pose, where the motion to the first action begins. Required if the task's "
-            "motion_limits have max_step_m or max_step_rotation_deg, except for later steps of a closed loop"
-        ),
-    ] = None
-    dry_run: Annotated[Truth, Field(description="true: answer with the prompt and ask no LLM")] = False
+    end_effector: EndEffectorIn | None = None
+    """the present pose, where the motion to the first action begins. Required if the task's motion_limits have
+    max_step_m or max_step_rotation_deg, except for later steps of a closed loop"""
+    dry_run: Truth = False
+    """true: answer with the prompt and ask no LLM"""
 
 
 class PlanBody(RequestModel):
@@ -246,10 +221,8 @@ class PlanBody(RequestModel):
     model_config = examples.shown(examples.PLAN)
 
     instruction: Instruction
-    objects: Annotated[
-        list[ObjectIn],
-        Field(min_length=1, max_length=64, description="all objects of the scene; words such as 'left' need positions"),
-    ]
+    objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
+    """all objects of the scene; words such as 'left' need positions"""
 
 
 class OutcomeBody(RequestModel):

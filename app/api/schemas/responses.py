@@ -37,16 +37,21 @@ class KeyframeOut(BaseModel):
     ]
 
 
-class ObservedObjectOut(BaseModel):
+class PoseOut(BaseModel):
     """The estimated pose of an object in the world frame."""
 
     name: str
     position: list[float]
     quaternion_xyzw: list[float] | None
-    estimator: str
     cameras: Annotated[list[str], Field(description="names of the cameras that see it")]
     confidence: Annotated[float, Field(ge=0, le=1, description="the estimator's confidence in its result")]
     reason: Annotated[str, Field(description="what lowered the confidence; empty if nothing")]
+
+
+class ObservedObjectOut(PoseOut):
+    """The estimated pose of an object, and the estimator that found it."""
+
+    estimator: str
 
 
 class ObjectOut(ObservedObjectOut):
