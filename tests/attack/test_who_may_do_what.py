@@ -50,7 +50,7 @@ ATTEMPTS = [
     ("robot", "GET", "/uploads/dataset", {}, {403}),
     ("robot", "GET", "/jobs", {}, {403}),
     ("robot", "GET", "/metrics", {}, {403}),
-    ("robot", "HEAD", "/predictions/{by rival}", {}, {403, 405}),
+    ("robot", "HEAD", "/predictions/{by rival}", {}, {404}),  # answered as GET is
     ("robot", "OPTIONS", "/predictions/{by rival}", {}, {403, 405}),
     # by the pages
     ("robot", "GET", "/ui/predictions/{by rival}", {"headers": HTML}, {403}),
