@@ -229,6 +229,7 @@ class DryRunOut(AskedOut):
     """The prompt that an LLM would read."""
 
     id: None = None
+    prompt: PromptOut
     grammar: str | None
 
 
