@@ -1,4 +1,4 @@
-"""The only place that picks the parts and wires them."""
+"""Choose the parts and wire them; no other module does."""
 
 import asyncio
 import contextlib
@@ -36,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 
 def limits_of(settings: Settings) -> Limits:
-    """How much a request may ask for."""
+    """Return the limits of a request."""
     return Limits(
         max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
         max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
@@ -85,7 +85,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """
     store = await asyncio.to_thread(open_store, settings)
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
-        logger.warning("API keys are required and there is none: roboprompt keys add NAME --scope admin")
+        logger.warning("API keys are required, but none exists: roboprompt keys add NAME --scope admin")
     kept = settings.embedded_kept_folder or settings.data / "prefixes"
     models = ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept}))
     pose_servers = PoseServers(settings.pose_servers)
@@ -115,7 +115,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
 
 
 async def _keep_house(keep_house: KeepHouse) -> None:
-    """Now and every hour, until cancelled."""
+    """Clean up now and every hour, until cancelled."""
     while True:
         try:
             await asyncio.to_thread(keep_house)
@@ -125,7 +125,7 @@ async def _keep_house(keep_house: KeepHouse) -> None:
 
 
 async def _run_jobs(services: Services) -> None:
-    """Work at jobs until `RunJobs.stop`; whatever happens to one, the next is tried."""
+    """Work at jobs until `RunJobs.stop`; if one fails, try the next."""
     while not services.run_jobs.stopping:
         try:
             worked = await asyncio.to_thread(services.run_jobs.run_next)
@@ -137,7 +137,7 @@ async def _run_jobs(services: Services) -> None:
 
 
 def access_for(settings: Settings) -> Access:
-    """What is demanded of requests."""
+    """Return the rules for requests."""
     local = settings.host is not None and is_loopback(settings.host)
     required = settings.auth == "on" or (settings.auth == "auto" and not local)
     rate = settings.rate_limit_per_s

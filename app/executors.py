@@ -1,4 +1,4 @@
-"""Where work runs that takes more than one core: processes on this machine."""
+"""Worker processes on this machine, for work that takes more than one core."""
 
 import os
 import signal
@@ -67,7 +67,7 @@ class LocalExecutor:
 
 
 def call(executor: Executor, job: Callable[..., Result], /, *arguments: object) -> Result:
-    """The job's result. One that died with its process, which others share, gets a second chance."""
+    """Return the job's result; try once more if its process, which others share, died."""
     try:
         return executor.submit(job, *arguments).result()
     except BrokenExecutor:

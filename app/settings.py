@@ -19,82 +19,66 @@ class Settings(LlmSettings, BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=ENV_PREFIX, extra="ignore", frozen=True)
 
-    data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
-    database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
-    blobs_url: Annotated[
-        str | None, Field(description="object store of the images, e.g. s3://bucket/prefix; empty: the data folder")
-    ] = None
-    database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
-    extract_at_once: Annotated[
-        int, Field(ge=0, description="episodes that PUT /tasks extracts again itself; more become a job")
-    ] = 200
-    work_at_jobs: Annotated[
-        bool, Field(description="whether the service works at such jobs itself; false: `roboprompt jobs` does")
-    ] = True
-    max_body_mb: Annotated[
-        float, Field(gt=0, description="of a request with images as multipart or MessagePack; larger ones get 413")
-    ] = 200
-    max_inline_mb: Annotated[
-        float, Field(gt=0, description="of one with images in base64, or an upload's trajectory as lists, in JSON")
-    ] = 32
-    max_document_mb: Annotated[
-        float, Field(gt=0, description="of any other, and of a request's part that is neither image nor trajectory")
-    ] = 1
-    max_held_mb: Annotated[
-        float, Field(gt=0, description="of the bodies of all requests that a worker has under way; more get 503")
-    ] = 1000
-    host: Annotated[
-        str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
-    ] = None
-    auth: Annotated[
-        Literal["auto", "on", "off"],
-        Field(description="whether API keys are required; auto: as soon as others than this machine can connect"),
-    ] = "auto"
-    trusted_proxies: Annotated[
-        tuple[str, ...],
-        Field(
-            description="JSON list of addresses or networks of reverse proxies whose X-Forwarded-For and -Proto are "
-            "believed by `roboprompt serve`; empty: none"
-        ),
-    ] = ()
-    rate_limit_per_s: Annotated[
-        float | None,
-        Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
-    ] = None
-    rate_limit_burst: Annotated[int, Field(ge=1, description="so many of them at once")] = 40
-    max_connections: Annotated[
-        int, Field(ge=10, description="open at once to a worker of `roboprompt serve`; on more, requests get 503")
-    ] = 500
-    max_query_chars: Annotated[int, Field(ge=100, description="of an address's query; longer ones get 414")] = 2000
-    pose_servers: Annotated[
-        tuple[str, ...],
-        Field(description="JSON list of URL prefixes that `remote` may send images to; empty: this machine only"),
-    ] = ()
-    max_image_megapixels: Annotated[float, Field(gt=0, description="of one image; read before it is decoded")] = 16
-    max_request_megapixels: Annotated[float, Field(gt=0, description="of all images of a request together")] = 64
-    max_unpacked_mb: Annotated[float, Field(gt=0, description="of a trajectory's .npz, before it is unpacked")] = 100
-    max_frames: Annotated[int, Field(ge=1, description="of a trajectory")] = 100_000
-    max_prompt_chars: Annotated[int, Field(ge=100, description="system prompt and demonstrations together")] = 400_000
-    allowed_models: Annotated[
-        tuple[str, ...],
-        Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
-    ] = ()
-    keep_predictions_days: Annotated[
-        float | None, Field(gt=0, description="then predictions are deleted, with their images; empty: for ever")
-    ] = None
-    keep_predictions_gb: Annotated[
-        float | None, Field(gt=0, description="of predictions with their images; the oldest are deleted; empty: any")
-    ] = None
-    warm_up: Annotated[
-        bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
-    ] = True
+    data: Path = Path("data")
+    """folder of the database and the images"""
+    database_url: str | None = None
+    """SQLAlchemy URL; empty: SQLite in the data folder"""
+    blobs_url: str | None = None
+    """object store of the images, e.g. s3://bucket/prefix; empty: the data folder"""
+    database_connections: Annotated[int, Field(ge=2)] = 16
+    """largest number of connections of each worker to PostgreSQL"""
+    extract_at_once: Annotated[int, Field(ge=0)] = 200
+    """largest number of episodes that PUT /tasks extracts again itself; more become a job"""
+    work_at_jobs: bool = True
+    """whether the service works at such jobs itself; false: `roboprompt jobs` does"""
+    max_body_mb: Annotated[float, Field(gt=0)] = 200
+    """largest request with images as multipart or MessagePack; larger ones get 413"""
+    max_inline_mb: Annotated[float, Field(gt=0)] = 32
+    """largest JSON request with images in base64 or with a trajectory as lists"""
+    max_document_mb: Annotated[float, Field(gt=0)] = 1
+    """largest other request, and largest part that is neither image nor trajectory"""
+    max_held_mb: Annotated[float, Field(gt=0)] = 1000
+    """size of all request bodies that a worker handles at a time; more get 503"""
+    host: str | None = None
+    """address that the service is bound to, as `serve --host` says; empty: unknown"""
+    auth: Literal["auto", "on", "off"] = "auto"
+    """whether API keys are required; auto: as soon as other machines can connect"""
+    trusted_proxies: tuple[str, ...] = ()
+    """JSON list of addresses or networks of reverse proxies whose X-Forwarded-For and -Proto are believed by
+    `roboprompt serve`; empty: none"""
+    rate_limit_per_s: Annotated[float | None, Field(ge=0)] = None
+    """requests per second of one key or address; 0: no limit; empty: 20 where keys are required"""
+    rate_limit_burst: Annotated[int, Field(ge=1)] = 40
+    """requests that one key or address may send at once"""
+    max_connections: Annotated[int, Field(ge=10)] = 500
+    """largest number of open connections to a worker of `roboprompt serve`; more get 503"""
+    max_query_chars: Annotated[int, Field(ge=100)] = 2000
+    """length of an address's query; longer ones get 414"""
+    pose_servers: tuple[str, ...] = ()
+    """JSON list of URL prefixes that `remote` may send images to; empty: this machine only"""
+    max_image_megapixels: Annotated[float, Field(gt=0)] = 16
+    """size of one image, checked before it is decoded"""
+    max_request_megapixels: Annotated[float, Field(gt=0)] = 64
+    """size of all images of a request together"""
+    max_unpacked_mb: Annotated[float, Field(gt=0)] = 100
+    """unpacked size of a trajectory's .npz, checked before it is unpacked"""
+    max_frames: Annotated[int, Field(ge=1)] = 100_000
+    """largest number of frames of a trajectory"""
+    max_prompt_chars: Annotated[int, Field(ge=100)] = 400_000
+    """length of system prompt and demonstrations together"""
+    allowed_models: tuple[str, ...] = ()
+    """JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`"""
+    keep_predictions_days: Annotated[float | None, Field(gt=0)] = None
+    """age at which predictions are deleted with their images; empty: never"""
+    keep_predictions_gb: Annotated[float | None, Field(gt=0)] = None
+    """size of all predictions with their images; beyond it the oldest are deleted; empty: no limit"""
+    warm_up: bool = True
+    """start the embedded LLM at start-up and let it read prefixes before they are asked for"""
 
-    log_format: Annotated[
-        Literal["text", "json"], Field(description="of the log; json: with ids of requests, tasks and predictions")
-    ] = "text"
-    otel_endpoint: Annotated[
-        str | None, Field(description="OpenTelemetry collector that gets traces, e.g. http://127.0.0.1:4318")
-    ] = None
+    log_format: Literal["text", "json"] = "text"
+    """form of the log; json: with ids of requests, tasks and predictions"""
+    otel_endpoint: str | None = None
+    """OpenTelemetry collector that gets traces, e.g. http://127.0.0.1:4318"""
 
     @field_validator("trusted_proxies")
     @classmethod

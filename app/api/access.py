@@ -1,4 +1,4 @@
-"""Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read.
+"""Access control before the body is read: API keys, scopes, rate limit, and no scripts of other websites.
 
 A rate is limited by a token bucket for each key, or for each address where there is no key.
 """
@@ -34,7 +34,7 @@ from app.store.errors import StoreError
 from app.store.visibility import Visibility, seeing
 from roboprompt_client.http.connection import is_loopback
 
-MAX_CALLERS = 10_000  # who has not been heard of for longest is forgotten, and starts with a full bucket
+MAX_CALLERS = 10_000  # the callers with the latest requests; a forgotten one starts again with a full bucket
 _UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")
 _FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
 _TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
@@ -60,7 +60,7 @@ class RateLimit:
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def wait_s(self, caller: str) -> float:
-        """Take a token; 0 if there was one, else how long until there is."""
+        """Take a token. Return 0 if there was one, else the seconds until there is one."""
         if not self._rate:
             return 0.0
         now = time.monotonic()
@@ -75,12 +75,12 @@ class RateLimit:
 
 @dataclass(frozen=True)
 class Access:
-    """What the operator demands of requests.
+    """The operator's rules for requests.
 
     Attributes:
         key_required: of all but health checks and the login page.
-        local_only: without keys, only those who name this machine as such (localhost, 127.0.0.1): a website whose name
-            was bent to 127.0.0.1 is kept out.
+        local_only: without keys, accept only requests for this machine's own names (localhost, 127.0.0.1). This keeps
+            out a website that lets its name resolve to 127.0.0.1 (DNS rebinding).
         requests_per_s, burst: see RateLimit.
         max_query_chars: of an address's query.
     """
@@ -112,7 +112,7 @@ class AccessControl:
             await self._app(scope, receive, send)
 
     async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:
-        """Why the request is refused, or None; and who sent it, or None where no keys are required."""
+        """Return the refusal or None, and the caller or None if no keys are required."""
         method, path = scope["method"], scope["path"].removeprefix(scope.get("root_path", ""))
         headers = dict(scope["headers"])
         if (host := _host_of(headers.get(b"host", b"").decode("latin-1"))) is None:
@@ -171,7 +171,7 @@ class AccessControl:
     def _unwelcome(
         self, method: str, path: str, headers: Headers, caller: Caller | None, unknown: str
     ) -> Response | None:
-        """Why the caller may not do this, or None.
+        """Return the refusal if the caller may not do this, else None.
 
         Args:
             unknown: why the request's key or session was not accepted.
@@ -200,14 +200,14 @@ async def _caller(scope: Scope, credential: Credential) -> Caller | None:
 
 
 def _host_of(authority: str) -> str | None:
-    """The name or address in a header Host, empty if the header is; None if there is none in it."""
+    """Return the host in a header Host without its port; empty for an empty header, None for a malformed one."""
     if not authority:
         return ""
     return match[1].strip("[]").lower() if (match := _HOST.fullmatch(authority)) else None
 
 
 def _authority_of(origin: bytes) -> bytes:
-    """What an Origin has in common with the Host of its own pages; empty if it is no address."""
+    """Return the host and port of an Origin, as in the Host of its own pages; empty if it is malformed."""
     try:
         return urlsplit(origin.decode("latin-1")).netloc.encode("latin-1")
     except ValueError:

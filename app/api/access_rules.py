@@ -1,4 +1,4 @@
-"""What a request carries to say who sends it, and which scopes let it in.
+"""The credentials of a request, and the scopes that each address needs.
 
 Addresses that are not listed have the strictest rule: reading needs `read`, changing `admin`. Which tasks and whose
 predictions a key sees is decided by `app.services.api_keys.caller_from` and enforced by the store's queries.
@@ -23,20 +23,20 @@ _NAME = r"[^/]+"
 _RULES = tuple(
     (method, re.compile(path), frozenset(scopes))
     for method, path, *scopes in (
-        # the limits of motion that a robot keeps to
+        # a robot reads its limits of motion
         ("GET", f"/tasks/{_NAME}", "read", "predict"),
         # with `predict` alone: those that the key itself asked for
         ("GET", "/predictions", "read", "predict"),
         ("GET", f"/predictions/{_NAME}", "read", "predict"),
         ("GET", f"/predictions/{_NAME}/images/{_NAME}/overlay", "read", "predict"),
-        # it predicts, with whatever model it names
+        # it asks an LLM
         ("GET", f"/tasks/{_NAME}/check", "predict"),
         ("POST", "/episodes", "upload"),
         # nothing is lost, and the audit log has it
         ("PATCH", f"/episodes/{_NAME}", "upload"),
-        # whether an upload that was cut off came through
+        # whether an interrupted upload was stored
         ("GET", f"/uploads/{_NAME}", "read", "upload"),
-        # whoever can upload can teach
+        # keys that may upload may also teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", f"/tasks/{_NAME}/labels", "upload"),
         ("POST", f"/tasks/{_NAME}/labels/preview", "upload"),
@@ -45,7 +45,7 @@ _RULES = tuple(
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
         ("POST", "/plans", "predict"),
-        # a robot tells how it goes; whoever may move or watch robots may stop those that the key sees
+        # a robot reports its state; a key that may move or watch robots may stop those that it sees
         ("PUT", f"/runs/{_NAME}", "predict"),
         ("DELETE", f"/runs/{_NAME}", "predict"),
         ("GET", "/runs", "read", "predict"),
@@ -64,7 +64,7 @@ Headers = Mapping[bytes, bytes]
 
 
 def accepted_scopes(method: str, path: str) -> frozenset[str]:
-    """The scopes of which one is needed; empty where no key is needed.
+    """Return the scopes of which a key needs one; empty if no key is needed.
 
     Args:
         path: of a request, or its template in the OpenAPI document.
@@ -102,7 +102,7 @@ def credential_of(headers: Headers) -> Credential:
 
 
 def session_of(headers: Headers) -> str:
-    """The session in the cookie; empty if there is none."""
+    """Return the session in the cookie, or an empty text."""
     cookies = headers.get(b"cookie", b"").decode("latin-1")
     if COOKIE not in cookies:
         return ""

@@ -29,18 +29,18 @@ Meters, radians and seconds; world frame; quaternions x y z w; cameras with Open
 `application/problem+json`.
 """
 
-# In the order in which a robot comes to need them.
+# In the order in which a robot needs them.
 TAGS = [
-    {"name": "episodes", "description": "demonstrations: uploaded, corrected, left out, deleted"},
+    {"name": "episodes", "description": "demonstrations: upload, correct, leave out, delete"},
     {"name": "predictions", "description": "actions for what the robot sees now, and how it went"},
-    {"name": "tasks", "description": "what all episodes of one name share: settings, a check, statistics, jobs"},
-    {"name": "poses", "description": "where objects are in images"},
+    {"name": "tasks", "description": "settings of a task, checks of its demonstrations, statistics, jobs"},
+    {"name": "poses", "description": "poses of objects in images"},
     {"name": "labels", "description": "objects marked in images, from which the estimator `registered` learns them"},
-    {"name": "runs", "description": "robots at work: reported, watched, stopped"},
+    {"name": "runs", "description": "robots at work: report, watch, stop"},
     {"name": "models", "description": "the LLMs that can be asked"},
     {"name": "health", "description": "probes and metrics"},
 ]
-# Bodies that routes read by hand, and how errors are answered: FastAPI cannot know of them.
+# Bodies that routes read themselves, and the form of errors: FastAPI does not know them.
 _HAND_READ = (EpisodeJson, EpisodeMetadata, LabelBody, PosesBody, PredictBody, Problem)
 _SCHEMES: dict[str, Any] = {
     "bearer": {"type": "http", "scheme": "bearer", "description": "a key of `roboprompt keys add`"},
@@ -49,10 +49,10 @@ _SCHEMES: dict[str, Any] = {
 }
 _STATUSES = {"401": "Unauthenticated", "403": "Forbidden", "414": "AddressTooLong", "429": "TooManyRequests"}
 _MEANINGS = {
-    "Unauthenticated": "keys are required, and there is none or it is not valid",
-    "Forbidden": "the key lacks the scope or is for other tasks, or a page of another website asks",
+    "Unauthenticated": "an API key is required, and it is missing or not valid",
+    "Forbidden": "the key lacks the scope or is for other tasks, or the request comes from a page of another website",
     "AddressTooLong": "the address's query is too long",
-    "TooManyRequests": "of this key or address; Retry-After says when to come back",
+    "TooManyRequests": "too many requests of this key or address; Retry-After says when to try again",
 }
 _REFUSALS = {name: {"description": meaning, "content": CONTENT} for name, meaning in _MEANINGS.items()}
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
@@ -94,7 +94,7 @@ def create_app(open_services: OpenServices, version: str, body_limits: BodyLimit
 
 
 def install_openapi(app: FastAPI) -> None:
-    """Let `app` describe the bodies that its routes read by hand."""
+    """Add the bodies that routes read themselves to the OpenAPI document of `app`."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
@@ -119,7 +119,7 @@ def install_openapi(app: FastAPI) -> None:
 
 
 def _describe_access(document: dict[str, Any]) -> None:
-    """Say of every operation which scopes let it in, and how it refuses."""
+    """Add to every operation its scopes and its refusals."""
     document["components"] |= {"securitySchemes": _SCHEMES, "responses": _REFUSALS}
     for path, item in document["paths"].items():
         for method, operation in item.items():
@@ -139,7 +139,7 @@ _OF_BODIES = {"400": "the body cannot be read", "413": "the body is too large"}
 
 
 def _document_refusals(document: dict[str, Any]) -> None:
-    """Add the refusals that routes need not name; FastAPI's own 422 is not what the service answers."""
+    """Add the refusals that every route has, and replace FastAPI's 422 by the service's."""
     for item in document["paths"].values():
         for operation in item.values():
             meanings = _OF_ALL | (_OF_BODIES if "requestBody" in operation else {})

@@ -1,7 +1,7 @@
 """uvicorn's fast HTTP protocol, with bounds on what a connection may cost, of which it has none.
 
 100 MB of headers would stay in memory before a line of ours runs; connections that never finish a request, or never
-read their answer, would stay open for good; and so many of them could be opened that no file can be.
+read their answer, would stay open for good; and could use up all file descriptors.
 """
 
 import asyncio

@@ -123,7 +123,7 @@ class UniqueKeysRoute(APIRoute):
 
 class _Request(Request):
     async def json(self) -> Any:  # noqa: ANN401
-        return json.loads(await self.body(), object_pairs_hook=unique_members)
+        return json_object(await self.body())
 
 
 class _Counter:

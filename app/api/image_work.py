@@ -1,4 +1,4 @@
-"""Room for requests with images: so many pixels in memory, few decoders at once, and none for clients that have left.
+"""Bounds on requests with images: pixels in memory, decoders at once, and no work for clients that have left.
 
 A thread cannot be ended from outside. What it does is bounded beforehand (`app.perception.images`, `Limits`), and
 between two images it checks that the client still waits. Cameras and image parts become RgbdFrames.

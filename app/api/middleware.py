@@ -51,7 +51,7 @@ class OuterMiddleware:
     """ASGI middleware: observes every request, and adds security headers that the route has not set.
 
     A request keeps the `X-Request-ID` that it came with, or gets one; the answer carries it. There is no CORS: scripts
-    of other websites read no answer.
+    of other websites read no answer. HEAD is answered as GET; the server leaves out the body.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -61,6 +61,8 @@ class OuterMiddleware:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        if scope["method"] == "HEAD":  # FastAPI's routes, unlike Starlette's, do not know it
+            scope = {**scope, "method": "GET"}
         request_id = _request_id(scope)
         started = time.perf_counter()
         status = 500
@@ -89,14 +91,14 @@ def _observe(scope: Scope, status: int, seconds: float) -> None:
 
 
 def _completed(headers: list[tuple[bytes, bytes]], scope: Scope) -> list[tuple[bytes, bytes]]:
-    """`headers` (lower-case names, as ASGI has them) with the security headers that they lack."""
+    """Return `headers` (lower-case names, as in ASGI) with the missing security headers added."""
     present = {name for name, _ in headers}
     policy = (_CSP, _DOCUMENTATION if scope["path"].endswith("/docs") or GUIDE in scope["path"] else _NOTHING)
     return [*headers, *(item for item in (*_HEADERS, policy) if item[0] not in present)]
 
 
 def _request_id(scope: Scope) -> str:
-    """The caller's if it is plain: it goes into the log and back into a header."""
+    """Return the caller's id if it has only plain characters, because it is logged and sent back."""
     sent: bytes = dict(scope["headers"]).get(REQUEST_ID, b"")
     return sent.decode() if _PLAIN_ID.fullmatch(sent) else uuid4().hex
 
@@ -108,8 +110,8 @@ class BodyLimits:
     Attributes:
         largest: of any; reached only with images as multipart or MessagePack.
         inline: of a JSON document with images in base64, or with a trajectory as lists of numbers.
-        document: of any other, and of such a one's part that is neither image nor trajectory.
-        held: of all requests together that one process has under way.
+        document: of any other document, and of the parts that are neither image nor trajectory.
+        held: of all requests together that one process handles at a time.
     """
 
     largest: int = 200_000_000
@@ -118,7 +120,7 @@ class BodyLimits:
     held: int = 1_000_000_000
 
     def of(self, method: str, path: str, content_type: str) -> tuple[int, JsonBudget | None]:
-        """How many bytes a request may have, and how many values, if it is read as JSON."""
+        """Return the largest number of bytes, and the budget of values if the body is JSON."""
         if path.endswith((LOGIN, LOGOUT)):  # open without a key, and the form is small
             return MAX_LOGIN_BYTES, None
         images = method == "POST" and path.endswith(WITH_IMAGES)
@@ -130,7 +132,7 @@ class BodyLimits:
 
 
 def content_type_of(headers: Iterable[tuple[bytes, bytes]]) -> str:
-    """Without its parameters; empty if there is none. Of several the first counts, as where the body is read."""
+    """Return the content type without parameters, or an empty text. Of several headers the first counts."""
     first = next((value for name, value in headers if name == b"content-type"), b"")
     return first.decode("latin-1").partition(";")[0].strip().lower()
 

@@ -1,7 +1,9 @@
 """Errors -> `application/problem+json` (RFC 9457), mapped once."""
 
+import json
 import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -111,12 +113,29 @@ _HTTP_TITLES = {
     503: "The service has too much to do",
 }
 _HTTP_TYPES = {413: "too-large", 503: "busy"}
-_PLACES = ("body", "query", "path", "header")  # the parts of a request, which a field's name leaves out
+# Pydantic's types of errors, where its own words would not say to a caller over HTTP what is wrong or what is valid
+_MESSAGES = {"missing": "is missing", "extra_forbidden": "is not a known field"}
+_OBJECT = "a JSON object, sent as application/json"
+_VALID = {
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "an object",
+    "model_type": _OBJECT,
+    "model_attributes_type": _OBJECT,
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+}
+_REQUIREMENT = re.compile(r"\w+ should (?:be|have) (.+?)(?: after validation, not .*)?", re.DOTALL)
 
 
 def install_problem_handlers(app: FastAPI) -> None:
     """Let `app` answer every error as a problem."""
-    kinds = (RoboPromptError, RequestValidationError, ValidationError, UnicodeEncodeError, HTTPException)
+    kinds = (RoboPromptError, RequestValidationError, ValidationError, HTTPException)
     for kind in (*kinds, ClientDisconnect, Exception):
         app.add_exception_handler(kind, problem_of)
 
@@ -126,14 +145,15 @@ def problem_of(request: Request, error: Exception) -> JSONResponse:
     match error:
         case RoboPromptError():
             return _own_problem(request, error)
+        case HTTPException(status_code=404, detail="Not Found"):  # the router's own
+            return http_problem(HTTPException(404, f"{request.url.path[:MAX_SHOWN]!r}: see /docs for the addresses"))
+        case HTTPException(status_code=405, headers=headers):
+            allowed = (headers or {}).get("Allow")
+            return http_problem(HTTPException(405, f"{request.method} is not valid here; valid: {allowed}", headers))
         case HTTPException():
             return http_problem(error)
         case RequestValidationError() | ValidationError():
             return _validation_problem(error)
-        case UnicodeEncodeError():  # JSON can write half of a surrogate pair; nothing can store it or send it back
-            around = error.object[max(error.start - MAX_SHOWN // 4, 0) : error.end]
-            detail = f"the text {around!a} ends in half of a surrogate pair, expected Unicode"
-            return problem(KINDS[InvalidInputError], detail)
         case ClientDisconnect():  # the answer reaches no client, but the log must not call it a failure of the service
             return http_problem(HTTPException(499, "the client has left before its request was complete"))
         case _:
@@ -209,24 +229,42 @@ def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
 
 def _validation_problem(error: RequestValidationError | ValidationError) -> JSONResponse:
     found = error.errors()
-    entries = [_field_error(item) for item in found[:MAX_ERRORS]]
-    said = [f"{entry['field']}: {entry['message']}" for entry in map(_short_entry, entries)]
+    # FastAPI's errors begin with the part of the request: body, query, path or header
+    skipped = 1 if isinstance(error, RequestValidationError) else 0
+    refusals = [_refusal(item, item["loc"][skipped:]) for item in found[:MAX_ERRORS]]
     first = f"the first {MAX_ERRORS} of {len(found)} errors: " if len(found) > MAX_ERRORS else ""
+    entries = [_short_entry(_entry(refusal.field, refusal.message, refusal.valid)) for refusal in refusals]
+    said = [str(InvalidInputError(**entry)) for entry in entries]
     return problem(KINDS[InvalidInputError], first + "; ".join(said), entries)
 
 
-def _field_error(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Where and what, with the value where that helps, from one of pydantic's errors."""
-    own = item.get("ctx", {}).get("error")
-    if isinstance(own, InvalidInputError):
-        return _entry(own.field, own.message, own.valid)
-    location = [part for part in item["loc"] if part not in _PLACES]
+def _refusal(item: Mapping[str, Any], location: Sequence[str | int]) -> InvalidInputError:
+    """Return one of pydantic's errors in the words of this service: the field, its value and what is valid."""
+    context = item.get("ctx", {})
+    if isinstance(own := context.get("error"), InvalidInputError):
+        return own
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".") or "body"
-    value = item.get("input")
-    scalar = not isinstance(value, dict | list | tuple)
-    start = value[:MAX_SHOWN] if isinstance(value, str | bytes) else value  # a long text would be copied to be cut
-    shown = "" if item["type"] == "missing" or not scalar else f", got {start!r}"[:MAX_SHOWN]
-    return _entry(field, item["msg"] + shown, item.get("ctx", {}).get("expected"))
+    if item["type"] in _MESSAGES:
+        return InvalidInputError(field, _MESSAGES[item["type"]])
+    text = item["msg"].removeprefix("Value error, ")
+    requirement = _REQUIREMENT.fullmatch(text)
+    valid = context.get("expected") or _VALID.get(item["type"]) or (requirement and requirement[1])
+    shown = _shown(item.get("input"))
+    return InvalidInputError(field, f"is {shown}" if valid else f"{text}, got {shown}", valid)
+
+
+def _shown(value: object) -> str:
+    match value:
+        case dict():
+            return "an object"
+        case list() | tuple():
+            return f"a list of {len(value)}"
+        case str() | bytes():  # only its beginning is copied: it may be long
+            return repr(value[:MAX_SHOWN])[:MAX_SHOWN]
+        case None | True | False:
+            return json.dumps(value)
+        case _:
+            return repr(value)[:MAX_SHOWN]
 
 
 def _entry(field: str, message: str, valid: str | None = None) -> dict[str, Any]:

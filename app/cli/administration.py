@@ -1,4 +1,4 @@
-"""What is done to the store from outside: `roboprompt keys add | list | revoke`, `audit`, `backup`, `restore`."""
+"""Administration of the store: `roboprompt keys add | list | revoke`, `audit`, `backup`, `restore`."""
 
 import json
 import re
@@ -9,14 +9,12 @@ from typing import Annotated
 
 import typer
 
-from app.cli.shared import EnvFile, opened_store
+from app.cli.shared import Data, EnvFile, opened_store
 from app.services.api_keys import create_key
 from app.store import api_keys, backup
 from app.store import audit as log
 
 keys = typer.Typer(no_args_is_help=True, help="API keys: add, list, revoke.")
-Data = Annotated[Path | None, typer.Option(help="folder of the database; default: ROBOPROMPT_DATA")]
-BackedUpData = Annotated[Path | None, typer.Option(help="folder of the database and images")]
 _PERIOD = re.compile(r"(\d{1,5})([hdw])", re.ASCII)
 _UNITS = {"h": timedelta(hours=1), "d": timedelta(days=1), "w": timedelta(weeks=1)}
 _EXPIRES = "30d, 12h or 2w from now, or an ISO date or time such as 2027-01-31 or 2027-01-31T18:00+01:00"
@@ -34,7 +32,7 @@ def expiry(text: str, now: datetime) -> datetime:
         moment = datetime.fromisoformat(text.strip())
         return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     except (ValueError, OverflowError):
-        raise typer.BadParameter(f"{text!r} is no time, expected {_EXPIRES}") from None
+        raise typer.BadParameter(f"{text!r} is not a time, expected {_EXPIRES}") from None
 
 
 @keys.command("add")
@@ -124,7 +122,7 @@ def _line(entry: log.AuditEntry) -> str:
 
 def back_up(
     file: Annotated[Path, typer.Argument(help="the file to write; an existing one is replaced")],
-    data: BackedUpData = None,
+    data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
     """Write every task, episode, image and prediction to a file; the service may keep running."""
@@ -135,7 +133,7 @@ def back_up(
 
 def restore(
     file: Annotated[Path, typer.Argument(help="a backup", exists=True, dir_okay=False)],
-    data: BackedUpData = None,
+    data: Data = None,
     with_keys: Annotated[
         bool, typer.Option("--with-keys", help="also restore its API keys, those revoked since then included")
     ] = False,

@@ -1,6 +1,6 @@
 """`roboprompt check`: whether a task's demonstrations predict each other, before a robot moves.
 
-`roboprompt cases`: predictions that were kept are asked again, and what moved is said.
+`roboprompt cases`: asks kept predictions again and prints which answers changed.
 """
 
 import json
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.shared import URL_HELP, every, service_at
+from app.cli.shared import Url, every, service_at
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.types import quaternions
@@ -31,7 +31,7 @@ Document = Mapping[str, Any]
 
 def check(
     task: Annotated[str, typer.Argument(help="a task with demonstrations")],
-    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+    url: Url = DEFAULT_URL,
     model: Annotated[str | None, typer.Option(help="ask this LLM as well, see GET /models; some seconds each")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the service's answer as one line of JSON")] = False,
     strict: Annotated[bool, typer.Option(help="exit with status 1 if there is a warning or a danger")] = False,
@@ -129,14 +129,14 @@ def _several(names: Sequence[str]) -> str:
 
 @cases.command("run")
 def run_cases(
-    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+    url: Url = DEFAULT_URL,
     task: Annotated[str | None, typer.Option(help="only the cases of this task")] = None,
     model: Annotated[str | None, typer.Option(help="ask this LLM instead of each case's own")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object a case")] = False,
 ) -> None:
-    """Ask all kept cases again, and say which answers are others than they were.
+    """Ask all kept cases again, and print which answers changed.
 
-    Objects stand where they were seen: where images were sent, they are given as poses. The exit status is 1 if an
+    Objects have the poses that were observed then; images are not sent again. The exit status is 1 if an
     answer moved.
     """
     console, moved = Console(), 0

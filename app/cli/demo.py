@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from app.cli.shared import check_models, check_names
+from app.cli.shared import AsJson, check_models, check_names
 
 if TYPE_CHECKING:
     from app.evaluation.results import Evaluation
@@ -43,7 +43,7 @@ def demo(
         bool, typer.Option(help="also a regression, the expert's replay and, with --model, the paper's format")
     ] = True,
     report: Annotated[Path | None, typer.Option(help="folder of the report (default: reports/demo-TIME)")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Record demonstrations on a simulated Panda, upload them, then predict and execute on unseen scenes.
 

@@ -26,7 +26,7 @@ from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
 from app.cli.doctor_machine import PATIENCE_S, Row, look_at_machine
-from app.cli.shared import DOT_ENV, EnvFile, check_port, is_installed, packages_of_extras
+from app.cli.shared import DOT_ENV, Data, EnvFile, check_port, is_installed, packages_of_extras
 from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import ENV_PREFIX
 from app.llm.registry import ModelRegistry
@@ -55,7 +55,7 @@ WHAT_FOR = {
 
 def doctor(
     port: Annotated[int, typer.Option(callback=check_port, help="that `roboprompt serve` is to listen on")] = 8000,
-    data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
+    data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
     """Look at what RoboPrompt needs on this machine; nothing is changed but the cache of weights.
@@ -107,14 +107,14 @@ def look_at_service(data: Path | None) -> Iterator[Row]:
 
 
 def misspelled(environment: Mapping[str, str]) -> Iterator[Row]:
-    """Variables that look like settings and are none; the service passes over them."""
+    """Variables that look like settings but are not; the service ignores them."""
     known = [name.upper() for name in {*Settings.model_fields, *CLIENTS_OWN}]
     for variable in environment:
         name = variable.upper().removeprefix(ENV_PREFIX)
         if variable.upper().startswith(ENV_PREFIX) and name not in known:
             near = [ENV_PREFIX + close for close in get_close_matches(name, known, 1)]
             remedy = f"did you mean {near[0]}?" if near else "see docs/settings.md"
-            yield Row(variable, "wrong", "is no setting, and has no effect", remedy, required=False)
+            yield Row(variable, "wrong", "is not a setting, and has no effect", remedy, required=False)
 
 
 def library(command: list[str]) -> Row:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from app.cli.shared import URL_HELP, check_service, counted, every, if_there
+from app.cli.shared import AsJson, Url, check_service, counted, every, if_there
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
@@ -66,8 +66,8 @@ def export_data(
     task: Annotated[str, typer.Option(help="what to export")],
     archive: Annotated[Path | None, typer.Option(help="one file that `roboprompt import` reads, byte for byte")] = None,
     lerobot: Annotated[Path | None, typer.Option(help="folder of a LeRobot dataset, version 3.0")] = None,
-    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
+    url: Url = DEFAULT_URL,
+    as_json: AsJson = False,
 ) -> None:
     """Export a task. Name --archive, --lerobot or both; none may exist yet."""
     console = Console(stderr=as_json)

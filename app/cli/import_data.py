@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import URL_HELP, counted, if_there
+from app.cli.shared import AsJson, Url, counted, if_there
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
@@ -143,7 +143,7 @@ def _without_objects(entry: Entry, task: str) -> Result:
 
 def import_data(
     path: Annotated[Path, typer.Argument(help="folder or file; its format is detected")],
-    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+    url: Url = DEFAULT_URL,
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
@@ -158,7 +158,7 @@ def import_data(
         float, typer.Option(min=1, help="what the files of an episode may unpack to; memory is bounded by it, too")
     ] = MAX_UNPACKED_BYTES / MEGABYTE,
     dry_run: Annotated[bool, typer.Option(help="say what would be imported and what is missing")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Import a dataset. Episodes that are there already are skipped: the same command again continues where it stopped.
 
@@ -166,7 +166,7 @@ def import_data(
     processes of their own, within limits of memory and time.
     """
     if form is not None and form not in FORMATS:
-        raise typer.BadParameter(f"{form!r} is none of {', '.join(FORMATS)}", param_hint="--format")
+        raise typer.BadParameter(f"{form!r} is not one of {', '.join(FORMATS)}", param_hint="--format")
     console = Console(stderr=as_json)
     try:
         known = KnownObjects() if objects is None else read_objects(objects)

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from contextlib import closing
 from functools import cache
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from app.bootstrap import open_store
-from app.cli.shared import EnvFile, refusals_said, settings_of
+from app.cli.shared import Data, EnvFile, refusals_said, settings_of
 from app.executors import Executor, LocalExecutor
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract_all_again
@@ -25,7 +22,7 @@ IMPORTS = ("app.cli.jobs",)  # what a worker needs
 
 
 def jobs(
-    data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
+    data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
     """Work at all queued re-extractions of tasks, and end when none is left.

@@ -1,7 +1,6 @@
 """`roboprompt serve`: run the service."""
 
 import os
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -9,7 +8,7 @@ import uvicorn
 
 from app.api.bounded_protocol import BoundedProtocol
 from app.bootstrap import build_app, open_store
-from app.cli.shared import EnvFile, check_port, refusals_said, settings_of
+from app.cli.shared import Data, EnvFile, check_port, refusals_said, settings_of
 from app.logs import log_as_json
 from app.settings import Settings
 
@@ -19,7 +18,7 @@ GRACE_S = 10  # for requests under way when the service has to stop
 def serve(
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
     port: Annotated[int, typer.Option(callback=check_port, help="port to listen on")] = 8000,
-    data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
+    data: Data = None,
     no_auth: Annotated[bool, typer.Option("--no-auth", help="accept every connection, without API keys")] = False,
     workers: Annotated[int, typer.Option(min=1, help="processes that share the port, the store and the LLM")] = 1,
     env_file: EnvFile = None,

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
     from app.store.store import Store
 
 MAX_PORT = 65535
-URL_HELP = "of the running service"
 DOT_ENV = Path(".env")
+Url = Annotated[str, typer.Option(help="address of the running service")]
+Data = Annotated[Path | None, typer.Option(help="folder of the database and images; default: ROBOPROMPT_DATA")]
+AsJson = Annotated[bool, typer.Option("--json", help="one JSON object as the last line")]
 EnvFile = Annotated[
     Path | None,
     typer.Option(exists=True, dir_okay=False, help="lines NAME=VALUE of settings; the environment overrides them"),
@@ -38,13 +40,13 @@ def check_names(option: str, given: Sequence[str], known: Collection[str]) -> No
     """Refuse a name that is not known, naming those that are."""
     for name in given:
         if name not in known:
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
+            raise typer.BadParameter(f"{name!r} is not one of {', '.join(known)}", param_hint=option)
 
 
 def check_port(port: int) -> int:
-    """The port, if it is one."""
+    """Return the port, or refuse it."""
     if not 1 <= port <= MAX_PORT:
-        raise typer.BadParameter(f"{port} is no port (valid: 1 to {MAX_PORT})")
+        raise typer.BadParameter(f"{port} is not a port (valid: 1 to {MAX_PORT})")
     return port
 
 
@@ -67,13 +69,13 @@ def check_service(url: str) -> None:
 
 @contextmanager
 def service_at(url: str) -> Iterator[RoboPromptClient]:
-    """A client of the service; what goes wrong inside is said in a sentence, and the exit status is 1."""
+    """Yield a client of the service. An error inside is printed in a sentence, and the exit status is 1."""
     with refusals_said(), RoboPromptClient(url) as client:
         yield client
 
 
 def if_there(asked: Callable[[], T]) -> T | None:
-    """What the service answers; None where it says that there is no such thing."""
+    """Return the service's answer, or None if it is 404."""
     try:
         return asked()
     except ServiceProblemError as error:
@@ -83,7 +85,7 @@ def if_there(asked: Callable[[], T]) -> T | None:
 
 
 def every(client: RoboPromptClient, path: str, **query: object) -> Iterator[dict[str, Any]]:
-    """Every item of a list that the service hands out in pages; what is None in the query is left out."""
+    """Yield every item of a list that has pages; None in the query is left out."""
     asked = {name: value for name, value in query.items() if value is not None}
     while True:
         page = client.get(path, **asked)
@@ -132,7 +134,7 @@ def settings_of(data: Path | None, env_file: Path | None) -> Settings:
 
 @contextmanager
 def refusals_said() -> Iterator[None]:
-    """What is refused inside is said in a sentence, and the exit status is 1."""
+    """Print an error inside in a sentence, and exit with status 1."""
     try:
         yield
     except (RoboPromptError, OSError) as error:
@@ -142,7 +144,7 @@ def refusals_said() -> Iterator[None]:
 
 @contextmanager
 def opened_store(data: Path | None, env_file: Path | None) -> "Iterator[Store]":
-    """The store; what it refuses is said in a sentence, and the exit status is 1."""
+    """Yield the store. An error inside is printed in a sentence, and the exit status is 1."""
     from app.bootstrap import open_store
 
     with refusals_said(), closing(open_store(settings_of(data, env_file))) as store:
@@ -150,7 +152,7 @@ def opened_store(data: Path | None, env_file: Path | None) -> "Iterator[Store]":
 
 
 def counted(items: Iterable[T], total: int, doing: str, console: Console) -> Iterator[T]:
-    """The items, while a bar counts them."""
+    """Yield the items while a progress bar counts them."""
     columns = (TextColumn(doing), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, speed_estimate_period=PACE_S) as progress:
         bar = progress.add_task(doing, total=total)
@@ -181,6 +183,6 @@ def is_installed(package: str) -> bool:
 
 
 def extra_with(module: str) -> str | None:
-    """The extra that brings a module; None if none does."""
+    """Return the extra that installs a module, or None."""
     package = module.partition(".")[0].replace("_", "-")
     return next((extra for extra, packages in packages_of_extras().items() if package in packages), None)

@@ -88,7 +88,7 @@ def record(
 
 
 def newest(connection: Connection) -> AuditEntry | None:
-    """The last entry, or None if there is none."""
+    """Return the last entry, or None."""
     row = connection.execute(select(_LOG).order_by(_LOG.c.number.desc()).limit(1)).first()
     return None if row is None else _entry(row)
 

@@ -175,7 +175,7 @@ def _unpack(store: Store, archive: tarfile.TarFile, database: Path, path: Path) 
 
 
 def _members(archive: tarfile.TarFile, path: Path) -> Iterator[tarfile.TarInfo]:
-    """The archive's members, which must be plain files: links, devices and files with holes are none of a backup's."""
+    """Yield the archive's members; refuse links, devices and sparse files, which no backup has."""
     while True:
         try:
             member = archive.next()

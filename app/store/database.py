@@ -25,13 +25,13 @@ class Database:
     Args:
         url: SQLAlchemy's, e.g. ``sqlite:////var/lib/roboprompt/roboprompt.db`` or ``postgresql://user@host/name``.
         busy_timeout_s: how long a writer waits for the others before StoreUnavailableError.
-        server_connections: at most so many at once to a database server.
+        server_connections: largest number of connections to a database server.
 
     Attributes:
         is_sqlite: whether `app.store.sqlite` applies; else `app.store.postgres`.
 
     Raises:
-        StoreUnavailableError: if the URL or its driver is none that this code knows.
+        StoreUnavailableError: if the URL or its driver is unknown.
     """
 
     def __init__(

@@ -184,7 +184,7 @@ def demonstrations(
 ) -> tuple[DemonstrationRecord, ...]:
     """The task's `limit` first or most recent demonstrations as prompts need them, or all; always oldest first.
 
-    Episodes that are left out are none.
+    Episodes that are left out of prompts are not demonstrations.
     """
     rows = connection.execute(_demonstrations_query(order, limit is not None), {"task": task, "limit": limit})
     records = tuple(_demonstration(row) for row in rows)

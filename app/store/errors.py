@@ -1,4 +1,4 @@
-"""What the store can refuse; a branch of the tree in `app.pipeline.errors`."""
+"""Errors of the store."""
 
 import logging
 from collections.abc import Iterator, Sequence

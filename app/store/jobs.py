@@ -57,7 +57,7 @@ def get(connection: Connection, job_id: str) -> JobRecord:
 def list_page(
     connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
 ) -> Page[JobRecord]:
-    """Jobs, newest first, of one task or of all that are seen."""
+    """Return jobs, newest first, of one task or of all visible ones."""
     query = of_visible_tasks(select(_JOBS), _JOBS.c.task, task)
     return fetch_page(connection, _JOBS, query, limit, cursor, _record)
 

@@ -24,7 +24,7 @@ _FAILURES = (BaseError, UnknownConfigurationKeyError, OSError, ValueError)
 
 
 class ObjectBlobStore:
-    """A BlobStore in a bucket; raises StoreUnavailableError if the URL is none that obstore knows.
+    """A BlobStore in a bucket; raises StoreUnavailableError if obstore does not know the URL.
 
     Args:
         url: ``s3://bucket/prefix``; address and keys come from AWS_ENDPOINT_URL, AWS_ACCESS_KEY_ID and so on.

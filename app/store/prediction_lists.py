@@ -1,4 +1,4 @@
-"""Lists of predictions for people: without prompts, successes or failures first, and how each configuration fares."""
+"""Lists of predictions for pages: without prompts, ordered by outcome; and the success of each configuration."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from app.store.records import PredictionRecord, PredictionStatus
 from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
-FATES: tuple[Fate, ...] = get_args(Fate)  # in the order in which a person who looks for faults wants them
+FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
 Order = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
@@ -126,12 +126,12 @@ def list_page(
 
 
 def models(connection: Connection) -> tuple[str, ...]:
-    """Every model that was ever asked for a prediction that is seen, by name."""
+    """Return the names of all models of visible predictions, sorted."""
     return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
 
 
 def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:
-    """How long the model took for the median of its latest answers; None without any."""
+    """Return the median duration of the model's latest answers, or None if there are none."""
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
     latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(number))
     return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
@@ -207,7 +207,7 @@ _CONFIGURATION = (
 
 
 def counts_by_configuration(connection: Connection, task: str | None = None) -> dict[Configuration, Counts]:
-    """How the predictions ended that are seen, of one task or of all, the most often tried configuration first."""
+    """Count the outcomes of the visible predictions, of one task or of all, most tried configuration first."""
     outcome = _P.c.outcome_success
     counted = (func.count().filter(item) for item in (_P.c.status != "ok", outcome.is_(True), outcome.is_(False)))
     query = of_visible_predictions(select(*_CONFIGURATION, func.count(), *counted), task).group_by(*_CONFIGURATION)
@@ -216,7 +216,7 @@ def counts_by_configuration(connection: Connection, task: str | None = None) -> 
 
 
 def latest_by_configuration(connection: Connection, task: str | None = None) -> dict[Configuration, tuple[Trial, ...]]:
-    """How the latest predictions went, the oldest of them first, by configuration."""
+    """Return the latest predictions as trials by configuration, oldest first."""
     query = of_visible_predictions(select(*_CONFIGURATION, _P.c.outcome_success, _P.c.timings_ms, _P.c.usage), task)
     rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(MAX_LATEST)).all()
     found: dict[Configuration, list[Trial]] = defaultdict(list)

@@ -49,7 +49,7 @@ def list_page(
     *,
     cases: bool = False,
 ) -> Page[PredictionRecord]:
-    """Predictions that are seen, newest first, of one task or of all, with any outcome or one; or `cases` alone."""
+    """Return visible predictions, newest first, of one task or of all, with any outcome or one; or only `cases`."""
     query = of_visible_predictions(select(_PREDICTIONS), task)
     if cases:
         query = query.where(_PREDICTIONS.c.id.in_(select(_CASES.c.prediction_id)))
@@ -59,7 +59,7 @@ def list_page(
 
 
 def record_outcome(connection: Connection, prediction_id: str, success: bool, note: str | None) -> PredictionRecord:
-    """Write down how the robot fared; a later outcome replaces an earlier one. Raises NotFoundError, ForbiddenError."""
+    """Record an outcome; a later one replaces an earlier one. Raises NotFoundError, ForbiddenError."""
     present().require_own(get(connection, prediction_id).key_id)
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
@@ -79,7 +79,7 @@ def keep_as_case(connection: Connection, prediction_id: str) -> None:
 
 
 def drop_case(connection: Connection, prediction_id: str) -> None:
-    """Let the prediction be no case any more; it stays. Raises NotFoundError."""
+    """Stop keeping the prediction as a case; the prediction stays. Raises NotFoundError."""
     get(connection, prediction_id)
     connection.execute(delete(_CASES).where(_CASES.c.prediction_id == prediction_id))
 

@@ -46,9 +46,7 @@ def private_folder(path: Path) -> None:
         if mode & OTHERS:
             require_ours(path, mode)
             _tighten(path)
-            logger.warning(
-                "data directory %s was open to others (mode %03o): it is closed to them from here on", path, mode
-            )
+            logger.warning("data directory %s was open to others (mode %03o); it is now private", path, mode)
     except OSError as error:
         raise StoreUnavailableError(f"data directory: {error}") from error
 

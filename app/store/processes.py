@@ -1,4 +1,4 @@
-"""What the processes of a data directory share by files: turns, and notes of predictions that are not finished.
+"""Files that the processes of a data directory share: turns, and notes of unfinished predictions.
 
 One process holds a turn at a time: a locked file, which the system unlocks if its holder dies. Notes are for people who
 watch: nothing depends on them and they are not synced. One that a killed process leaves behind ends at its deadline.
@@ -93,7 +93,7 @@ class UnderWayNotes:
         self._path(note_id).unlink(missing_ok=True)
 
     def all(self) -> tuple[UnderWay, ...]:
-        """Everything under way, the oldest first; what is past its deadline is forgotten."""
+        """Return the unfinished predictions, oldest first; delete notes past their deadline."""
         return tuple(sorted(self._living(time.time()), key=lambda note: note.started_s))
 
     def _living(self, now_s: float) -> Iterator[UnderWay]:

@@ -1,4 +1,4 @@
-"""What the store takes and gives: frozen values, independent of the database."""
+"""Records that the store takes and returns: frozen values, independent of the database."""
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -55,7 +55,7 @@ class TaskCounts:
 
 @dataclass(frozen=True)
 class DemonstrationRecord:
-    """What a prompt needs of an episode."""
+    """The columns of an episode that a prompt needs."""
 
     id: str
     instruction: str
@@ -64,7 +64,7 @@ class DemonstrationRecord:
     control_frequency_hz: float = CONTROL_FREQUENCY_HZ
 
     def demonstration(self) -> Demonstration:
-        """As the pipeline wants it."""
+        """Return the episode as the pipeline's type."""
         poses = tuple(record.pose() for record in self.objects)
         rows = [(record.position_m, record.quaternion_xyzw, record.gripper_open) for record in self.keyframes]
         actions = tuple(EndEffectorAction.many(*zip(*rows, strict=True))) if rows else ()

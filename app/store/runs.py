@@ -12,13 +12,13 @@ from app.store.errors import NotFoundError
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_tasks, present
 
-LIVING = timedelta(minutes=1)  # a run that is not heard of for so long has ended without a word
+LIVING = timedelta(minutes=1)  # after this without a report a run has ended
 _RUNS = tables.runs
 
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A robot under way; `state` is what it said last, `stop` whether somebody stopped it."""
+    """A robot at work; `state` is its last report, `stop` whether the run was stopped."""
 
     id: str
     task: str
@@ -29,7 +29,7 @@ class RunRecord:
 
 
 def report(connection: Connection, run_id: str, task: str, state: JsonObject) -> bool:
-    """Write down what the robot says, of a run that is new or its key's own; returns whether it shall stop.
+    """Record a robot's report of a new run, or of a run of the same key. Return whether the robot must stop.
 
     Raises:
         NotFoundError: if there is no such task, or the run is another key's or task's.
@@ -51,7 +51,7 @@ def report(connection: Connection, run_id: str, task: str, state: JsonObject) ->
 
 
 def end(connection: Connection, run_id: str) -> bool:
-    """Forget a run of the present key; returns whether somebody had stopped it. Raises NotFoundError."""
+    """Delete a run of the present key. Return whether it was stopped. Raises NotFoundError."""
     own = and_(_RUNS.c.id == run_id, _RUNS.c.key_id == (present().key_id or None))
     stopped = connection.scalar(select(_RUNS.c.stop).where(own).with_for_update())
     if stopped is None:
@@ -61,7 +61,7 @@ def end(connection: Connection, run_id: str) -> bool:
 
 
 def stop(connection: Connection, run_id: str) -> RunRecord:
-    """Let the next answer to the robot say that it shall stop; that stays so. Raises NotFoundError."""
+    """Stop a run for good: every later answer to its robot says so. Raises NotFoundError."""
     row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
     if row is None or not present().has_prediction(row.task, row.key_id):
         raise NotFoundError("run", run_id)
@@ -72,7 +72,7 @@ def stop(connection: Connection, run_id: str) -> RunRecord:
 
 
 def living(connection: Connection) -> tuple[RunRecord, ...]:
-    """The runs that are seen and were heard of within a minute, the longest under way first."""
+    """Return the visible runs that were reported within the last minute, oldest first."""
     since = datetime.now(UTC) - LIVING
     query = of_visible_tasks(select(_RUNS).where(_RUNS.c.heard_at >= since), _RUNS.c.task).order_by(_RUNS.c.created_at)
     rows = connection.execute(query)

@@ -60,7 +60,7 @@ class Store:
             data_dir: created if it is not there, and closed to other users; holds the blobs, and the database unless
                 `database_url` names another.
             blobs_url: of an object store, e.g. ``s3://bucket/prefix``; None: a folder of the data directory.
-            server_connections: at most so many at once to a database server.
+            server_connections: largest number of connections to a database server.
 
         Raises:
             StoreUnavailableError: if directory or database cannot be opened, created, locked or closed to others.

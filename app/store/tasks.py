@@ -70,7 +70,7 @@ def most_recently_used(connection: Connection, limit: int) -> tuple[str, ...]:
 
 
 def get_or_create(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
-    """The task, locked until the transaction ends; created with `settings` if there is none.
+    """The task, locked until the transaction ends; created with `settings` if it is new.
 
     Call it in a write transaction. What it returns (object names, settings, version) cannot change before the commit,
     so the caller's checks against it hold.

@@ -41,13 +41,13 @@ class ObjectRecord:
         return cls(pose.name, _floats(pose.position_m), quaternion, *found)
 
     def pose(self) -> ObjectPose:
-        """As the pipeline wants it."""
+        """Return it as the pipeline's type."""
         quaternion = None if self.quaternion_xyzw is None else np.array(self.quaternion_xyzw)
         found = (self.estimator, self.cameras, self.confidence, self.reason)
         return ObjectPose(self.name, np.array(self.position_m), quaternion, *found)
 
     def to_json(self) -> dict[str, Any]:
-        """As it is stored."""
+        """Return the JSON document that is stored."""
         return {
             "name": self.name,
             "position": self.position_m,
@@ -89,11 +89,11 @@ class KeyframeRecord:
         return cls(index, position, quaternion, action.gripper_open)
 
     def action(self) -> EndEffectorAction:
-        """As the pipeline wants it."""
+        """Return it as the pipeline's type."""
         return EndEffectorAction(np.array(self.position_m), np.array(self.quaternion_xyzw), self.gripper_open)
 
     def to_json(self) -> dict[str, Any]:
-        """As it is stored."""
+        """Return the JSON document that is stored."""
         return {
             "index": self.index,
             "position": self.position_m,
@@ -143,11 +143,11 @@ class CameraRecord:
         return {"rgb": self.rgb_digest, "depth": self.depth_digest, "mask": self.mask_digest}[kind]
 
     def camera(self) -> Camera:
-        """As the pipeline wants it."""
+        """Return it as the pipeline's type."""
         return camera_from_json(self.calibration)
 
     def to_json(self) -> dict[str, Any]:
-        """As it is stored."""
+        """Return the JSON document that is stored."""
         return dict(vars(self))
 
     @classmethod

@@ -69,7 +69,7 @@ def seeing(visibility: Visibility) -> Iterator[None]:
 
 
 def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | None = None) -> Select[Any]:
-    """`query`, narrowed to a task, or to those that are seen; raises ForbiddenTaskError."""
+    """Return `query` narrowed to a task, or to all visible tasks; raise ForbiddenTaskError."""
     if name is not None:
         present().require_task(name)
         return query.where(task == name)
@@ -78,7 +78,7 @@ def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | N
 
 
 def of_visible_predictions(query: Select[Any], task: str | None = None) -> Select[Any]:
-    """`query` on predictions, narrowed to those that are seen, of a task or of all; raises ForbiddenTaskError."""
+    """Return `query` narrowed to the visible predictions of a task or of all; raise ForbiddenTaskError."""
     query = of_visible_tasks(query, _PREDICTIONS.c.task, task)
     visibility = present()
     return query if visibility.others else query.where(_PREDICTIONS.c.key_id == visibility.key_id)

@@ -32,7 +32,7 @@ AROUND_M = 0.3  # beyond the workspace, on each side: the room behind it is left
 
 
 def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettings) -> JsonObject:
-    """An episode's motion at so many moments as a page can show.
+    """Return an episode's motion at no more moments than a page can show.
 
     Args:
         times_s: (T,) of the trajectory's frames.

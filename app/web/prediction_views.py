@@ -158,7 +158,7 @@ class Comparison:
     """Both, and what differs.
 
     Attributes:
-        counts: how each one's configuration fares in its task.
+        counts: the success of each one's configuration in its task.
         distances_m: per object that both saw, how far apart it was.
         same_prompt: whether the LLMs read the same text.
     """

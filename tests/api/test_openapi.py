@@ -31,3 +31,15 @@ def test_each_subject_is_described_and_has_operations():
     document = json.loads(openapi_text())
     used = {tag for path in document["paths"].values() for operation in path.values() for tag in operation["tags"]}
     assert {tag["name"] for tag in document["tags"]} == used
+
+
+def test_every_json_body_has_an_example():
+    """Swagger UI would otherwise offer `"string"` and `left_out: true` to be sent."""
+    document = json.loads(openapi_text())
+    for path, item in document["paths"].items():
+        for method, operation in item.items():
+            content = operation.get("requestBody", {"content": {}})["content"].get("application/json")
+            if content is not None:
+                name = json.dumps(content["schema"]).partition("schemas/")[2].partition('"')[0]
+                shown = content.get("examples") or document["components"]["schemas"][name].get("examples")
+                assert shown, (method, path)

@@ -95,13 +95,13 @@ LIMITS = {
     "robot base at 1e309": settings('{"robot_base": [1e309, 0, 0]}', 422, "robot_base"),
     "robot base in a string": settings('{"robot_base": ["0", "0", "0"]}', 422, "robot_base"),
     "aliases that turn the direction of writing": settings('{"aliases": {"cube": ["\u202eebuc"]}}', 422, "aliases"),
-    "a name of half a surrogate pair": settings(r'{"\ud800": 1}'),
+    "a name of half a surrogate pair": settings(r'{"\ud800": 1}', 400),
 }
 
 BODIES = {
     "lists 40,000 deep behind two content types": behind_two_types(b"[" * 40_000 + b"]" * 40_000, 400),
     "330,000 lists behind two content types": behind_two_types(b"[" + b"[]," * 330_000 + b"[]]", 413),
-    "settings after a byte order mark": settings(b'\xef\xbb\xbf{"robot_base": [NaN, 0, 0]}', 422, "robot_base"),
+    "settings after a byte order mark": settings(b'\xef\xbb\xbf{"robot_base": [NaN, 0, 0]}', 400),
     "question after a byte order mark": sent(b"\xef\xbb\xbf" + WHOLE),
     "settings that are not UTF-8": settings(b'{"system_prompt": "\xff\xfe"}', 400),
     "question that is not UTF-8": asking(b'"model": "\xc3\x28"'),

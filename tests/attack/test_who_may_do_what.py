@@ -50,14 +50,13 @@ ATTEMPTS = [
     ("robot", "GET", "/uploads/dataset", {}, {403}),
     ("robot", "GET", "/jobs", {}, {403}),
     ("robot", "GET", "/metrics", {}, {403}),
-    ("robot", "HEAD", "/predictions/{by rival}", {}, {403, 405}),
+    ("robot", "HEAD", "/predictions/{by rival}", {}, {404}),  # answered as GET is
     ("robot", "OPTIONS", "/predictions/{by rival}", {}, {403, 405}),
     # by the pages
     ("robot", "GET", "/ui/predictions/{by rival}", {"headers": HTML}, {403}),
     ("robot", "GET", "/ui/predictions/{by robot}", {"headers": HTML}, {403}),
     ("robot", "GET", "/ui/predictions/{by rival}/result", {}, {403}),
     ("robot", "GET", "/ui/predict/scenes/{pick episode}", {}, {403}),
-    ("robot", "GET", "/ui/predict/scenes/{pick episode}/front/rgb", {}, {403}),
     ("robot", "GET", "/ui/episodes/{pick episode}/thumbnails/front", {}, {403}),
     ("robot", "GET", "/ui/episodes/{pick episode}/motion", {}, {403}),
     ("robot", "GET", "/ui/static/../episodes/{pick episode}", {}, {403, 404}),
@@ -118,7 +117,6 @@ ATTEMPTS = [
     ("pick reader", "GET", "/ui/predict?episode={push episode}", {"headers": HTML}, {404}),
     ("pick reader", "GET", "/ui/predict?again={by admin}", {"headers": HTML}, {404}),
     ("pick reader", "GET", "/ui/predict/scenes/{push episode}", {}, {404}),
-    ("pick reader", "GET", "/ui/predict/scenes/{push episode}/front/rgb", {}, {404}),
     ("pick reader", "GET", "/ui/predictions/{by admin}", {"headers": HTML}, {404}),
     ("pick reader", "GET", "/ui/predictions/{by admin}/result", {}, {404}),
     ("pick reader", "GET", "/ui/predictions/compare?id={by robot}&id={by admin}", {"headers": HTML}, {404}),

@@ -31,7 +31,7 @@ def test_when_a_key_ends(text, moment):
 
 @pytest.mark.parametrize("text", ["", "soon", "d", "-3d", "3 days", "2027-02-30", "99999999d", "99999w" * 2])
 def test_what_is_no_time(text):
-    with pytest.raises(typer.BadParameter, match="is no time, expected 30d"):
+    with pytest.raises(typer.BadParameter, match="is not a time, expected 30d"):
         expiry(text, NOW)
 
 
@@ -63,7 +63,7 @@ def test_a_key_for_two_tasks_and_a_month(tmp_path):
     [
         (["--task", "a{b"], "task"),
         (["--expires", "2020-01-01"], "has passed"),
-        (["--expires", "soon"], "is no time"),
+        (["--expires", "soon"], "is not a time"),
     ],
 )
 def test_what_is_no_key_is_not_made(tmp_path, words, said):

@@ -36,14 +36,14 @@ def _no_work(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["demo", "--task", "foo"], "'foo' is none of push_button, stack_cube"),
+        (["demo", "--task", "foo"], "'foo' is not one of push_button, stack_cube"),
         (["demo", "--model", "gpt-5"], "there is no model 'gpt-5'; there are embedded/gemma-3-270m"),
         (["demo", "--model", "openai/gpt-4o"], "needs a key: set ROBOPROMPT_OPENAI_API_KEY"),
-        (["demo", "--representation", "words"], "'words' is none of absolute, object_frame"),
+        (["demo", "--representation", "words"], "'words' is not one of absolute, object_frame"),
         (["demo", "--robot", "ur5"], "'ur5' is not one of 'simulated', 'franka'"),
         (["eval", "--model", "nearest", "--model", "gpt-5"], "there is no model 'gpt-5'"),
-        (["serve", "--port", "99999"], "99999 is no port (valid: 1 to 65535)"),
-        (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
+        (["serve", "--port", "99999"], "99999 is not a port (valid: 1 to 65535)"),
+        (["serve", "--port", "0"], "0 is not a port (valid: 1 to 65535)"),
     ],
 )
 def test_wrong_choices(words, expected):

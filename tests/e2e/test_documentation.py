@@ -26,6 +26,26 @@ def test_examples_can_be_sent_as_they_are(http):
     assert plan.json() == {"steps": [{"task": "press", "instruction": "press the red button"}] * 2}, plan.text
     outcome = http.post(f"/predictions/{prediction.json()['id']}/outcome", json=examples.OUTCOME)
     assert outcome.status_code == 200, outcome.text
+    edited = http.patch(f"/episodes/{episode.json()['id']}", json=examples.EDIT)
+    assert edited.status_code == 200, edited.text
+    reported = http.put(f"/runs/{'a' * 32}", json=examples.RUN)
+    assert reported.json() == {"stop": False}, reported.text
+    tried = {**examples.TRY_MODEL, "episode_ids": [episode.json()["id"]]}
+    assert http.post("/tasks/press/object_models/try", json=tried).status_code == 200
+
+
+def test_examples_that_need_images_are_refused_for_the_lack_of_images_alone(http):
+    http.post("/episodes", json=examples.EPISODE)
+    bodies = {
+        "/tasks/press/labels": (examples.LABEL, "there is no episode"),
+        "/tasks/press/labels/learn": (examples.LEARN_LABELS, "label"),
+        "/tasks/press/object_models/learn": (examples.LEARN, "images"),
+        "/poses": (examples.POSES, "rgb_front"),
+    }
+    for path, (body, lacking) in bodies.items():
+        problem = http.post(path, json=body).json()
+        assert problem["status"] in (404, 422), problem
+        assert lacking in problem["detail"], problem
 
 
 def test_answers_are_what_their_schemas_say(http):

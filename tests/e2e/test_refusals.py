@@ -156,7 +156,9 @@ def test_bodies_that_cannot_be_read(http, path, content, content_type, status):
 
 
 def test_settings_that_are_no_json(http):
-    assert http.put("/tasks/none", content=b"{", headers={"content-type": "application/json"}).status_code == 422
+    malformed = http.put("/tasks/none", content=b"{", headers={"content-type": "application/json"})
+    assert malformed.status_code == 400
+    assert malformed.json()["detail"].startswith("body is not JSON: Expecting property name")
 
 
 HALF = r'"\ud800"'  # of a surrogate pair: JSON can write it, UTF-8 cannot
@@ -173,7 +175,7 @@ def test_half_characters(http, task):
     predicted = http.post("/predict", json={**PREDICT, "model": "nearest"}).json()["id"]
     before = http.get(f"/predictions/{predicted}").json()
     response = send("POST", f"/predictions/{predicted}/outcome", f'{{"success": true, "note": {HALF}}}')
-    assert (response.status_code, "surrogate" in response.json()["detail"]) == (422, True)
+    assert (response.status_code, response.json()["detail"][:16]) == (400, "body is not JSON")
     assert http.get(f"/predictions/{predicted}").json() == before
 
 
@@ -195,3 +197,49 @@ def test_jpeg_that_is_cut_off(http, task):
     jpeg = cv2.imencode(".jpg", RGB)[1].tobytes()[:-40]
     document = {**metadata(task, {"cube": PLACE_M}), "cameras": [camera()]}
     refused(http.post("/episodes", files=multipart(document, npz(**GOOD), rgb_front=jpeg)), "rgb_front")
+
+
+def test_a_field_named_as_a_part_of_a_request_is_named_in_full(http, task):
+    refused = http.put(f"/tasks/{task}", json={"aliases": {"body": 5}, "query": 1}).json()["errors"]
+    assert refused == [
+        {"field": "aliases.body", "message": "is 5", "valid": "a list"},
+        {"field": "query", "message": "is not a known field", "valid": None},
+    ]
+
+
+def test_a_value_of_a_wrong_type_is_answered_with_what_is_valid(http, task):
+    objects = [{"name": "red button", "position": ["a", True, None]}]
+    body = {**PREDICT, "objects": objects, "seed": 1.5, "dry_run": "yes", "task": "x" * 65}
+    refused = {item["field"]: item for item in http.post("/predict", json=body).json()["errors"]}
+    assert {field: (item["message"], item["valid"]) for field, item in refused.items()} == {
+        "task": (f"is '{'x' * 65}'", "at most 64 characters"),
+        "objects[0].position[0]": ("is 'a'", "a number"),
+        "objects[0].position[1]": ("is true", "a number"),
+        "objects[0].position[2]": ("is null", "a number"),
+        "seed": ("is 1.5", "a whole number"),
+        "dry_run": ("is 'yes'", "true or false"),
+    }
+
+
+def test_a_correction_with_a_key_twice_is_refused(http, task):
+    episode = http.get("/episodes", params={"task": task}).json()["episodes"][0]
+    twice = b'{"left_out": false, "left_out": true}'
+    headers = {"content-type": "application/json"}
+    response = http.patch(f"/episodes/{episode['id']}", content=twice, headers=headers)
+    assert (response.status_code, "appears twice" in response.json()["detail"]) == (400, True)
+    assert not http.get(f"/episodes/{episode['id']}").json()["left_out"]
+
+
+def test_head_is_answered_as_get_without_a_body(http):
+    for path in ("/healthz", "/tasks", "/ui/tasks", "/docs"):
+        head, get = http.head(path), http.get(path)
+        assert (head.status_code, head.content) == (200, b""), path
+        assert head.headers["content-type"] == get.headers["content-type"]
+    assert http.head("/tasks/none").status_code == 404
+    assert http.head("/predict").status_code == 405
+
+
+def test_an_unknown_address_or_method_is_named(http):
+    assert http.get("/episode").json()["detail"] == "'/episode': see /docs for the addresses"
+    refused = http.delete("/predictions").json()
+    assert refused["detail"] == "DELETE is not valid here; valid: GET"

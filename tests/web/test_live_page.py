@@ -33,4 +33,4 @@ def test_a_robot_is_seen_and_stopped(page, http, run, check_accessibility):
     expect(card.get_by_role("button", name="Stop the robot")).to_be_disabled()
     http.delete(run)
     expect(card).to_have_count(0)
-    expect(page.locator("#runs")).to_contain_text("No robot has said within a minute")
+    expect(page.locator("#runs")).to_contain_text("No robot has reported a run within the last minute")

@@ -105,7 +105,7 @@ def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, 
     page.get_by_role("button", name="Keep this label").press("Enter")
     expect(page.locator("#enough")).to_contain_text("carton: 1 labeled episode; one is enough to try")
     expect(page.locator("#labels li")).to_have_count(1)
-    page.get_by_role("button", name="Learn and look").press("Enter")
+    page.get_by_role("button", name="Try it on every").press("Enter")
     expect(page.locator("#progress")).to_have_text("3 of 3 episodes: 3 found")
     assert [row.split("\t")[1] for row in page.locator("#rows tr").all_inner_texts()] == ["found"] * 3
     assert http.get("/tasks/shelf").json()["object_models"] == {}
@@ -125,7 +125,7 @@ def test_refusals_say_why_and_lead_to_a_label(marking, http):
     page.get_by_role("button", name="Keep this label").click()
     page.expected_refusals = [422]
     page.get_by_label("It looks the same").select_option("yaw")
-    page.get_by_role("button", name="Learn and look").click()
+    page.get_by_role("button", name="Try it on every").click()
     expect(page.locator("#learned").get_by_role("alert")).to_contain_text("jar")
     page.get_by_role("button", name="Remove the label in this episode").click()
     expect(page.locator("#labels li")).to_have_count(0)

@@ -28,7 +28,7 @@ def test_what_changes_is_told_and_drawn_then_applied_and_undone(form, http):
     form.get_by_label("from x y z, m").last.fill("0.5 -0.1 0.7")
     form.get_by_label("to x y z, m").last.fill("0.6 0.1 0.9")
     form.get_by_label("Arm").select_option("fr3")
-    form.get_by_label("What else people call cube").fill("block, brick")
+    form.get_by_label("Other words for cube").fill("block, brick")
     expect(form.locator("#changes li")).to_have_count(3)
     expect(form.locator("#space-view .keep-out")).to_have_count(1)
     form.get_by_role("button", name="Apply").click()
@@ -55,11 +55,11 @@ def test_what_somebody_else_set_meanwhile_is_not_overwritten(form, http):
 
 def test_a_setting_that_is_not_valid_is_told(form, http):
     form.expected_refusals = [422]
-    form.get_by_label("Its base stands at").fill("1 2")
-    expect(form.locator("#changes")).to_contain_text("is “1 2”")
+    form.get_by_label("Position of its base").fill("1 2")
+    expect(form.locator("#changes")).to_contain_text('robot_base is "1 2". Valid: three numbers')
     expect(form.get_by_role("button", name="Apply")).to_be_disabled()
-    form.get_by_label("Its base stands at").fill("0 0 0")
-    form.get_by_label("Where it comes from").select_option("a box of your own")
+    form.get_by_label("Position of its base").fill("0 0 0")
+    form.get_by_label("Source").select_option("a box of your own")
     form.get_by_label("from x y z, m").first.fill("9 9 9")
     form.get_by_role("button", name="Apply").click()
     expect(form.get_by_role("alert")).to_contain_text("workspace")

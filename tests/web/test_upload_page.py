@@ -54,7 +54,9 @@ def test_a_folder_of_folders_is_sent_in_order(page, http, tmp_path):
     page.goto("/ui/upload")
     page.get_by_label("Choose a folder").set_input_files(tmp_path / "session")
     expect(page.locator("#summary")).to_contain_text("3 stored.")
-    expect(page.locator("#summary li")).to_have_text("session/notes.txt: its name is none of a demonstration's files")
+    expect(page.locator("#summary li")).to_have_text(
+        "session/notes.txt: its name is not that of a demonstration's file"
+    )
     newest_first = http.get("/episodes", params={"task": "folders"}).json()["episodes"]
     places_m = [episode["objects"][0]["position"] for episode in newest_first]
     assert places_m == [list(place_m) for place_m in (PLACES_M[2], PLACES_M[1], PLACES_M[0])]
@@ -127,7 +129,7 @@ def test_files_that_are_no_demonstration_are_named(page, tmp_path):
     page.goto("/ui/upload")
     drop(page, tmp_path / "files")
     said = page.get_by_role("alert")
-    expect(said).to_contain_text("holiday.txt: its name is none of a demonstration's files")
+    expect(said).to_contain_text("holiday.txt: its name is not that of a demonstration's file")
     expect(said).to_contain_text("bad.json: it is not JSON: ")
     expect(said).to_contain_text("half.json: it has no trajectory")
     expect(said).to_contain_text("null.json: it has no metadata and no trajectory")

@@ -8,19 +8,19 @@ from pydantic import BaseModel
 from app.api.problems import CONTENT
 from app.services.container import Services
 
-Limit = Annotated[int, Query(ge=1, le=200, description="at most so many")]
-Cursor = Annotated[int | None, Query(ge=1, le=2**63 - 1, description="next_cursor of the page before")]
+Limit = Annotated[int, Query(ge=1, le=200, description="largest number of items in the answer")]
+Cursor = Annotated[int | None, Query(ge=1, le=2**63 - 1, description="`next_cursor` of the page before")]
 IdempotencyKey = Annotated[
     str | None,
-    Header(max_length=200, description="a repeated request with the same key is answered as the first was"),
+    Header(max_length=200, description="a repeated request with the same key gets the answer of the first one"),
 ]
 
 _BINARY = {"type": "string", "format": "binary"}
-_OF_CAMERA = "of the camera that metadata names `front`, if there is one; `{kind}_NAME` of a camera NAME"
+_OF_CAMERA = "image of the camera `front`, if metadata names one; `{kind}_NAME` for a camera NAME"
 _IMAGES = {
-    "rgb": f"PNG, JPEG or .npy: the colors {_OF_CAMERA.format(kind='rgb')}",
+    "rgb": f"PNG, JPEG or .npy: the color {_OF_CAMERA.format(kind='rgb')}",
     "depth": f"16-bit PNG, or .npy in meters: the depth {_OF_CAMERA.format(kind='depth')}",
-    "mask": f"16-bit PNG or .npy: ids of the objects' pixels {_OF_CAMERA.format(kind='mask')}",
+    "mask": f"16-bit PNG or .npy: ids of the objects' pixels, the mask {_OF_CAMERA.format(kind='mask')}",
 }
 
 

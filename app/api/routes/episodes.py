@@ -1,6 +1,6 @@
-"""Episodes: upload, list, look at, delete; and what became of an upload.
+"""Episodes: upload, list, read, correct and delete; and the episode of an earlier upload.
 
-Whoever goes on with an import that was cut off asks for the latter.
+An import that was interrupted asks for the latter.
 """
 
 from functools import partial
@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
+from app.api.decoding import UniqueKeysRoute
 from app.api.documents import episode_document, metadata_document
 from app.api.image_work import decode_frames, image_work, split_images
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, body_of, problems
@@ -35,7 +36,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 
-router = APIRouter(tags=["episodes"])
+router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
 
 
 @router.post(
@@ -44,15 +45,13 @@ router = APIRouter(tags=["episodes"])
     response_model=UploadedEpisodeOut,
     openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
     responses=problems(
-        _400="the body cannot be read",
         _409="the idempotency key came with other content",
-        _413="the body is too large",
         _415="neither multipart nor JSON",
         _422="a value is not valid, or the objects are not those of the task",
     ),
 )
 async def upload_episode(request: Request, services: Wired, idempotency_key: IdempotencyKey = None) -> Response:
-    """Store a demonstration: its keyframes are found, its objects' poses estimated.
+    """Store a demonstration, find its keyframes and estimate its objects' poses.
 
     Multipart: a part `metadata` (JSON), a part `trajectory` (.npz, no pickles) and per camera NAME the parts `rgb_NAME`
     (PNG, JPEG or .npy), `depth_NAME` (16-bit PNG, or .npy in meters) and `mask_NAME` (16-bit PNG or .npy of ids). Or
@@ -100,13 +99,13 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
     return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays, max_frames)
 
 
-@router.get(
-    "/episodes", response_model=EpisodePage, responses=problems(_404="no such task", _422="a value is not valid")
-)
+@router.get("/episodes", response_model=EpisodePage, responses=problems(_404="no such task"))
 def list_episodes(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
-    left_out: Annotated[bool | None, Query(description="only those that are left out of prompts, or are not")] = None,
+    left_out: Annotated[
+        bool | None, Query(description="true: only episodes that are left out of prompts; false: only the others")
+    ] = None,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Response:
@@ -122,7 +121,7 @@ def list_episodes(
 
 @router.get("/episodes/{episode_id}", response_model=EpisodeOut, responses=problems(_404="no such episode"))
 def get_episode(services: Wired, episode_id: str) -> Response:
-    """One episode and what was extracted from it."""
+    """One episode with its keyframes and object poses."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
         settings = TaskSettings.of(connection, record.task)
@@ -133,7 +132,7 @@ def get_episode(services: Wired, episode_id: str) -> Response:
     "/episodes/{episode_id}/metadata", response_model=EpisodeMetadata, responses=problems(_404="no such episode")
 )
 def get_metadata(services: Wired, episode_id: str) -> Response:
-    """What the episode's upload said: with its trajectory and images it can be uploaded elsewhere."""
+    """The metadata of the episode's upload; with its trajectory and images it can be uploaded elsewhere."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
     return JSONResponse(metadata_document(record))
@@ -150,10 +149,10 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     ),
 )
 async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
-    """Correct the instruction, leave the episode out of prompts or show it again, or note something about it.
+    """Correct the instruction, leave the episode out of prompts or show it again, or change its note.
 
-    What the upload said is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
-    shown again is extracted as the task's present settings want it.
+    The first instruction is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
+    shown again is extracted with the task's present settings.
     """
     change = partial(_edited, services.store, episode_id, body.model_dump(exclude_none=True))
     document = await anyio.to_thread.run_sync(change, limiter=services.teaching)
@@ -169,7 +168,7 @@ def _edited(store: Store, episode_id: str, changes: JsonObject) -> JsonObject:
 
 @router.delete("/episodes/{episode_id}", status_code=204, responses=problems(_404="no such episode"))
 def delete_episode(services: Wired, episode_id: str) -> Response:
-    """Delete an episode; its images go with the next sweep. A workspace `auto` is what the remaining ones span."""
+    """Delete an episode; its images go with the next sweep. A workspace `auto` follows from the others."""
     task = remove_episode(services.store, episode_id)
     services.prefix_warmer.changed(task)
     return Response(status_code=204)

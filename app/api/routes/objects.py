@@ -1,4 +1,4 @@
-"""Objects in images: found in them, drawn over them, and shown in them for the estimator `registered` to learn.
+"""Objects in images: poses, overlays, and labels from which the estimator `registered` learns.
 
 Another instance of the service, or any other client, may ask this one's estimators for poses. Labels are masks.
 """
@@ -47,9 +47,7 @@ LABELS: list[str | Enum] = ["labels"]
 FEW_VIEWS = 3  # with fewer, advice asks for more
 PATH = "/tasks/{name}/labels"
 _REFUSED = problems(
-    _400="the body cannot be read",
     _404="no such task or episode",
-    _413="the body is too large",
     _415="neither multipart nor JSON",
     _422="a value is not valid, or no mask follows from it",
 )
@@ -66,8 +64,6 @@ _RESPONSES: dict[int | str, dict[str, object]] = {
     response_model=PosesOut,
     openapi_extra=body_of(PosesBody),
     responses=problems(
-        _400="the body cannot be read",
-        _413="the body is too large",
         _415="neither multipart nor JSON",
         _422="a value is not valid, an object is not in view, or its pose is not certain",
     ),
@@ -98,7 +94,7 @@ def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
     responses=_RESPONSES | problems(_404="no such episode or camera, or no color image"),
 )
 async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
-    """A camera's first image with the objects as they were found."""
+    """A camera's first image with the found objects drawn into it."""
     png = await image_work(request).run(request, overlay_of_episode, services.store, episode_id, camera)
     return Response(png, media_type=PNG)
 
@@ -111,7 +107,7 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
     responses=_RESPONSES | problems(_404="no such prediction or camera, or no color image"),
 )
 async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
-    """What the robot saw when it asked, with the objects as they were found."""
+    """A camera's image of the request, with the found objects drawn into it."""
     png = await image_work(request).run(request, overlay_of_prediction, services.store, prediction_id, camera)
     return Response(png, media_type=PNG)
 
@@ -120,10 +116,10 @@ async def prediction_overlay(request: Request, services: Wired, prediction_id: s
     PATH, tags=LABELS, status_code=201, response_model=LabelOut, openapi_extra=body_of(LabelBody), responses=_REFUSED
 )
 async def label_object(request: Request, services: Wired, name: str) -> Response:
-    """Say where an object is in the images of an episode, or in images that are sent with it.
+    """Mark an object in the images of an episode, or in images that are sent with the request.
 
-    One click on it is enough: its mask grows in depth over the table, and in color where it touches something, and the
-    other cameras' masks follow. Nothing changes for the task until it is learned.
+    One click is enough: the mask grows from it by depth above the table, and by color where the object touches others;
+    the masks of the other cameras follow. The task changes only when the object is learned.
     """
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
@@ -136,7 +132,7 @@ async def label_object(request: Request, services: Wired, name: str) -> Response
     PATH + "/preview", tags=LABELS, response_model=LabelPreviewOut, openapi_extra=body_of(LabelBody), responses=_REFUSED
 )
 async def preview_label(request: Request, services: Wired, name: str) -> Response:
-    """What a label would say: the object's mask in every camera. Nothing is stored."""
+    """The mask that a label would give the object in every camera. Nothing is stored."""
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         draft = await decode(_draft, name, body, services.limits)
@@ -162,7 +158,7 @@ def list_labels(
 
 @router.delete(PATH + "/{label_id}", tags=LABELS, status_code=204, responses=problems(_404="no such task or label"))
 def delete_label(services: Wired, name: str, label_id: str) -> Response:
-    """Delete a label. What was learned from it stays until the object is learned again."""
+    """Delete a label. An object model that was learned from it stays until the object is learned again."""
     with services.store.write() as connection:
         labels.remove(connection, name, label_id)
     return Response(status_code=204)
@@ -179,9 +175,9 @@ def delete_label(services: Wired, name: str, label_id: str) -> Response:
     ),
 )
 async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
-    """Learn what an object looks like from its last ten labels, and find it by that from now on.
+    """Learn what an object looks like from its last ten labels, and use that to find it.
 
-    Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
+    Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` in the model says which views
     did not fit, and why.
     """
     how = {"yaw_may_be_unknown": body.yaw_may_be_unknown, "dry_run": body.dry_run}

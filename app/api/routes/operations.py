@@ -1,7 +1,6 @@
-"""What goes on: robots under way, jobs, the LLMs that can be asked, whether the service is ready, its figures.
+"""Runs of robots, jobs, models, health and metrics.
 
-A robot says where it is, and the answers say whether somebody stopped it. A job is a re-extraction too large for one
-request.
+A robot reports its state, and the answer says whether to stop. A job is a re-extraction too large for one request.
 """
 
 from typing import Annotated
@@ -23,7 +22,7 @@ router = APIRouter(route_class=UniqueKeysRoute)
 RunId = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits of the robot's choice")]
 
 
-@router.get("/jobs", tags=["tasks"], response_model=JobPage, responses=problems(_422="a value is not valid"))
+@router.get("/jobs", tags=["tasks"], response_model=JobPage)
 def list_jobs(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
@@ -38,7 +37,7 @@ def list_jobs(
 
 @router.get("/jobs/{job_id}", tags=["tasks"], response_model=JobOut, responses=problems(_404="no such job"))
 def get_job(services: Wired, job_id: str) -> Response:
-    """How far a job is."""
+    """A job and its progress."""
     with services.store.read() as connection:
         record = jobs.get(connection, job_id)
     return JSONResponse(job_document(record))
@@ -46,7 +45,7 @@ def get_job(services: Wired, job_id: str) -> Response:
 
 @router.get("/models", tags=["models"], response_model=ModelList)
 def list_models(services: Wired) -> Response:
-    """Every LLM that the service knows, whether it can be used here, and the prompt that suits it."""
+    """Every LLM that the service knows, whether it is available, and its default prompt settings."""
     known = services.models.profiles()
     documents = [model_document(item.profile, item.available, item.reason, services.default_model) for item in known]
     return JSONResponse({"models": documents})
@@ -54,7 +53,7 @@ def list_models(services: Wired) -> Response:
 
 @router.get("/healthz", tags=["health"], response_model=Health)
 async def healthz() -> Response:
-    """The process answers."""
+    """Answer while the process runs."""
     return JSONResponse({"status": "ok", "checks": {}})
 
 
@@ -65,7 +64,7 @@ async def healthz() -> Response:
     responses={503: {"model": Health, "description": "not ready; checks say why"}},
 )
 def readyz(request: Request, services: Wired) -> Response:
-    """The store answers and the default model can be asked. Only callers who may read learn why not."""
+    """Whether the store answers and the default model is available. Only keys that may read see the reasons."""
     checks = {"store": _store(services), "model": _model(services)}
     ready = all(state == "ok" for state in checks.values())
     if not request.state.known:
@@ -91,7 +90,7 @@ def _model(services: Services) -> str:
 
 @router.get("/metrics", tags=["health"], responses={200: {"content": {"text/plain": {}}}})
 def metrics(services: Wired) -> Response:
-    """Requests, predictions by stage, tokens (cached among them), parse failures and outcomes, of this process."""
+    """Prometheus metrics of this process: requests, stages of predictions, tokens, parse failures and outcomes."""
     return Response(services.metrics.text(), media_type=services.metrics.content_type)
 
 
@@ -99,12 +98,12 @@ def metrics(services: Wired) -> Response:
     "/runs/{run_id}",
     tags=["runs"],
     response_model=RunAnswer,
-    responses=problems(_404="no such task, or the run is another key's", _422="a value is not valid"),
+    responses=problems(_404="no such task, or the run is another key's"),
 )
 def report_run(services: Wired, run_id: RunId, body: RunBody) -> Response:
-    """Where a robot is with what it carries out, five times a second; the answer says whether it shall stop.
+    """Report the state of a robot at work, about five times a second; the answer says whether it must stop.
 
-    A run that was stopped stays stopped: the next one has another id.
+    A run that was stopped stays stopped; the next run needs another id.
     """
     state = body.model_dump(mode="json", exclude={"task"}, exclude_none=True)
     with services.store.write() as connection:
@@ -114,9 +113,9 @@ def report_run(services: Wired, run_id: RunId, body: RunBody) -> Response:
 
 @router.delete("/runs/{run_id}", tags=["runs"], response_model=RunAnswer, responses=problems(_404="no such run"))
 def end_run(services: Wired, run_id: RunId) -> Response:
-    """The robot is done; the answer says whether somebody stopped it meanwhile.
+    """End a run; the answer says whether it was stopped meanwhile.
 
-    Without this the run is forgotten a minute after its last word.
+    A run that is not ended disappears a minute after its last report.
     """
     with services.store.write() as connection:
         stop = runs.end(connection, run_id)
@@ -125,7 +124,7 @@ def end_run(services: Wired, run_id: RunId) -> Response:
 
 @router.get("/runs", tags=["runs"], response_model=RunList)
 def list_runs(services: Wired) -> Response:
-    """The robots under way that the key may see."""
+    """The runs that the key may see."""
     with services.store.read() as connection:
         records = runs.living(connection)
     return JSONResponse({"runs": [run_document(record) for record in records]})
@@ -133,7 +132,7 @@ def list_runs(services: Wired) -> Response:
 
 @router.post("/runs/{run_id}/stop", tags=["runs"], response_model=RunOut, responses=problems(_404="no such run"))
 def stop_run(services: Wired, run_id: RunId) -> Response:
-    """Stop the robot: the answer to its next report says so. This replaces no emergency stop."""
+    """Stop a robot: the answer to its next report tells it to. This does not replace an emergency stop."""
     with services.store.write() as connection:
         record = runs.stop(connection, run_id)
     return JSONResponse(run_document(record))

@@ -45,11 +45,9 @@ router = APIRouter(tags=["predictions"])
     openapi_extra=body_of(PredictBody, packed=True),
     responses=STREAMED
     | problems(
-        _400="the body cannot be read",
         _403="the key lacks the scope, is for other tasks, or may not read the demonstrations that a dry run shows",
         _404="no such task or episode",
         _409="the task has no demonstrations yet, or the idempotency key came with other content",
-        _413="the body is too large",
         _415="neither multipart, JSON nor MessagePack",
         _422="a value is not valid, or the objects are not those of the task",
         _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",
@@ -61,20 +59,20 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     """Actions for the observed scene, by an LLM that continues the pattern of the demonstrations.
 
     JSON with the objects' poses; or multipart with the same document as part `metadata`, and the cameras' images as in
-    an upload, for tasks whose pose estimator looks at images; or MessagePack with that document and the images beside
+    an upload, for tasks whose pose estimator uses images; or MessagePack with that document and the images beside
     it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
     reply that is not a list of valid actions is an error, recorded with the prediction.
 
-    The instruction is taken in the words of the demonstrations: `canonical_instruction` is what the LLM reads, and
-    `grounding` tells for each phrase which object it was taken for. An instruction that stands for no object, for
-    several, or asks for what no demonstration shows is refused. Without `task` it must be what exactly one task does.
+    The service rewrites the instruction in the words of the demonstrations: `canonical_instruction` is what the LLM
+    reads, and `grounding` names the object of each phrase. An instruction is refused if it names no object, if it fits
+    several objects, or if no demonstration shows what it asks for. Without `task`, exactly one task must fit it.
 
-    With `Accept: text/event-stream` a first event `findings` says what is doubtful, and an event `grounding` how the
-    instruction was understood; then each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. Where
-    the store fails then, it says how many `actions_sent` are not `recorded`. With
-    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid, and
-    before them events `progress`, where the model tells how much of the prompt it has read.
+    With `Accept: text/event-stream` the answer is a stream. The events `findings` (doubts) and `grounding` come first,
+    then an event `action` for each action as soon as its row is complete, and at the end `done` with the whole
+    document. If the reply fails in the middle, the stream ends with an event `error` that has a problem document; if
+    the store failed, `actions_sent` in it is the number of actions that were sent but not `recorded`. With
+    `stream_text`, events `text` have the pieces of the reply before they are checked, and events `progress` how much
+    of the prompt the model has read, if the model reports it.
     """
     body = await read_body(request, packed=True)
     streamed = _wants_events(request.headers.get("accept", ""))
@@ -143,7 +141,7 @@ async def _events(
     keep: _Keep,
     turn: AsyncExitStack,
 ) -> AsyncIterator[bytes]:
-    """The answer as server-sent events; what is doubtful beforehand comes first.
+    """Yield the answer as server-sent events, first the findings of the scene.
 
     Args:
         turn: left at the end; a repeated request waits for it.

@@ -1,4 +1,4 @@
-"""Recorded predictions and how the robot fared with them; and what a sentence over several tasks asks for."""
+"""Recorded predictions, their outcomes and cases; and the steps of a sentence over several tasks."""
 
 from typing import Annotated, Literal
 
@@ -15,12 +15,14 @@ from app.store import erasure, predictions
 router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
 
 
-@router.get("/predictions", response_model=PredictionPage, responses=problems(_422="a value is not valid"))
+@router.get("/predictions", response_model=PredictionPage)
 def list_predictions(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
-    outcome: Annotated[Literal["success", "failure", "unknown"] | None, Query(description="only with this")] = None,
-    cases: Annotated[bool, Query(description="only those that are kept to be asked again")] = False,
+    outcome: Annotated[
+        Literal["success", "failure", "unknown"] | None, Query(description="only predictions with this outcome")
+    ] = None,
+    cases: Annotated[bool, Query(description="only predictions that are kept as cases")] = False,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Response:
@@ -62,7 +64,7 @@ def keep_case(services: Wired, prediction_id: str) -> Response:
 
 @router.delete("/predictions/{prediction_id}/case", status_code=204, responses=problems(_404="no such prediction"))
 def drop_case(services: Wired, prediction_id: str) -> Response:
-    """Let it be no case any more; the prediction stays."""
+    """Stop keeping the prediction as a case; the prediction stays."""
     with services.store.write() as connection:
         predictions.drop_case(connection, prediction_id)
     return Response(status_code=204)
@@ -71,12 +73,12 @@ def drop_case(services: Wired, prediction_id: str) -> Response:
 @router.post(
     "/predictions/{prediction_id}/outcome",
     response_model=StoredPrediction,
-    responses=problems(_404="no such prediction", _422="a value is not valid"),
+    responses=problems(_404="no such prediction"),
 )
 def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) -> Response:
-    """Tell how the robot fared; a later outcome replaces an earlier one.
+    """Report whether the robot succeeded; a later outcome replaces an earlier one.
 
-    The key that asked for the prediction may, and one with the scope `admin`.
+    This needs the key that asked for the prediction, or one with the scope `admin`.
     """
     with services.store.write() as connection:
         record = predictions.record_outcome(connection, prediction_id, outcome.success, outcome.note)
@@ -90,11 +92,11 @@ def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) ->
     responses=problems(_422="a value is not valid, or a part of the instruction is not what one task does"),
 )
 def plan(services: Wired, body: Annotated[PlanBody, Body()]) -> Response:
-    """The steps of a sentence over tasks that were taught apart, as "open the top drawer, put the red mug in it".
+    """Split a sentence over several tasks into steps, for example "open the top drawer, put the red mug in it".
 
-    Each step is in the words of its task, for `POST /predict` once the step before is done and the scene was looked at
-    again. No step is made up and none is left out: a sentence with a word that finds no place, an "it" that may be two
-    things, or a step that two tasks may do is refused. No LLM is asked and nothing is stored.
+    Send each step to `POST /predict` after the step before is done, with a new observation. No step is invented and
+    none is left out: a sentence is refused if a word fits no task, if "it" may mean two objects, or if several tasks
+    can do a step. No LLM is asked and nothing is stored.
     """
     steps = services.read_steps(body.instruction, [item.query() for item in body.objects])
     return JSONResponse({"steps": [step._asdict() for step in steps]})

@@ -1,4 +1,4 @@
-"""Tasks: their settings, what is stored of them, and what a check of their demonstrations finds out."""
+"""Tasks: settings, statistics, deletion, checks of their demonstrations, and object models."""
 
 from collections.abc import Collection, Sequence
 from functools import partial
@@ -31,7 +31,7 @@ from app.store.values import JsonObject
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
-Model = Annotated[str | None, Query(min_length=1, max_length=200, description="an LLM to ask, by its name")]
+Model = Annotated[str | None, Query(min_length=1, max_length=200, description="name of an LLM to ask as well")]
 
 
 def check_document(checked: CheckedTask) -> JsonObject:
@@ -135,13 +135,14 @@ async def configure_task(
     name: str,
     changes: Annotated[TaskSettings, Body(openapi_examples=_EXAMPLES)],
     version: Annotated[
-        int | None, Query(ge=1, description="of the task that the change was made from: 409 if it is another by now")
+        int | None,
+        Query(ge=1, description="version of the task that the change is based on; 409 if the task has another by now"),
     ] = None,
 ) -> Response:
-    """Set what the body names and keep the rest; creates the task if it is new.
+    """Set the named settings and keep the others; create the task if it is new.
 
-    A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again. Where
-    there are many, a job does it (202, see `Location`): until it is done the task stays as it is.
+    A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again. If
+    there are many, a job does it (202, see `Location`), and the task stays as it is until the job is done.
     """
     configure = partial(
         services.configure_task.at_once_or_as_job, name, changes.model_dump(exclude_unset=True), version
@@ -157,7 +158,7 @@ async def configure_task(
 def delete_task(services: Wired, name: str) -> Response:
     """Delete a task with all that it holds: episodes, predictions, outcomes, jobs, answers to repeated requests.
 
-    Images go with a later sweep, if nothing else has them. What is under way for it fails, or creates it again.
+    Images that nothing else uses are deleted later. Requests under way for the task fail or create it again.
     """
     with services.store.write() as connection:
         erasure.erase_task(connection, name)
@@ -172,13 +173,13 @@ def delete_task(services: Wired, name: str) -> Response:
 def get_task_stats(
     services: Wired,
     name: str,
-    compare: Annotated[list[str] | None, Query(description="ids of configurations: each with each other")] = None,
+    compare: Annotated[list[str] | None, Query(description="ids of configurations to compare with each other")] = None,
 ) -> Response:
-    """Success rates of the task's predictions by model and configuration, the surest first.
+    """Success rates of the task's predictions by model and configuration, most reliable first.
 
-    They count outcomes that robots reported; the interval is Wilson's, 95 %. Configurations that `compare` names are
-    compared pair by pair by a sequential test: it may be read after every outcome, and one may stop trying as soon as
-    `may_stop` says so. Decide which to compare before the trials, and try both equally often.
+    They count outcomes that robots reported; the interval is Wilson's, 95 %. A sequential test compares each two of
+    the configurations that `compare` names. It may be read after every outcome; stop trying once `may_stop` is true.
+    Decide which to compare before the trials, and try both equally often.
     """
     with services.store.read() as connection:
         stats = task_stats(connection, name)
@@ -198,10 +199,10 @@ def get_task_stats(
     ),
 )
 async def check_task(services: Wired, name: str, model: Model = None) -> Response:
-    """Predict each demonstration from the others, before a robot moves, and say what would go wrong and what to do.
+    """Predict each demonstration from the others before a robot moves; the findings say what to mend.
 
-    The first 30 demonstrations are checked, without an LLM in seconds. With `model` that LLM is asked as well for what
-    each of the first ten does, shown the others; these predictions are not recorded.
+    The first 30 demonstrations are checked without an LLM, in seconds. With `model`, that LLM also predicts each of the
+    first ten from the others; these predictions are not recorded.
     """
     return JSONResponse(check_document(await services.check_task(name, model)))
 
@@ -216,10 +217,10 @@ async def check_task(services: Wired, name: str, model: Model = None) -> Respons
     ),
 )
 async def learn_object_models(services: Wired, name: str, body: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
-    """Learn colors, sizes and shapes of the objects from stored episodes, and find the objects by them from now on.
+    """Learn colors, sizes and shapes of the objects from stored episodes, and use them to find the objects.
 
-    Episodes with RGB-D images and masks, poses or both teach; afterwards uploads and requests need images and names
-    only. Every stored episode is extracted again; if one cannot be, nothing changes.
+    This needs episodes with RGB-D images and with masks or poses. Afterwards uploads and requests need only images and
+    names. Every stored episode is extracted again; if one cannot be, nothing changes.
     """
     learn = partial(services.learn_object_models, name, body.objects, body.episodes)
     learned = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
@@ -240,7 +241,7 @@ async def learn_object_models(services: Wired, name: str, body: Annotated[LearnB
 async def try_object_model(
     request: Request, services: Wired, name: str, body: Annotated[TryModelBody, Body()]
 ) -> Response:
-    """Say where an object model finds its object in the images of stored episodes; nothing changes."""
+    """Find an object by a model in the images of stored episodes; nothing is stored."""
     run = image_work(request).run
     tried = await run(request, services.try_model, name, body.object, body.model, body.episode_ids)
     return JSONResponse({"episodes": [_tried_document(item) for item in tried]})

@@ -8,6 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pydantic import ConfigDict
+
 SAMPLE = Path(__file__).parents[1] / "sample"
 SAMPLE_FILES = {
     "metadata.json": "application/json",
@@ -15,6 +17,12 @@ SAMPLE_FILES = {
     "rgb_front.jpg": "image/jpeg",
 }
 SAMPLE_METADATA: dict[str, Any] = json.loads((SAMPLE / "metadata.json").read_text())
+
+
+def shown(example: dict[str, Any]) -> ConfigDict:
+    """Return the configuration of a pydantic model that shows `example` in the OpenAPI document."""
+    return ConfigDict(json_schema_extra={"examples": [example]})
+
 
 _DOWN = [1.0, 0.0, 0.0, 0.0]  # gripper pointing down
 _AT_REST = [0.0] * 7
@@ -55,3 +63,27 @@ PLAN: dict[str, Any] = {"instruction": "press the red button twice", "objects": 
 OUTCOME: dict[str, Any] = {"success": True, "note": "pressed at the first try"}
 
 TASK: dict[str, Any] = {"num_demonstrations": 10, "yaw_symmetry_deg": {"red button": 0}}
+
+EDIT: dict[str, Any] = {"left_out": False, "note": "the hand slipped at the end"}
+
+RUN: dict[str, Any] = {
+    "task": "press",
+    "instruction": "press the red button",
+    "action": 1,
+    "target": {"position": [0.25, -0.10, 0.90], "quaternion_xyzw": _DOWN},
+    "end_effector": {"position": [0.20, -0.05, 1.00], "quaternion_xyzw": _DOWN},
+    "gripper_open": False,
+}
+
+# Labels and object models need episodes with color and depth images: put in a task, an object and ids of your own.
+LABEL: dict[str, Any] = {"object": "red button", "episode_id": "ID-OF-AN-EPISODE", "clicks": {"front": [320, 240]}}
+
+LEARN_LABELS: dict[str, Any] = {"object": "red button", "symmetric": "yaw", "dry_run": True}
+
+LEARN: dict[str, Any] = {"objects": ["red button"], "episodes": 10}
+
+_CUBE: dict[str, Any] = {"estimator": "cuboid", "color": "blue", "size_m": [0.05, 0.05, 0.05]}
+
+TRY_MODEL: dict[str, Any] = {"object": "red button", "model": _CUBE, "episode_ids": ["ID-OF-AN-EPISODE"]}
+
+POSES: dict[str, Any] = {"objects": [{"name": "blue cube", "model": _CUBE}], "cameras": SAMPLE_METADATA["cameras"]}

@@ -1,11 +1,13 @@
-"""Objects in images: what is asked and answered about them, and learned from them."""
+"""Bodies and answers about objects in images: poses, labels, and object models learned from them."""
 
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
-from app.api.schemas.requests import CameraIn, MaskId, Name, RequestModel
+from app.api.schemas import examples
+from app.api.schemas.requests import CameraIn, Described, MaskId, Name, RequestModel
+from app.api.schemas.responses import PoseOut
 from app.perception.models import AsObjectModel
 from app.perception.registered.model import Symmetric
 from app.perception.strict import WHOLE, Number, Truth
@@ -15,94 +17,87 @@ Box = Annotated[tuple[Number, Number, Number, Number], Field(description="[left,
 
 
 class LearnBody(RequestModel):
-    """What to learn, and from how much."""
+    """Objects to learn, and the number of episodes to learn from."""
 
-    objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64, description="null: all of the task")] = (
-        None
-    )
-    episodes: Annotated[int, Field(ge=1, le=100, description="at most so many, the task's first"), WHOLE] = 10
+    model_config = examples.shown(examples.LEARN)
+
+    objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64)] = None
+    """null: all objects of the task"""
+    episodes: Annotated[int, Field(ge=1, le=100), WHOLE] = 10
+    """largest number of episodes to learn from; the task's first are taken"""
 
 
 class TryModelBody(RequestModel):
     """An object model, and the episodes in whose images it is to find the object."""
 
+    model_config = examples.shown(examples.TRY_MODEL)
+
     object: Name
     model: Annotated[dict[str, Any], AsObjectModel()]
-    episode_ids: Annotated[
-        list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=10, description="of the task")
-    ]
+    episode_ids: Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=10)]
+    """ids of episodes of the task"""
 
 
 class PoseQuestionIn(RequestModel):
-    """An object to be found: what is known of it, or its ids in the mask images."""
+    """An object to be found, by an object model or by its ids in the mask images."""
 
     name: Name
-    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64, description="ids of its pixels in mask_NAME")] = ()
-    model: Annotated[
-        Annotated[dict[str, Any], AsObjectModel()] | None,
-        Field(description="an object model, as in a task's `object_models`"),
-    ] = None
+    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64)] = ()
+    """ids of the object's pixels in mask_NAME"""
+    model: Annotated[dict[str, Any], AsObjectModel()] | None = None
+    """an object model, as in a task's `object_models`"""
 
 
 class PosesBody(RequestModel):
     """Objects to be found in images; the images are parts or fields rgb_NAME, depth_NAME and mask_NAME."""
 
+    model_config = examples.shown(examples.POSES)
+
     objects: Annotated[list[PoseQuestionIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(min_length=1, max_length=16)]
 
 
-class LearnedOut(BaseModel):
-    """What was learned of a task's objects."""
+class LearnedOut(Described):
+    """The object models that were learned."""
 
-    object_models: Annotated[
-        dict[str, Annotated[dict[str, Any], AsObjectModel()]], Field(description="as the task now has them, by object")
-    ]
-    refused: Annotated[
-        dict[str, str], Field(description="why nothing was learned of an object; its poses come as before")
-    ]
-    episode_ids: Annotated[list[str], Field(description="from which was learned")]
-
-
-class PoseOut(BaseModel):
-    """An object's pose in the world frame."""
-
-    name: str
-    position: list[float]
-    quaternion_xyzw: list[float] | None
-    confidence: float
-    reason: str
-    cameras: list[str]
+    object_models: dict[str, Annotated[dict[str, Any], AsObjectModel()]]
+    """all object models that the task now has, by object name"""
+    refused: dict[str, str]
+    """by object name, the reason why no model was learned; its poses are found as before"""
+    episode_ids: list[str]
+    """ids of the episodes that were learned from"""
 
 
-class RefusalOut(BaseModel):
-    """Why an object is not found."""
+class RefusalOut(Described):
+    """The reason why an object was not found."""
 
     message: str
-    valid: Annotated[str | None, Field(description="what would help")]
+    valid: str | None
+    """what would help to find it"""
 
 
-class TriedEpisodeOut(BaseModel):
-    """What a model makes of an episode; both null where the episode has no images with color and depth."""
+class TriedEpisodeOut(Described):
+    """The pose found in an episode, or the reason why none was; both are null without color and depth images."""
 
     episode_id: str
     pose: PoseOut | None
     refusal: RefusalOut | None
 
 
-class TriedModelOut(BaseModel):
-    """Where a model finds its object, by episode in their order."""
+class TriedModelOut(Described):
+    """Where a model finds its object, in the order of the episode ids."""
 
     episodes: list[TriedEpisodeOut]
 
 
-class PosesOut(BaseModel):
-    """One pose per object, in the order asked."""
+class PosesOut(Described):
+    """One pose per object, in the order of the request."""
 
     poses: list[PoseOut]
 
 
 def _several(value: object) -> object:
-    """A lone pixel as a list of one."""
+    """Return a single pixel as a list of one."""
     is_pixel = isinstance(value, list | tuple) and value and not isinstance(value[0], list | tuple)
     return [value] if is_pixel else value
 
@@ -119,70 +114,55 @@ class LabelBody(RequestModel):
     `mask_ids` of the mask images that the episode has, which may be left out where the episode says them.
     """
 
+    model_config = examples.shown(examples.LABEL)
+
     object: Name
-    episode_id: Annotated[
-        str | None, Field(max_length=64, description="whose first images they are; null: those sent with `cameras`")
-    ] = None
-    cameras: Annotated[
-        list[CameraIn],
-        Field(default_factory=list, max_length=16, description="of images sent as parts rgb_NAME, depth_NAME"),
-    ]
-    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64, description="ids of its pixels in mask images")] = ()
-    clicks: Annotated[
-        dict[str, Pixels],
-        Field(default_factory=dict, max_length=16, description="by camera a pixel of the object, or several"),
-    ]
-    clicks_off: Annotated[
-        dict[str, Pixels],
-        Field(default_factory=dict, max_length=16, description="by camera pixels of what is not the object"),
-    ]
-    boxes: Annotated[
-        dict[str, Box], Field(default_factory=dict, max_length=16, description="by camera a box around the object")
-    ]
+    episode_id: Annotated[str | None, Field(max_length=64)] = None
+    """episode whose first images are labeled; null: the images sent with `cameras`"""
+    cameras: Annotated[list[CameraIn], Field(default_factory=list, max_length=16)]
+    """cameras of the images that are sent as parts rgb_NAME, depth_NAME"""
+    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64)] = ()
+    """ids of the object's pixels in mask images"""
+    clicks: Annotated[dict[str, Pixels], Field(default_factory=dict, max_length=16)]
+    """by camera name: one or more pixels on the object"""
+    clicks_off: Annotated[dict[str, Pixels], Field(default_factory=dict, max_length=16)]
+    """by camera name: pixels that are not on the object"""
+    boxes: Annotated[dict[str, Box], Field(default_factory=dict, max_length=16)]
+    """by camera name: a box around the object"""
     polygons: Annotated[
-        dict[str, Annotated[list[Pixel], Field(max_length=1000)]],
-        Field(default_factory=dict, max_length=16, description="by camera three or more corners around the object"),
+        dict[str, Annotated[list[Pixel], Field(max_length=1000)]], Field(default_factory=dict, max_length=16)
     ]
-    yaw_deg: Annotated[
-        Number | None,
-        Field(ge=-360, le=360, description="of its x axis about the vertical, to within ten degrees; null: searched"),
-    ] = None
+    """by camera name: a polygon around the object, three or more corners"""
+    yaw_deg: Annotated[Number | None, Field(ge=-360, le=360)] = None
+    """yaw of the object's x axis, accurate to ten degrees; null: it is searched for"""
 
-    arrows: Annotated[
-        dict[str, tuple[Pixel, Pixel]],
-        Field(
-            default_factory=dict,
-            max_length=1,
-            description="by camera tail and head of an arrow along the object's x axis, in place of yaw_deg",
-        ),
-    ]
+    arrows: Annotated[dict[str, tuple[Pixel, Pixel]], Field(default_factory=dict, max_length=1)]
+    """by camera name: tail and head of an arrow along the object's x axis, instead of yaw_deg"""
 
 
-class PreviewedCamera(BaseModel):
-    """A camera of a preview."""
+class LabeledCamera(Described):
+    """The size of a label's mask in one camera."""
 
     name: str
-    num_pixels: Annotated[int, Field(description="of the object's mask")]
-    outlines: Annotated[
-        list[list[tuple[float, float]]], Field(description="of the mask: corners [x, y]; one within another is a hole")
-    ]
+    num_pixels: int
+    """size of the object's mask, pixels"""
 
 
-class LabelPreviewOut(BaseModel):
-    """What a label would say."""
+class PreviewedCamera(LabeledCamera):
+    """The mask that a label would have in one camera."""
+
+    outlines: list[list[tuple[float, float]]]
+    """polygons around the mask, corners [x, y]; a polygon inside another is a hole"""
+
+
+class LabelPreviewOut(Described):
+    """The label that would be stored."""
 
     cameras: list[PreviewedCamera]
     yaw_deg: float | None
 
 
-class LabeledCamera(BaseModel):
-    """A camera of a label."""
-
-    name: str
-    num_pixels: Annotated[int, Field(description="of the object's mask")]
-
-
-class LabelOut(BaseModel):
+class LabelOut(Described):
     """A labeled view of an object."""
 
     id: str
@@ -194,27 +174,30 @@ class LabelOut(BaseModel):
     created_at: datetime
 
 
-class LabelList(BaseModel):
-    """A task's labels, the first one first."""
+class LabelList(Described):
+    """A task's labels, oldest first."""
 
     labels: list[LabelOut]
 
 
 class LearnLabelsBody(RequestModel):
-    """Which object to learn."""
+    """The object to learn from its labels."""
+
+    model_config = examples.shown(examples.LEARN_LABELS)
 
     object: Name
     symmetric: Symmetric = "none"
-    yaw_may_be_unknown: Annotated[
-        Truth, Field(description="give a pose without rotation where the images do not decide the yaw")
-    ] = False
+    yaw_may_be_unknown: Truth = False
+    """true: answer a pose without rotation if the images do not determine the yaw"""
 
-    dry_run: Annotated[Truth, Field(description="answer the model, and leave the task as it is")] = False
+    dry_run: Truth = False
+    """true: answer the model and leave the task unchanged"""
 
 
-class LearnedLabelsOut(BaseModel):
-    """What was learned of an object: its model, which the task now has unless it was a dry run."""
+class LearnedLabelsOut(Described):
+    """The learned object model. The task now has it, unless it was a dry run."""
 
     object: str
     model: Annotated[dict[str, Any], AsObjectModel()]
-    advice: Annotated[str, Field(description="what would make it surer; empty if nothing")]
+    advice: str
+    """what would make the model more reliable; empty if nothing"""

@@ -1,4 +1,4 @@
-"""What the service answers about predictions and about a check of a task's demonstrations."""
+"""Answers about predictions, and about a check of a task's demonstrations."""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -8,22 +8,22 @@ from pydantic import BaseModel, Field
 from app.api.schemas.responses import Bins, FindingOut, ObservedObjectOut
 from app.pipeline.keyframes import Rule
 
-Errors = Annotated[list[float], Field(description="of each row; empty where there is nothing to compare")]
+Errors = Annotated[list[float], Field(description="one number for each row; empty if there is nothing to compare with")]
 
 
 class RowCheckOut(BaseModel):
-    """A row of a plan: each demonstration's action held against where the others predict it."""
+    """A row of a plan: how well each demonstration's action is predicted from the other demonstrations."""
 
-    objects: Annotated[list[str], Field(description="which the row follows; empty if it follows none")]
+    objects: Annotated[list[str], Field(description="objects that the row is relative to; empty if none")]
     frame: Literal["w", "o", "ow", "wo", "world", "start"]
     gripper_open: bool
-    switches: Annotated[bool, Field(description="whether the gripper opens or closes there")]
-    error_cm: Annotated[float | None, Field(description="of the median demonstration; null without others")]
+    switches: Annotated[bool, Field(description="whether the gripper opens or closes at this row")]
+    error_cm: Annotated[float | None, Field(description="median over the demonstrations; null if there is only one")]
     error_deg: float | None
     worst_cm: float | None
     worst_deg: float | None
     worst_episode_id: str | None
-    varies_cm: Annotated[float, Field(description="how far the row is from its usual place in the world")]
+    varies_cm: Annotated[float, Field(description="how much the row's position varies in the world frame")]
     varies_deg: float
 
 
@@ -37,48 +37,56 @@ class EpisodeCheckOut(BaseModel):
     ]
     error_cm: Errors
     error_deg: Errors
-    path_cm: Annotated[float, Field(description="how far the recorded hand is at most from the keyframes' way")]
+    path_cm: Annotated[
+        float, Field(description="largest distance of the recorded path from the straight path through the keyframes")
+    ]
     unlike_others: bool
 
 
 class PlanCheckOut(BaseModel):
-    """Demonstrations that ask for the same and do it in the same rows."""
+    """Demonstrations of the same instruction with the same rows."""
 
     instructions: list[str]
-    shown: Annotated[bool, Field(description="whether prompts show the plan; they leave a rare one out")]
+    shown: Annotated[bool, Field(description="whether prompts show this plan; a rare plan is left out")]
     rows: list[RowCheckOut]
     episodes: list[EpisodeCheckOut]
 
 
 class ReplyCheckOut(BaseModel):
-    """What the model replied for a demonstration that it was not shown."""
+    """The model's reply for a demonstration that it was not shown."""
 
     episode_id: str
-    num_actions: Annotated[int | None, Field(description="null where the reply gave none")]
+    num_actions: Annotated[int | None, Field(description="null if the reply has no valid actions")]
     error_cm: Errors
     error_deg: Errors
     problem: Annotated[str | None, Field(description="why the actions cannot be compared")]
-    wrong: Annotated[bool, Field(description="whether a robot that did as it says would do something else")]
+    wrong: Annotated[
+        bool, Field(description="whether a robot that follows the reply would not do what the demonstration does")
+    ]
 
 
 class TaskCheckOut(BaseModel):
     """A task's demonstrations, each predicted from the others before a robot moves."""
 
     task: str
-    rule: Annotated[Rule, Field(description="of the keyframes")]
+    rule: Annotated[Rule, Field(description="rule by which keyframes were found")]
     num_episodes: int
-    num_checked: Annotated[int, Field(description="the task's first")]
-    findings: Annotated[list[FindingOut], Field(description="what would go wrong and what to do, the severest first")]
-    plans: Annotated[list[PlanCheckOut], Field(description="those with most demonstrations first")]
-    unlike_episode_ids: Annotated[list[str], Field(description="of demonstrations that do not do as the others")]
-    model: Annotated[str | None, Field(description="that was asked; null if none was")]
-    replies: Annotated[list[ReplyCheckOut], Field(description="of that model; empty without one")]
+    num_checked: Annotated[int, Field(description="number of demonstrations that were checked, the task's first")]
+    findings: Annotated[
+        list[FindingOut], Field(description="what would go wrong and what to do about it, most severe first")
+    ]
+    plans: Annotated[list[PlanCheckOut], Field(description="in order of their number of demonstrations, largest first")]
+    unlike_episode_ids: Annotated[
+        list[str], Field(description="ids of outliers: demonstrations that differ from the others of their plan")
+    ]
+    model: Annotated[str | None, Field(description="LLM that was asked; null if none was")]
+    replies: Annotated[list[ReplyCheckOut], Field(description="replies of that LLM; empty if none was asked")]
 
 
 class AnchorOut(BaseModel):
-    """What an action is relative to: the robot that sees the object move can move the action with it."""
+    """The frame that an action is relative to. If the object moves, a robot can move the action with it."""
 
-    object: Annotated[str | None, Field(description="null for the frames world and start")]
+    object: Annotated[str | None, Field(description="null if the frame is world or start")]
     frame: Annotated[
         Literal["w", "o", "ow", "wo", "world", "start"],
         Field(
@@ -89,7 +97,7 @@ class AnchorOut(BaseModel):
     ]
     offset_m: Annotated[list[float], Field(description="(3) from the origin, along these axes")]
     rotation_xyzw: Annotated[list[float], Field(description="(4) from these axes")]
-    tolerance_m: Annotated[float, Field(description="within which most demonstrations lie")]
+    tolerance_m: Annotated[float, Field(description="spread of the demonstrations: most of them lie within it")]
     tolerance_deg: float
 
 
@@ -101,18 +109,20 @@ class ActionOut(BaseModel):
     gripper_open: bool
     bins: Bins
     clamped: bool
-    anchor: Annotated[AnchorOut | None, Field(description="null where no demonstrated row is known")] = None
+    anchor: Annotated[AnchorOut | None, Field(description="null if no demonstrated row corresponds to the action")] = (
+        None
+    )
 
 
 class PromptOut(BaseModel):
-    """What the LLM read."""
+    """The prompt that the LLM read."""
 
     system: str
     user: str
 
 
 class UsageOut(BaseModel):
-    """Tokens; cached ones were not evaluated again."""
+    """Numbers of tokens. Cached tokens were not evaluated again."""
 
     prompt_tokens: int
     cached_tokens: int
@@ -124,24 +134,24 @@ class SampleOut(BaseModel):
 
     seed: int
     reply_text: str | None
-    num_actions: Annotated[int | None, Field(description="null where the reply is not a list of valid actions")]
-    used: Annotated[bool, Field(description="whether it goes the way of the reply that counts")]
+    num_actions: Annotated[int | None, Field(description="null if the reply is not a list of valid actions")]
+    used: Annotated[bool, Field(description="whether the reply agrees with the one that was chosen")]
     error: str | None
 
 
 class SamplesOut(BaseModel):
-    """Several replies to a question; the actions are those of the one that most are like."""
+    """Several replies to one question; the actions are those of the reply that agrees with most others."""
 
     asked: int
     used: int
     replies: list[SampleOut]
 
 
-Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
+Samples = Annotated[SamplesOut | None, Field(description="null if only one reply was asked for")]
 
 
 class GroundingOut(BaseModel):
-    """What a phrase of the instruction was taken for."""
+    """The object that a phrase of the instruction stands for, and how it was recognized."""
 
     phrase: str
     object: str
@@ -152,72 +162,69 @@ class UnderstoodOut(BaseModel):
     """How the instruction was understood."""
 
     canonical_instruction: Annotated[
-        str | None, Field(description="what prompts say: the objects by their names, in the form of a taught one")
+        str | None,
+        Field(description="the instruction in the prompt: in the form of a demonstrated one, with the objects' names"),
     ]
     grounding: list[GroundingOut]
 
 
 DemonstrationIds = Annotated[
     list[str],
-    Field(description="that the prompt was made of; rows in which they agree may be shown of three of them only"),
+    Field(description="demonstrations of the prompt; if they have the same rows, the text may show only three of them"),
 ]
 ShownPrompt = Annotated[
-    PromptOut | None, Field(description="null for a key that may not read the demonstrations in it (scope read)")
+    PromptOut | None, Field(description="null if the API key may not read demonstrations (scope read)")
 ]
 
 
 class StepOut(BaseModel):
-    """What `POST /predict` is to be asked for next."""
+    """One step: task and instruction for `POST /predict`."""
 
     task: str
-    instruction: Annotated[str, Field(description="in the words of the task")]
+    instruction: Annotated[str, Field(description="in the words of the task's demonstrations")]
 
 
 class PlanOut(BaseModel):
-    """The steps of a sentence, in the order in which they are done."""
+    """The steps of a sentence, in the order in which the robot does them."""
 
     steps: list[StepOut]
 
 
-class PredictionOut(UnderstoodOut):
-    """Actions for the robot, and where they come from."""
+class AskedOut(UnderstoodOut):
+    """What a prediction and a dry run have in common."""
 
-    id: str
     task: str
-    actions: list[ActionOut]
-    objects: Annotated[list[ObservedObjectOut], Field(description="as they were observed, in the task's order")]
+    objects: Annotated[list[ObservedObjectOut], Field(description="observed objects, in the task's order")]
     model: str
     representation: str
     prompt_format: str
     demonstration_ids: DemonstrationIds
     prompt: ShownPrompt
-    prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
+    prefix_hash: Annotated[str, Field(description="digest of the prompt without the query, which an LLM's cache keeps")]
+    timings_ms: dict[str, float]
+    findings: Annotated[list[FindingOut], Field(description="doubts to look at before the robot moves")] = []
+
+
+class PredictionOut(AskedOut):
+    """Actions for the robot, and the prompt and reply that they come from."""
+
+    id: str
+    actions: list[ActionOut]
     reply_text: str
     usage: UsageOut
-    timings_ms: dict[str, float]
     samples: Samples = None
-    findings: Annotated[list[FindingOut], Field(description="what deserves a look before the robot moves")] = []
 
 
-class DryRunOut(UnderstoodOut):
-    """The prompt as an LLM would read it."""
+class DryRunOut(AskedOut):
+    """The prompt that an LLM would read."""
 
     id: None = None
-    task: str
-    objects: list[ObservedObjectOut]
-    model: str
-    representation: str
-    prompt_format: str
-    demonstration_ids: DemonstrationIds
     prompt: PromptOut
-    prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     grammar: str | None
-    findings: list[FindingOut] = []
-    timings_ms: dict[str, float]
 
 
 class OutcomeOut(BaseModel):
-    """How the robot fared."""
+    """Whether the robot succeeded."""
 
     success: bool
     note: str | None
@@ -225,7 +232,7 @@ class OutcomeOut(BaseModel):
 
 
 class StoredPrediction(UnderstoodOut):
-    """A prediction as it was recorded, also where it failed."""
+    """A recorded prediction, which may have failed."""
 
     id: str
     task: str
@@ -240,14 +247,16 @@ class StoredPrediction(UnderstoodOut):
     reply_text: str | None
     actions: list[ActionOut] | None
     objects: list[ObservedObjectOut]
-    cameras: Annotated[list[str], Field(description="whose images were sent")]
+    cameras: Annotated[list[str], Field(description="names of the cameras whose images were sent")]
     usage: dict[str, int]
     timings_ms: dict[str, float]
     samples: Samples = None
-    findings: Annotated[list[FindingOut], Field(description="what deserves a look, causes first")]
+    findings: Annotated[list[FindingOut], Field(description="doubts, causes before effects")]
     request: dict[str, Any]
     outcome: OutcomeOut | None
-    key_id: Annotated[str | None, Field(description="of the API key that asked for it, where keys are required")] = None
+    key_id: Annotated[
+        str | None, Field(description="id of the API key that asked for it; null if keys are not required")
+    ] = None
     created_at: datetime
 
 

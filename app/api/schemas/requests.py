@@ -1,4 +1,4 @@
-"""What robots send."""
+"""Bodies of requests: episodes, predictions, plans, runs and outcomes."""
 
 import json
 from typing import Annotated, Any
@@ -26,11 +26,17 @@ Name = Annotated[str, Field(min_length=1, max_length=64)]
 MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
 Note = Annotated[str, Field(max_length=500), AfterValidator(plain_text)]
-LEFT_OUT = "whether it is kept, but shown in no prompt"
+LEFT_OUT = "true: the episode is kept, but no prompt shows it"
 
 
-class RequestModel(BaseModel):
-    """Strict about names: a misspelled field is an error, not silence."""
+class Described(BaseModel):
+    """A model whose fields are described in the OpenAPI document by the texts below them."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class RequestModel(Described):
+    """Refuses unknown fields, so that a misspelled one is an error."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -46,12 +52,15 @@ class ObjectIn(RequestModel):
     """An object of the scene: its pose in the world frame where the robot knows it, or its ids in the mask images."""
 
     name: Name
-    position: Annotated[Position | None, Field(description="meters, world frame")] = None
-    quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
-    mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
+    position: Position | None = None
+    """meters, world frame"""
+    quaternion_xyzw: Quaternion | None = None
+    """unit quaternion, world frame"""
+    mask_ids: Annotated[list[MaskId], Field(max_length=64)] = []
+    """ids of the object's pixels in mask_NAME"""
 
     def query(self) -> ObjectQuery:
-        """As perception wants it."""
+        """Return the object as a query for a pose estimator."""
         return ObjectQuery(self.name, self.position, self.quaternion_xyzw, tuple(self.mask_ids))
 
 
@@ -62,7 +71,8 @@ class Intrinsics(RequestModel):
     fy: Pixels
     cx: Pixels
     cy: Pixels
-    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given"), WHOLE] = None
+    width: Annotated[int | None, Field(gt=0), WHOLE] = None
+    """of the images, pixels; if given, images of another size are refused"""
     height: Annotated[int | None, Field(gt=0), WHOLE] = None
 
 
@@ -71,19 +81,13 @@ class CameraIn(RequestModel):
 
     name: Name
     intrinsics: Intrinsics
-    camera_to_world: Annotated[
-        tuple[Row4, Row4, Row4, Row4],
-        Field(
-            description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, meters"
-        ),
-    ]
-    depth_scale: Annotated[
-        Number,
-        Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M, description="meters per unit of a 16-bit depth image"),
-    ] = 0.001
+    camera_to_world: tuple[Row4, Row4, Row4, Row4]
+    """4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, meters"""
+    depth_scale: Annotated[Number, Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M)] = 0.001
+    """meters per unit of a 16-bit depth image"""
 
     def camera(self) -> Camera:
-        """As the pipeline wants it."""
+        """Return the camera as the pipeline's type."""
         k = self.intrinsics
         size = (k.width, k.height) if k.width is not None and k.height is not None else None
         return Camera(self.name, k.fx, k.fy, k.cx, k.cy, np.array(self.camera_to_world), self.depth_scale, size)
@@ -92,159 +96,139 @@ class CameraIn(RequestModel):
 class EpisodeMetadata(RequestModel):
     """The part `metadata` of an upload."""
 
-    model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.SAMPLE_METADATA]}
-    )
+    model_config = examples.shown(examples.SAMPLE_METADATA)
 
     task: Name
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    control_frequency_hz: Annotated[
-        Number,
-        Field(
-            ge=MIN_FREQUENCY_HZ,
-            le=MAX_FREQUENCY_HZ,
-            description="of a trajectory without timestamps; with them the measured rate is stored",
-        ),
-    ] = 20.0
-    prediction_id: Annotated[
-        str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
-    ] = None
-    extra: Annotated[
-        dict[str, Any],
-        AfterValidator(_short_json),
-        Field(
-            description="kept with the episode, at most 64 kB; `commanded_positions` (T, 3), where the hand was sent,"
-            " may show contact, and the rest is not interpreted"
-        ),
-    ] = {}
+    control_frequency_hz: Annotated[Number, Field(ge=MIN_FREQUENCY_HZ, le=MAX_FREQUENCY_HZ)] = 20.0
+    """rate of a trajectory without timestamps; with timestamps the measured rate is stored"""
+    prediction_id: Annotated[str | None, Field(max_length=64)] = None
+    """id of the prediction of this task that the robot carried out in this episode"""
+    extra: Annotated[dict[str, Any], AfterValidator(_short_json)] = {}
+    """any JSON to keep with the episode, at most 64 kB. Only `commanded_positions` (T, 3), the commanded hand
+    positions, is interpreted: it may show contact"""
     left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
-    note: Annotated[Note, Field(description="for people")] = ""
-    uploaded_instruction: Annotated[
-        Instruction | None, Field(description="of an episode whose instruction was corrected elsewhere: the first one")
-    ] = None
+    note: Note = ""
+    """a remark for people"""
+    uploaded_instruction: Instruction | None = None
+    """the first instruction, if it was corrected before this upload"""
 
 
 class EpisodeEdit(RequestModel):
-    """What to correct of an episode; what is not named, or null, stays."""
+    """Corrections of an episode; a field that is left out or null stays as it is."""
+
+    model_config = examples.shown(examples.EDIT)
 
     instruction: Instruction | None = None
     left_out: Annotated[Truth | None, Field(description=LEFT_OUT)] = None
-    note: Annotated[Note | None, Field(description="for people; empty for none")] = None
+    note: Note | None = None
+    """a remark for people; empty removes it"""
 
 
 class TrajectoryIn(RequestModel):
     """The trajectory of a JSON upload; in multipart it is the .npz part `trajectory` with the same arrays."""
 
-    end_effector_positions: Annotated[list[list[Number]], Field(description="(T, 3) m, world frame")]
-    end_effector_quaternions_xyzw: Annotated[list[list[Number]], Field(description="(T, 4), world frame")]
-    gripper_open: Annotated[
-        list[float] | None,
-        Field(
-            description="(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have"
-            " come to rest), e.g. their width above or below the middle between its extremes. Commands come earlier;"
-            " both are the same where the arm rests while it grasps. Suction: 0 while it holds. No gripper: 1"
-        ),
-    ] = None
-    gripper_width: Annotated[
-        list[Number] | None,
-        Field(description="(T,) m between the fingers, measured; instead of gripper_open or beside it"),
-    ] = None
-    joint_velocities: Annotated[
-        list[list[Number]] | None,
-        Field(description="(T, J) rad/s; left out they follow from joint_positions and timestamps"),
-    ] = None
-    timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
-    joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, J) rad")] = None
-    object_positions: Annotated[
-        list[list[list[Number]]] | None,
-        Field(description="(T, N, 3) m, of the objects in their order; show what the hand pushes or carries"),
-    ] = None
-    object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
-    wrenches: Annotated[
-        list[list[Number]] | None,
-        Field(description="(T, 6) N and Nm that act on the hand, along the world's axes: kept, not interpreted"),
-    ] = None
+    end_effector_positions: list[list[Number]]
+    """(T, 3) m, world frame"""
+    end_effector_quaternions_xyzw: list[list[Number]]
+    """(T, 4), world frame"""
+    gripper_open: list[float] | None = None
+    """(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have come to rest),
+    e.g. their width above or below the middle between its extremes. Commands come earlier; both are the same where
+    the arm rests while it grasps. Suction: 0 while it holds. No gripper: 1"""
+    gripper_width: list[Number] | None = None
+    """(T,) measured distance between the fingers, m; instead of gripper_open or with it"""
+    joint_velocities: list[list[Number]] | None = None
+    """(T, J) rad/s; if left out, computed from joint_positions and timestamps"""
+    timestamps: list[Number] | None = None
+    """(T,) s"""
+    joint_positions: list[list[Number]] | None = None
+    """(T, J) rad"""
+    object_positions: list[list[list[Number]]] | None = None
+    """(T, N, 3) m, of the objects in the order of metadata; they show what the hand pushes or carries"""
+    object_quaternions_xyzw: list[list[list[Number]]] | None = None
+    """(T, N, 4)"""
+    wrenches: list[list[Number]] | None = None
+    """(T, 6) force in N and torque in Nm on the hand, along the world's axes; only kept"""
 
 
-class EpisodeJson(BaseModel):
+class EpisodeJson(Described):
     """An upload as one JSON document; images are further fields rgb_NAME, depth_NAME, mask_NAME in base64."""
 
-    model_config = ConfigDict(extra="allow", json_schema_extra={"examples": [examples.EPISODE]})
+    model_config = ConfigDict(extra="allow") | examples.shown(examples.EPISODE)
 
     metadata: EpisodeMetadata
     trajectory: TrajectoryIn
 
 
 class EndEffectorIn(RequestModel):
-    """Where the robot's end effector is now."""
+    """The present pose of the robot's end effector."""
 
-    position: Annotated[Position, Field(description="meters, world frame")]
-    quaternion_xyzw: Annotated[Quaternion, Field(description="unit quaternion, world frame")]
+    position: Position
+    """meters, world frame"""
+    quaternion_xyzw: Quaternion
+    """unit quaternion, world frame"""
 
     def pose(self) -> Pose:
-        """As the pipeline wants it; raises InvalidInputError for a quaternion that is none of unit length."""
+        """Return the pose; raise InvalidInputError unless the quaternion has unit length."""
         unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
         return Pose(self.position, tuple(unit.tolist()))
 
 
 class RunBody(RequestModel):
-    """Where a robot is with what it carries out."""
+    """The state of a robot that carries out an instruction."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = examples.shown(examples.RUN)
 
     task: Name
     instruction: Instruction
-    prediction_id: Annotated[str | None, Field(max_length=64, description="left out while it is not known")] = None
-    action: Annotated[int | None, Field(ge=1, le=1000, description="the one that is carried out, from 1"), WHOLE] = None
-    target: Annotated[EndEffectorIn | None, Field(description="of that action")] = None
-    end_effector: Annotated[EndEffectorIn | None, Field(description="where it is, measured")] = None
-    joint_positions: Annotated[list[Number] | None, Field(max_length=16, description="rad")] = None
+    prediction_id: Annotated[str | None, Field(max_length=64)] = None
+    """left out before the prediction has an id"""
+    action: Annotated[int | None, Field(ge=1, le=1000), WHOLE] = None
+    """number of the action under way, from 1"""
+    target: EndEffectorIn | None = None
+    """target pose of that action"""
+    end_effector: EndEffectorIn | None = None
+    """measured pose"""
+    joint_positions: Annotated[list[Number] | None, Field(max_length=16)] = None
+    """rad"""
     gripper_open: Truth | None = None
 
 
 class PredictBody(PredictOptions, RequestModel):
-    """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
+    """An observation, an instruction and options. Options that are left out come from the task, then from the model."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PREDICT]})
+    model_config = examples.shown(examples.PREDICT)
 
-    task: Annotated[
-        Name | None,
-        Field(
-            description="left out: the one task of exactly these objects that does what the instruction says; the "
-            "answer names it. Refused where none does, or several do"
-        ),
-    ] = None
+    task: Name | None = None
+    """if left out, the service looks for the one task that has exactly these objects and does what the instruction
+    says, and the answer names it; no such task, or several, is an error"""
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    end_effector: Annotated[
-        EndEffectorIn | None,
-        Field(
-            description="the first action's way begins here; required where the task's motion_limits bound steps "
-            "(max_step_m, max_step_rotation_deg)"
-        ),
-    ] = None
-    dry_run: Annotated[Truth, Field(description="answer with the prompt, ask no LLM")] = False
+    end_effector: EndEffectorIn | None = None
+    """the present pose, where the motion to the first action begins. Required if the task's motion_limits have
+    max_step_m or max_step_rotation_deg"""
+    dry_run: Truth = False
+    """true: answer with the prompt and ask no LLM"""
 
 
 class PlanBody(RequestModel):
-    """What a person asks for, of tasks that were taught apart, and what is there."""
+    """A sentence over several tasks, and the objects of the scene."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PLAN]})
+    model_config = examples.shown(examples.PLAN)
 
     instruction: Instruction
-    objects: Annotated[
-        list[ObjectIn],
-        Field(min_length=1, max_length=64, description="all of the scene; words of place need positions"),
-    ]
+    objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
+    """all objects of the scene; words such as 'left' need positions"""
 
 
 class OutcomeBody(RequestModel):
-    """How the robot fared with a prediction."""
+    """Whether the robot succeeded with a prediction."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
+    model_config = examples.shown(examples.OUTCOME)
 
     success: Truth
     note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None

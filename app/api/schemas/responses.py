@@ -1,6 +1,6 @@
-"""What the service answers. Routes build these documents themselves; a test holds them against the models.
+"""Answers about episodes, tasks, jobs, runs and models.
 
-Every answer carries its doubts in one form.
+Routes build these documents themselves (`app.api.documents`); a test compares them with these models.
 """
 
 from datetime import datetime
@@ -14,14 +14,14 @@ Bins = Annotated[list[int], Field(description="x y z (0..99), roll pitch yaw (0.
 
 
 class FindingOut(BaseModel):
-    """A doubt: what deserves a look, and the numbers behind it as further members."""
+    """A doubt about a recording, a scene or actions. Further members have the numbers behind it."""
 
     model_config = ConfigDict(extra="allow")
 
     code: str
     severity: Literal["info", "warning", "danger"]
     message: str
-    where: Annotated[str, Field(description="path of what it is about; empty for the whole")]
+    where: Annotated[str, Field(description="path of the field that it is about; empty if it is about all of it")]
 
 
 class KeyframeOut(BaseModel):
@@ -32,29 +32,38 @@ class KeyframeOut(BaseModel):
     quaternion_xyzw: list[float]
     gripper_open: bool
     bins: Bins
-    clamped: Annotated[bool, Field(description="the position lies outside the workspace; its bins are at the edge")]
+    clamped: Annotated[
+        bool, Field(description="true: the position lies outside the workspace, and its bins are at the edge")
+    ]
 
 
-class ObservedObjectOut(BaseModel):
-    """An object's pose as it was estimated."""
+class PoseOut(BaseModel):
+    """The estimated pose of an object in the world frame."""
 
     name: str
     position: list[float]
     quaternion_xyzw: list[float] | None
+    cameras: Annotated[list[str], Field(description="names of the cameras that see it")]
+    confidence: Annotated[float, Field(ge=0, le=1, description="the estimator's confidence in its result")]
+    reason: Annotated[str, Field(description="what lowered the confidence; empty if nothing")]
+
+
+class ObservedObjectOut(PoseOut):
+    """The estimated pose of an object, and the estimator that found it."""
+
     estimator: str
-    cameras: Annotated[list[str], Field(description="in whose images it was found")]
-    confidence: Annotated[float, Field(ge=0, le=1, description="as the estimator judges its own result")]
-    reason: Annotated[str, Field(description="what lowered the confidence or deserves a look; empty if nothing")]
 
 
 class ObjectOut(ObservedObjectOut):
     """An object of an episode."""
 
-    bins: Annotated[list[int], Field(description="three, or six where the rotation is known")]
+    bins: Annotated[
+        list[int], Field(description="three bins of the position, and three of the rotation if it is known")
+    ]
 
 
 class ListedEpisode(BaseModel):
-    """A stored episode and what was extracted from it; the texts are in the paper's representation."""
+    """A stored episode, its keyframes and object poses; the texts have the paper's representation."""
 
     id: str
     task: str
@@ -64,17 +73,21 @@ class ListedEpisode(BaseModel):
     keyframes: list[KeyframeOut]
     objects: list[ObjectOut]
     cameras: list[str]
-    prediction_id: Annotated[str | None, Field(description="of the prediction that the robot carried out here")]
-    left_out: Annotated[bool, Field(description="kept, but shown in no prompt")]
+    prediction_id: Annotated[
+        str | None, Field(description="id of the prediction that the robot carried out in this episode")
+    ]
+    left_out: Annotated[bool, Field(description="true: the episode is kept, but no prompt shows it")]
     note: str
-    uploaded_instruction: Annotated[str | None, Field(description="null unless the instruction was corrected since")]
+    uploaded_instruction: Annotated[
+        str | None, Field(description="instruction of the upload, if it was corrected since; else null")
+    ]
     observation_text: str
     actions_text: str
     created_at: datetime
 
 
 class EpisodeOut(ListedEpisode):
-    """An episode with what else was uploaded."""
+    """An episode with the `extra` of its upload."""
 
     extra: dict[str, Any]
 
@@ -82,11 +95,11 @@ class EpisodeOut(ListedEpisode):
 class UploadedEpisodeOut(EpisodeOut):
     """An episode that was just uploaded."""
 
-    findings: Annotated[list[FindingOut], Field(description="what in the recording deserves a look")]
+    findings: Annotated[list[FindingOut], Field(description="doubts about the recording")]
 
 
 class UploadOut(BaseModel):
-    """What an upload made."""
+    """The episode that an upload made."""
 
     episode_id: str
 
@@ -99,13 +112,15 @@ class EpisodePage(BaseModel):
 
 
 class TaskOut(TaskSettings):
-    """A task: its settings, and what is stored of it."""
+    """A task: its settings, objects and number of episodes."""
 
     name: str
     version: int
     object_names: list[str] | None
     num_episodes: int
-    note: Annotated[str, Field(description="what the settings do not reach; empty if nothing, and in lists")] = ""
+    note: Annotated[
+        str, Field(description="which episodes the settings do not apply to; empty if all, and in lists")
+    ] = ""
 
 
 class TaskList(BaseModel):
@@ -115,52 +130,56 @@ class TaskList(BaseModel):
 
 
 class StandingOut(BaseModel):
-    """How predictions ended. Rate and interval are of those whose outcome a robot reported."""
+    """How predictions ended. Success rate and interval count only predictions with a reported outcome."""
 
     predictions: int
-    errors: Annotated[int, Field(description="without actions: the LLM failed, or its reply was not valid")]
+    errors: Annotated[int, Field(description="predictions without actions: the LLM failed, or its reply was not valid")]
     successes: int
     failures: int
-    success_rate: Annotated[float | None, Field(description="null where no outcome was reported")]
-    interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the true success rate")]
+    success_rate: Annotated[float | None, Field(description="null if no outcome was reported")]
+    interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the success rate")]
 
 
 class ConfigurationOut(StandingOut):
-    """A way to ask, and how robots fared with it."""
+    """A configuration of model and prompt, and how its predictions ended."""
 
-    id: Annotated[str, Field(description="for `compare`")]
+    id: Annotated[str, Field(description="id for the query parameter `compare`")]
     model: str
     representation: str
     prompt_format: str
-    selection: Annotated[str | None, Field(description="null where the request named its episodes")]
+    selection: Annotated[str | None, Field(description="null if the request named its episodes")]
     num_demonstrations: int
     num_samples: int
-    is_yardstick: Annotated[bool, Field(description="replies are computed without an LLM, to hold models against")]
-    llm_ms: Annotated[float | None, Field(description="what the median of the latest replies took")]
-    tokens: Annotated[tuple[float, float] | None, Field(description="medians of the latest prompts and replies")]
+    is_yardstick: Annotated[bool, Field(description="true: a baseline that computes replies without an LLM")]
+    llm_ms: Annotated[float | None, Field(description="median duration of the latest replies")]
+    tokens: Annotated[
+        tuple[float, float] | None, Field(description="median numbers of tokens of the latest prompts and replies")
+    ]
 
 
 class ComparisonOut(BaseModel):
-    """Two configurations by their outcomes, the k-th of one with the k-th of the other."""
+    """Two configurations compared by pairs of outcomes: the k-th of one with the k-th of the other."""
 
     one: str
     other: str
-    one_alone: Annotated[int, Field(description="pairs in which only the one succeeded")]
+    one_alone: Annotated[int, Field(description="number of pairs in which only `one` succeeded")]
     other_alone: int
     alike: int
     difference: Annotated[
         tuple[float, float],
-        Field(description="95 % bounds of the one's rate minus the other's, which hold at every moment at once"),
+        Field(description="95 % bounds of the rate of `one` minus that of `other`, valid at every number of pairs"),
     ]
-    evidence: Annotated[float, Field(description="against equal rates; from 20 on they differ, with 95 % confidence")]
+    evidence: Annotated[
+        float, Field(description="evidence against equal rates; at 20 or more they differ with 95 % confidence")
+    ]
     may_stop: bool
     pairs_until_decided: Annotated[
-        int | None, Field(description="about how many more decide it if it goes on so; null where they may never")
+        int | None, Field(description="estimate of how many more pairs will decide it; null if they may never")
     ]
 
 
 class TaskStatsOut(StandingOut):
-    """A task's predictions together, and by configuration, the surest success first."""
+    """A task's predictions together and by configuration, most reliable success first."""
 
     task: str
     configurations: list[ConfigurationOut]
@@ -168,30 +187,30 @@ class TaskStatsOut(StandingOut):
 
 
 class RunOut(BaseModel):
-    """A robot that carries something out; `state` is what it said last."""
+    """A robot at work; `state` is its last report."""
 
     id: str
     task: str
     state: dict[str, Any]
-    stop: Annotated[bool, Field(description="whether somebody stopped it")]
+    stop: Annotated[bool, Field(description="true: the run was stopped")]
     created_at: datetime
     heard_at: datetime
 
 
 class RunList(BaseModel):
-    """The robots that were heard of within a minute, the longest under way first."""
+    """Runs that were reported within the last minute, oldest first."""
 
     runs: list[RunOut]
 
 
 class RunAnswer(BaseModel):
-    """Whether the robot shall stop."""
+    """Whether the robot must stop."""
 
-    stop: Annotated[bool, Field(description="hold still at once, and carry out nothing more of this run")]
+    stop: Annotated[bool, Field(description="true: stop at once, and carry out nothing more of this run")]
 
 
 class JobOut(BaseModel):
-    """The re-extraction of a task's episodes with changed settings, which hold when it is done."""
+    """The re-extraction of a task's episodes with changed settings, which take effect when it is done."""
 
     id: str
     task: str
@@ -216,15 +235,15 @@ class ModelOut(BaseModel):
 
     name: str
     available: bool
-    reason: Annotated[str | None, Field(description="what to install or set, where it is not available")]
+    reason: Annotated[str | None, Field(description="if it is not available: what to install or set")]
     style: Literal["completion", "chat"]
     grammar: bool
     representation: str
     prompt_format: str
     system_prompt: str
     description: str
-    timeout_s: Annotated[float, Field(description="the deadline of a request that names none")]
-    reading_s: Annotated[float, Field(description="what that is longer for each 1,000 characters of the prompt")]
+    timeout_s: Annotated[float, Field(description="default timeout of a request")]
+    reading_s: Annotated[float, Field(description="added to the timeout for each 1,000 characters of the prompt")]
     default: bool
 
 
@@ -235,14 +254,14 @@ class ModelList(BaseModel):
 
 
 class Health(BaseModel):
-    """Whether the service lives, or is ready, and what it waits for."""
+    """Whether the service runs or is ready, and what it waits for."""
 
     status: Literal["ok", "starting"]
     checks: dict[str, str]
 
 
 class FieldError(BaseModel):
-    """One thing that is wrong with a request."""
+    """An error of one field of a request."""
 
     field: str
     message: str

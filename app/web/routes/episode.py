@@ -181,7 +181,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
 
 
 def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, str]:
-    """Representation and format of a request that names none, and who wants it so."""
+    """Return the default representation and format of a request, and whether task or model sets them."""
     try:
         profile = services.models.profile(services.default_model)
     except LanguageModelError as error:

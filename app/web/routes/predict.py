@@ -23,7 +23,6 @@ from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.spans import prompt_spans
 from app.services.predict.question import Question
 from app.services.predict.request import PredictOptions, Selection
-from app.services.scene_images import stored_image
 from app.services.task_settings import PromptFormat, Representation, TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeRecord, TaskRecord
@@ -151,12 +150,12 @@ def predict_page(request: Request, services: Wired, task: Id = "", episode: Id =
 
 @documents.get("/ui/predict/scenes/{episode_id}")
 def episode_scene(services: Wired, episode_id: str) -> Response:
-    """What a request needs to look at an episode's first frame again."""
+    """Cameras, addresses of images and mask ids of an episode's first frame, for a request that uses them again."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
         form = form_of_task(connection, record.task, episode_id)
     images = {
-        f"{kind}_{camera.name}": f"/ui/predict/scenes/{episode_id}/{quote(camera.name)}/{kind}"
+        f"{kind}_{camera.name}": f"/episodes/{episode_id}/images/{quote(camera.name, safe='')}/{kind}?original=true"
         for camera in record.cameras
         for kind in get_args(ImageKind)
         if camera.digest(kind) is not None
@@ -164,15 +163,6 @@ def episode_scene(services: Wired, episode_id: str) -> Response:
     mask_ids = {item.name: item.mask_ids for item in form.objects}
     document = {"cameras": form.camera_documents, "images": images, "mask_ids": mask_ids}
     return JSONResponse(document, headers=HEADERS)
-
-
-@documents.get("/ui/predict/scenes/{episode_id}/{camera}/{kind}")
-def episode_image(services: Wired, episode_id: str, camera: str, kind: ImageKind) -> Response:
-    """An image of an episode's first frame, byte for byte as it was uploaded."""
-    with services.store.read() as connection:
-        record = episodes.get(connection, episode_id)
-    _, digest = stored_image(record.cameras, camera, kind, f"episode {episode_id}")
-    return Response(services.store.blobs.read(digest), media_type="application/octet-stream", headers=HEADERS)
 
 
 @documents.post("/ui/predict/prompt")

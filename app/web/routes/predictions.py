@@ -38,7 +38,7 @@ def predictions_page(
     order: Order = "successes",
     cursor: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Predictions and how each configuration fares.
+    """Predictions and the success of each configuration.
 
     Yardsticks are listed where they are asked for, by name too, and where no model was asked.
     """
@@ -89,7 +89,7 @@ def configurations_page(
     task: Text = "",
     ids: Annotated[list[str] | None, Query(alias="compare")] = None,
 ) -> Response:
-    """How each configuration fares, and those that were chosen against each other."""
+    """The success of each configuration, and a comparison of the chosen ones."""
     with services.store.read() as connection:
         stats = task_stats(connection, task or None)
         names = list(tasks.counts(connection))
@@ -110,8 +110,8 @@ def compare_page(
     request: Request, services: Wired, ids: Annotated[list[str] | None, Query(alias="id")] = None
 ) -> Response:
     """Two predictions and their configurations side by side."""
-    if ids is None or len(ids) != 2:
-        raise InvalidInputError("id", f"{len(ids or ())} predictions were chosen", "two")
+    if ids is None or len(ids) != 2 or ids[0] == ids[1]:
+        raise InvalidInputError("id", "does not name two different predictions", "?id=ONE&id=OTHER")
     with services.store.read() as connection:
         one, other = (view_prediction(connection, id_) for id_ in ids)
         compared = compare(connection, one, other)

@@ -1,4 +1,4 @@
-"""The tasks: what there is, how much of it, how it fares, and the list of their episodes with small pictures.
+"""The list of tasks with their success, a task's settings, and the list of episodes with small pictures.
 
 What a task's demonstrations make of each other is a page of its own, because it takes seconds. Uploads go by drag and
 drop; the scripts of that page send what they find to POST /episodes.
@@ -34,7 +34,7 @@ class TaskRow:
 
     Attributes:
         counts: of all its predictions.
-        of_models: the same without those of yardsticks, which models are held against.
+        of_models: the same without baselines (yardsticks).
         newest: its newest episode, if it has one, whose picture stands for it.
     """
 

@@ -1,4 +1,4 @@
-// A button that works once so many are chosen as it asks for: `data-least` and `data-most` of its form.
+// A button that works once the number of chosen items is within `data-least` and `data-most` of its form.
 
 for (const form of document.querySelectorAll("form[data-least]")) {
   const { least, most = Infinity } = form.dataset;

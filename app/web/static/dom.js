@@ -47,10 +47,10 @@ export function sayProblem(place, error) {
   place.replaceChildren(box);
 }
 
-/** What deserves a look, as pages made on the server list it; nothing if there is nothing. */
+/** Findings, as pages made on the server list it; nothing if there is nothing. */
 export function findings(found) {
   const entries = found.map(({ severity, code, message }) => {
-    const badge = element("span", { className: `badge ${severity === "info" ? "unknown" : "failure"}` }, severity);
+    const badge = element("span", { className: `badge ${{ info: "unknown", warning: "warning", danger: "failure" }[severity]}` }, severity);
     const text = element("span", { className: "block" }, message);
     return element("li", { className: severity }, badge, " ", element("strong", {}, code), text);
   });

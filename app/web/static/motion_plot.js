@@ -55,7 +55,7 @@ function speedOf(motion, rule) {
   return { name: "joint speed ‖q̇‖, rad/s", speeds: motion.speed_rad_s };
 }
 
-/** Round numbers from 0 to `end`, about so many. */
+/** About `number` round numbers from 0 to `end`. */
 function ticks(end, number) {
   const least = end / Math.max(1, number);
   const power = 10 ** Math.floor(Math.log10(least));

@@ -1,4 +1,4 @@
-// How the robot fared: the form of prediction_result.html.
+// The form of the outcome in prediction_result.html.
 
 import { call } from "./api.js";
 import { sayProblem } from "./dom.js";

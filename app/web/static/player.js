@@ -8,7 +8,7 @@ const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const STEP_S = 0.1;
 const players = new WeakMap();
 
-/** Let `view`, in which a scene is drawn, play `motion`; a player that was there goes. Without a motion there is none. */
+/** Add a player of `motion` to `view`, in which a scene is drawn; remove the present one. null: remove only. */
 export function mountPlayer(view, motion, marks_s = []) {
   players.get(view)?.remove();
   players.delete(view);

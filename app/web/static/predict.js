@@ -35,7 +35,8 @@ async function busy(text, work) {
   const clock = setInterval(tick, TICK_MS);
   for (const id of ["predict", "show"]) byId(id).disabled = true;
   byId("cancel").hidden = false;
-  byId("coming").hidden = true;
+  // a refused request must not stand above the prompt and the scene of the one before
+  for (const id of ["coming", "space", "part-instruction"]) byId(id).hidden = true;
   byId("result").replaceChildren();
   say(byId("state"), "busy", text);
   try {

@@ -1,4 +1,4 @@
-// One recorded prediction: its motion in 3D, and how the robot fared.
+// One recorded prediction: its motion in 3D, and its outcome.
 
 import { call } from "./api.js";
 import { data, sayProblem } from "./dom.js";

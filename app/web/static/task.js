@@ -13,7 +13,7 @@ let undone = null; // what brings back the settings before the last change
 function point(input, field) {
   const values = input.value.split(/[\s,]+/).filter(Boolean).map(Number);
   if (values.length === 3 && values.every(Number.isFinite)) return values;
-  const wrong = { field, message: `is “${input.value}”`, valid: "three numbers with blanks between them" };
+  const wrong = { field, message: `is "${input.value}"`, valid: "three numbers with blanks between them" };
   throw new ProblemError({ title: "The form is not complete", errors: [wrong] });
 }
 
@@ -61,7 +61,8 @@ function look() {
     drawScene(byId("space-view"), { ...scene, workspace, boxes: after.motion_limits.keep_out });
   } catch (error) {
     byId("apply").disabled = true;
-    byId("changes").replaceChildren(error.problem?.errors?.[0]?.message ?? String(error));
+    const [wrong] = error.problem?.errors ?? [];
+    byId("changes").replaceChildren(wrong ? `${wrong.field} ${wrong.message}. Valid: ${wrong.valid}` : String(error));
   }
 }
 

@@ -51,13 +51,13 @@ function ofParts(folder, parts) {
     for (const { file } of parts) body.append(file.name.replace(/\.\w+$/, ""), file);
     return { body };
   };
-  return { name: folder.replace(/\/$/, "") || "the files", request };
+  return { name: folder.replace(/\/$/, "") || "Chosen files", request };
 }
 
 /** The demonstration that a file holds by itself, or the reason why it holds none. `parts`: those of its folder. */
 async function alone({ path, file }, parts) {
   if (PART.test(file.name) && file.name !== "metadata.json") return { reason: `${missing(parts)} is not beside it` };
-  if (!file.name.endsWith(".json")) return { reason: "its name is none of a demonstration's files" };
+  if (!file.name.endsWith(".json")) return { reason: "its name is not that of a demonstration's file" };
   let document;
   try {
     document = JSON.parse(await file.text());

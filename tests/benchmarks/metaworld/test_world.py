@@ -249,7 +249,7 @@ def test_options_that_cannot_be(wrong, said):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (["--task", "juggle"], "'juggle' is none of assembly"),
+        (["--task", "juggle"], "'juggle' is not one of assembly"),
         (["--recordings", "continuous"], "is for the simulated Panda alone"),
         (["--method", "replay"], "expert replay: needs the simulated Panda"),
     ],

@@ -43,7 +43,7 @@ def test_the_embedded_llm_follows_the_demonstrations(page):
     page.set_default_timeout(120_000)
     predict(page, "embedded/gemma-3-270m")
     assert state(page, "good").startswith("3 actions in ")
-    assert "every action goes where the demonstrations go" in page.locator("#result").inner_text()
+    assert "every action is close to theirs" in page.locator("#result").inner_text()
     assert page.locator("#part-reply .action").count() == 3
     assert "of them cached" in page.locator("#part-reply").inner_text()
 
@@ -63,7 +63,7 @@ def test_the_reply_is_seen_while_it_comes_and_on_the_page_now(page, context, slo
     slow_provider.go_on.set()
     assert state(page, "good").startswith("3 actions in ")
     assert not page.get_by_role("button", name="Cancel").is_visible()
-    watching.get_by_text("No prediction has been under way").wait_for()
+    watching.get_by_text("No prediction is being computed").wait_for()
     watching.close()
 
 
@@ -95,13 +95,18 @@ def test_an_error_names_the_field(page):
     page.get_by_role("button", name="Show the prompt only").click()
     assert "objects[cube].quaternion_xyzw" in state(page, "bad")
     quaternion.fill("0 0 0 3")
-    page.expected_refusals = [422]
+    page.expected_refusals = [422, 422]
     page.get_by_role("button", name="Show the prompt only").click()
     until(page, "document.querySelector('#state').innerText.includes('unit')")
     quaternion.fill("")
     page.get_by_role("button", name="Show the prompt only").click()
     until(page, "document.querySelector('#state').innerText.includes('no LLM was asked')")
     assert page.locator("#prompt pre .action").count() == 3 * 3  # of four demonstrations with the same rows
+    quaternion.fill("1 2 3 4")
+    page.get_by_role("button", name="Show the prompt only").click()
+    until(page, "document.querySelector('#state').innerText.includes('unit')")
+    assert page.locator("#prompt").is_hidden(), "the prompt of an earlier request stands below the refusal"
+    assert page.locator("#space-view").is_hidden()
 
 
 def test_what_a_model_lacks_is_said(page):

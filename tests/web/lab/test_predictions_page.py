@@ -57,7 +57,7 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
     page.get_by_role("row", name="pick").get_by_role("link", name="1 failure").click()
     page.get_by_role("link", name="pick up the cube").click()
     page.wait_for_url(f"**/ui/predictions/{seeded['failure']}")
-    found = page.get_by_role("region", name="What deserves a look")
+    found = page.get_by_role("region", name="Findings")
     assert "cube lies 24 cm beyond the demonstrations along y" in found.inner_text()
     assert "from 0.000 to 0.060 m" in found.inner_text()
     found.get_by_role("link").first.click()
@@ -88,7 +88,7 @@ def test_page_api_and_comparison_show_the_same_findings(page, http, seeded):
     kept = http.get(f"/predictions/{seeded['failure']}").json()["findings"]
     assert [finding["code"] for finding in kept] == ["object-beyond-demonstrations", "unsupported-action"]
     page.goto(f"/ui/predictions/{seeded['failure']}")
-    shown = page.get_by_role("region", name="What deserves a look").get_by_role("listitem")
+    shown = page.get_by_role("region", name="Findings").get_by_role("listitem")
     assert shown.locator("strong").all_inner_texts() == [finding["code"] for finding in kept]
     for finding, text in zip(kept, shown.all_inner_texts(), strict=True):
         assert finding["message"] in text
@@ -133,7 +133,7 @@ def test_a_prediction_plays_before_a_robot_moves(page, http, seeded):
 def test_a_reply_that_is_no_list_of_actions_is_shown_with_its_error(page, seeded):
     page.goto(f"/ui/predictions/{seeded['refused']}")
     assert "I would rather not move today." in page.locator("#part-reply pre").inner_text()
-    assert "The reply is not a list of valid actions" in page.get_by_role("region", name="What deserves").inner_text()
+    assert "The reply is not a list of valid actions" in page.get_by_role("region", name="Findings").inner_text()
 
 
 def test_an_outcome_is_told_with_a_note(page, http):
@@ -169,15 +169,16 @@ def test_two_are_compared(page, seeded):
     assert page.get_by_role("region", name="Table of actions of both").get_by_role("row").count() == 4
 
 
-def test_one_alone_is_not_compared(page, seeded):
+@pytest.mark.parametrize("number", [1, 2])
+def test_one_alone_is_not_compared(page, seeded, number):
     page.expected_refusals = [422]
-    page.goto(f"/ui/predictions/compare?id={seeded['failure']}")
-    assert "1 predictions were chosen" in page.get_by_role("alert").inner_text()
+    page.goto("/ui/predictions/compare?" + "&".join([f"id={seeded['failure']}"] * number))
+    assert "does not name two different predictions" in page.get_by_role("alert").inner_text()
 
 
 def test_configurations_are_counted(page):
     page.goto("/ui/predictions?task=pick")
-    page.get_by_role("link", name="How each model and configuration fares").click()
+    page.get_by_role("link", name="Success of each model and configuration").click()
     page.wait_for_url("**/configurations?task=pick")
     table = page.get_by_role("table", name="Success of yardsticks")
     row = table.get_by_role("row").filter(has_text="regression").filter(has_text="object_frame")
