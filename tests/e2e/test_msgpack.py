@@ -1,4 +1,4 @@
-"""Observations as MessagePack: the same answers as multipart, and nothing hostile gets in."""
+"""Observations as MessagePack: the same answers as multipart. tests/attack/hostile_documents.py has what is refused."""
 
 import msgpack
 import numpy as np
@@ -48,23 +48,6 @@ def test_client_sends_it(url, task):
     with RoboPromptClient(url, compress=False) as client:
         predicted = client.predict(task, INSTRUCTION, Observation((), frames(SCENE), tuple(MODELS)), model="nearest")
     assert_found(predicted.response["objects"], SCENE)
-
-
-# tests/attack/hostile_documents.py has more that is no MessagePack.
-FAULTS = {
-    "no map": (msgpack.packb([1, 2]), 400),
-    "a list that claims to be long": (b"\x81\xa4task\xdd\xff\xff\xff\xff", 400),
-    "deep": (b"\x81\xa4task" + b"\x91" * 100_000 + b"\x01", 400),
-    "a number as key": (b"\x81\x01\x02", 400),
-    "an image that is text": (msgpack.packb({"rgb_front": "file.png"}), 422),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_faults_are_problems(http, fault):
-    body, status = FAULTS[fault]
-    response = send(http, body)
-    assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
 
 
 def test_an_array_of_another_kind_is_refused_by_what_reads_it(http, task):
