@@ -117,6 +117,10 @@ BODIES = {
     "a content type of 10 kB": sent(WHOLE, 415, headers={"content-type": "a/" + "b" * 10_000}),
     "JSON in gzip": sent(gzip.compress(WHOLE), headers=GZIP),
     "a gzip bomb": posted("/episodes", gzip.compress(b" " * 20_000_000), 400, None, GZIP),
+    "MessagePack of a list": sent(msgpack.packb([1, 2]), headers=MSGPACK),
+    "MessagePack with text for an image": posted(
+        "/predict", msgpack.packb({**QUESTION, "rgb_c": "c.png"}), 422, "rgb_c", MSGPACK
+    ),
     "MessagePack with the same key twice": packed(b"\xa4seed\x01\xa4seed\xa1x", members=2),
     "MessagePack with NaN": packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan")), 422, "temperature"),
     "MessagePack with a timestamp": packed(b"\xa4seed\xd6\xff\0\0\0\0"),
