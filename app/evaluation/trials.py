@@ -170,16 +170,14 @@ def _plan_oracle(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
 
 def _planned(runner: TrialRunner, trial: Trial, plan: Callable[..., Actions], *arguments: object) -> Trial:
     """Return the trial after planning a program and carrying out the plan."""
-    started = time.perf_counter()
+    started_s = time.perf_counter()
+    if trial.answer is not None:
+        started_s -= trial.answer["timings_ms"]["total"] / 1000
     try:
         actions = call(runner.executor, plan, *arguments)
     except ProgramRefusedError as error:
-        return replace(trial, error=str(error), predict_s=_asked_s(trial) + time.perf_counter() - started)
-    return runner.execute(replace(trial, predict_s=_asked_s(trial) + time.perf_counter() - started), actions)
-
-
-def _asked_s(trial: Trial) -> float:
-    return 0.0 if trial.answer is None else float(trial.answer["timings_ms"]["total"]) / 1000
+        return replace(trial, error=str(error), predict_s=time.perf_counter() - started_s)
+    return runner.execute(replace(trial, predict_s=time.perf_counter() - started_s), actions)
 
 
 SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView], Trial]] = {

@@ -2,28 +2,19 @@
 
 from contextlib import contextmanager
 
-import pytest
 from sqlalchemy import event
 
 from app.api.routes.episodes import list_episodes
 from app.api.routes.tasks import list_tasks
 from app.services.task_settings import TaskSettings
-from app.store.store import Store
-from tests.services.conftest import scripted  # noqa: F401  # a fixture
+from tests.services.conftest import scripted, store  # noqa: F401  # fixtures
 from tests.services.test_upload_episode import respond, upload
 
 
-@pytest.fixture
-def store(tmp_path):
-    store = Store.open(tmp_path)
-    yield store
-    store.close()
-
-
 @contextmanager
-def statements(store):
+def statements(opened):
     """The texts of the statements that are executed within."""
-    texts, engine = [], store._database.engine
+    texts, engine = [], opened._database.engine
 
     def noted(_connection, _cursor, statement, *_):
         texts.append(statement)

@@ -53,23 +53,14 @@ LIMITS = {
     "step of NaN": limits('{"max_step_m": NaN}'),
     "step of 1e309, which is infinite": limits('{"max_step_m": 1e309}'),
     "step of minus zero": limits('{"max_step_m": -0.0}'),
-    "step in a string": limits('{"max_step_m": "0.5"}'),
-    "step of true": limits('{"max_step_m": true}'),
-    "step in a list": limits('{"max_step_m": [0.5]}'),
-    "turn in a string": limits('{"max_step_rotation_deg": "NaN"}'),
-    "turn of true": limits('{"max_step_rotation_deg": true}'),
     "turn just above 180": limits('{"max_step_rotation_deg": 180.00000000000003}'),
     "turn below zero by a subnormal number": limits('{"max_step_rotation_deg": -5e-324}'),
-    "hand in a string": limits('{"hand_radius_m": "0"}'),
-    "hand of false": limits('{"hand_radius_m": false}'),
     "hand of null": limits('{"hand_radius_m": null}'),
     "hand of minus infinity": limits('{"hand_radius_m": -Infinity}'),
     "boxes, 10,000": limits(f'{{"keep_out": [{", ".join([BOX] * 10_000)}]}}', 413, None),
     "boxes, 65": limits(f'{{"keep_out": [{", ".join([BOX] * 65)}]}}'),
     "box with min above max": limits('{"keep_out": [{"min": [1, 1, 1], "max": [0, 0, 0]}]}'),
     "box without room on one axis": limits('{"keep_out": [{"min": [0, 0, 0], "max": [1, 1, -0.0]}]}'),
-    "box of strings": limits('{"keep_out": [{"min": ["0", "0", "0"], "max": ["1", "1", "1"]}]}'),
-    "box of truth values": limits('{"keep_out": [{"min": [false, false, false], "max": [true, true, true]}]}'),
     "box of null": limits('{"keep_out": [null]}'),
     "box without max": limits('{"keep_out": [{"min": [0, 0, 0]}]}'),
     "box of four axes": limits('{"keep_out": [{"min": [0, 0, 0, 0], "max": [1, 1, 1, 1]}]}'),
@@ -87,13 +78,11 @@ LIMITS = {
     "workspace wider than any float": settings(
         '{"workspace": {"min": [-1e308, -1e308, -1e308], "max": [1e308, 1e308, 1e308]}}', 422, "workspace"
     ),
-    "workspace of strings": settings('{"workspace": {"min": ["-1", "-1", "-1"]}}', 422, "workspace"),
     "workspace turned over": settings('{"workspace": {"min": [9, 9, 9]}}', 422, "workspace"),
     "workspace of a preset and a box": settings(
         '{"workspace": {"preset": "rlbench", "min": [0, 0, 0]}}', 422, "workspace"
     ),
     "robot base at 1e309": settings('{"robot_base": [1e309, 0, 0]}', 422, "robot_base"),
-    "robot base in a string": settings('{"robot_base": ["0", "0", "0"]}', 422, "robot_base"),
     "aliases that turn the direction of writing": settings('{"aliases": {"cube": ["\u202eebuc"]}}', 422, "aliases"),
     "a name of half a surrogate pair": settings(r'{"\ud800": 1}', 400),
 }
@@ -121,7 +110,6 @@ BODIES = {
     "lists 60 deep in extra": extra(60, 422, "task"),
     "lists 70 deep in extra": extra(70, 400),
     "a document of one string": sent(b'"' + b"a" * 1000 + b'"'),
-    "no document": sent(b""),
     "JSON that says it is MessagePack": sent(WHOLE, headers=MSGPACK),
     "MessagePack that says it is JSON": sent(msgpack.packb(QUESTION)),
     "JSON that says it is text": sent(WHOLE, 415, headers={"content-type": "text/plain"}),
@@ -129,6 +117,10 @@ BODIES = {
     "a content type of 10 kB": sent(WHOLE, 415, headers={"content-type": "a/" + "b" * 10_000}),
     "JSON in gzip": sent(gzip.compress(WHOLE), headers=GZIP),
     "a gzip bomb": posted("/episodes", gzip.compress(b" " * 20_000_000), 400, None, GZIP),
+    "MessagePack of a list": sent(msgpack.packb([1, 2]), headers=MSGPACK),
+    "MessagePack with text for an image": posted(
+        "/predict", msgpack.packb({**QUESTION, "rgb_c": "c.png"}), 422, "rgb_c", MSGPACK
+    ),
     "MessagePack with the same key twice": packed(b"\xa4seed\x01\xa4seed\xa1x", members=2),
     "MessagePack with NaN": packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan")), 422, "temperature"),
     "MessagePack with a timestamp": packed(b"\xa4seed\xd6\xff\0\0\0\0"),

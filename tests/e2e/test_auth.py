@@ -75,7 +75,11 @@ REQUESTS = {
         ("POST", "/tasks/none/labels/learn"),
     ],
     "predict": [("POST", "/predict"), ("POST", "/poses"), ("POST", "/predictions/none/outcome")],
-    "admin": [("PUT", "/tasks/other"), ("DELETE", "/episodes/none"), ("POST", "/nothing")],
+    "admin": [
+        ("PUT", "/tasks/other"),
+        *(("DELETE", f"/{items}/none") for items in ("episodes", "tasks", "predictions")),
+        ("POST", "/nothing"),
+    ],
 }
 EACH = [(scope, *request) for scope, requests in REQUESTS.items() for request in requests]
 

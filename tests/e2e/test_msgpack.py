@@ -1,4 +1,4 @@
-"""Observations as MessagePack: the same answers as multipart, and nothing hostile gets in."""
+"""Observations as MessagePack: the same answers as multipart. tests/attack/hostile_documents.py has what is refused."""
 
 import msgpack
 import numpy as np

@@ -20,7 +20,7 @@ from tests.evaluation.processes import alive, descendants
 from tests.forked import Forked
 
 TASKS = ("push_button", "open_drawer")
-NUM_TRIALS = 2 * 2 * 5  # tasks, seeds, methods
+NUM_TRIALS = 2 * 2 * 4  # tasks, seeds, methods
 PATIENCE_S = 90
 
 
@@ -147,7 +147,7 @@ def test_the_page_of_failures(tmp_path):
     page = run.report.read_text()
     (failed,) = [trial for trial in result.evaluation.tasks[0].trials if not trial.succeeded]
     assert failed.failure in page
-    assert len(list(run.report.parent.glob("images/*film.gif"))) == 2
+    assert len(list(run.report.parent.glob("images/*film.jpg"))) == 2
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from app.services.predict.known import KnownReader
 from app.services.predict.prefix import usual_prefixes
 from app.services.predict.warm import PrefixWarmer
 from app.store import predictions
-from app.store.store import Store
 from tests.store.drafts import episode_draft, prediction_draft, upload
 
 PROFILE = ModelProfile("slow", "completion", grammar=True, representation="object_frame", system_prompt="none")
@@ -41,13 +40,6 @@ class SlowModel:
             self.at_once -= 1
         self.finished.append(request.prompt.prefix)
         yield Completion("")
-
-
-@pytest.fixture
-def store(tmp_path):
-    opened = Store.open(tmp_path)
-    yield opened
-    opened.close()
 
 
 @asynccontextmanager

@@ -112,38 +112,23 @@ def test_one_job_of_a_task_at_a_time(services):
     assert (settings["num_demonstrations"], settings["keyframes"]["rule"]) == (3, "uniform")
 
 
-def test_what_comes_in_and_goes_meanwhile(services, monkeypatch):
-    extract, seen = extraction.extract_again, []
-
-    def extract_while_others_work(store, record, settings):
-        if not seen:
-            services.upload_episode(upload("cube"), respond)
-            with store.write() as connection:
-                episodes.remove(connection, record.id)
-        seen.append(record.id)
-        return extract(store, record, settings)
-
-    monkeypatch.setattr(extraction, "extract_again", extract_while_others_work)
-    job = begin(services)
-    services.run_jobs.run_next()
-    assert indices(services) == [[10, 20]] * 5
-    assert job_of(services, job).status == "done"
-
-
-def test_a_batch_of_which_every_episode_is_deleted_meanwhile(services, monkeypatch):
+@pytest.mark.parametrize(("num_added", "num_removed"), [(1, 1), (0, 2)], ids=["one of each", "a whole batch"])
+def test_episodes_that_are_added_and_removed_meanwhile(services, monkeypatch, num_added, num_removed):
     extract, extracted = extraction.extract_again, []
 
-    def extract_what_is_gone(store, record, settings):
-        if len(extracted) < 2:
+    def extract_while_others_work(store, record, settings):
+        if len(extracted) < num_added:
+            services.upload_episode(upload("cube"), respond)
+        if len(extracted) < num_removed:
             with store.write() as connection:
                 episodes.remove(connection, record.id)
         extracted.append(record.id)
         return extract(store, record, settings)
 
-    monkeypatch.setattr(extraction, "extract_again", extract_what_is_gone)
+    monkeypatch.setattr(extraction, "extract_again", extract_while_others_work)
     job = begin(services)
     services.run_jobs.run_next()
-    assert indices(services) == [[10, 20]] * 3
+    assert indices(services) == [[10, 20]] * (5 + num_added - num_removed)
     assert job_of(services, job).status == "done"
 
 
