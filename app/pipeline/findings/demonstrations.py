@@ -173,9 +173,9 @@ class Taught:
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
             left_out = [id(item) not in self._shown_off_m for item in alike]
-            yield from ways_findings(alike, self.round_objects, declared=self.several_ways)
+            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
+            yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
             yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
-            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
             yield from path_findings([hand.kept for hand in hands])
             yield from hand_findings(alike, hands)
