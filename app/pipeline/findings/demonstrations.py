@@ -12,6 +12,7 @@ from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings,
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
 from app.pipeline.findings.places import ShownScenes
+from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.ways import ways_findings
@@ -116,7 +117,13 @@ class Taught:
         if (known := self._known.get((form, number, asked.objects))) is None:
             scattered = scatter_findings(self.support, asked, self.round_objects)
             dropped = dropping_findings(self.hands) if number > 1 and not form else ()
-            known = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
+            known = (
+                *self._of_forms(form),
+                *scattered,
+                *turning_findings(self.support, asked),
+                *dropped,
+                *objects_order_findings(self.demonstrations),
+            )
             self._known[form, number, asked.objects] = known
         return known
 

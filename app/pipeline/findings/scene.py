@@ -11,6 +11,7 @@ from app.pipeline.findings import SEVERITIES, Finding, rules, worst_severity
 from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
+    MANY,
     MIN_DEMONSTRATIONS,
     ShownPlaces,
     ShownScenes,
@@ -171,7 +172,8 @@ def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
         f"{pose.name} is turned by {beyond_deg:.0f} degrees beyond the demonstrations, which have it within"
         f" {range_deg:.0f} degrees."
     )
-    return rules.TURNED.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
+    rule = rules.TURNED_BEYOND_MANY if places.number >= MANY else rules.TURNED
+    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
 
 
 def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tuple[Finding, ...]:

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding
+from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
 from roboprompt_client.arrays import Array
@@ -21,18 +21,12 @@ MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
 MAX_RATE_RATIO = 20.0  # of joint velocities to those that joint positions show: 57 where they are degrees
 MIN_HAND_M_PER_RAD = 0.02  # how far a turning joint moves or turns the hand, at the least
 MAX_JOINT_RAD = 4 * np.pi
-UPRIGHT_DEG = 5.0
-OFF_UPRIGHT_DEG = 20.0
-DOWN_DEG = 10.0
-APPROACH_M = 0.05  # before a grasp or release the hand moves along its own z axis
-ALONG_DEG, ACROSS_DEG = 25.0, 60.0
 MAX_CAMERA_M = 20.0  # from the hand
 NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
 FEW_FRAMES = 5
 MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # so many poses, so far apart, no person waits for
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
 MIN_OPENING_M = 0.003
-UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # of a hand that does something
 UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
@@ -53,9 +47,8 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
     _check_tracks(motion.trajectory, objects)
     _check_fingers(motion.trajectory)
     _check_joints(motion)
-    _check_objects_order(objects)
-    _check_approaches(motion)
-    _check_hand_order(motion.trajectory.quaternions_xyzw)
+    check_objects_order(objects)
+    check_hand_order(motion)
 
 
 def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
@@ -68,6 +61,7 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
         message = f"The recording has {len(trajectory)} frames: how the hand moves between them is not known."
         numbers = {"num_frames": len(trajectory)}
         yield Finding("few-frames", "warning", message, "trajectory", numbers)
+    yield from tilted_about_x_findings(objects)
     away_m = {
         pose.name: float(np.linalg.norm(trajectory.positions_m - pose.position_m, axis=1).min()) for pose in objects
     }
@@ -80,11 +74,8 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
         yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
 
 
-def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, under_way: bool = False) -> None:
+def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
     """Refuse observed objects whose positions are not in meters, seen from the workspace of their task.
-
-    Args:
-        under_way: whether the robot has begun to move: what it holds may be tilted.
 
     Raises:
         InvalidInputError: as `check_recording`.
@@ -95,8 +86,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace, *, un
             if away_m > MAX_AWAY_M and workspace.contains(pose.position_m / factor):
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame")
-    if not under_way:
-        _check_objects_order(objects)
+    check_objects_order(objects)
 
 
 def _check_moves(motion: Motion) -> None:
@@ -183,62 +173,3 @@ def _beyond_positions(motion: Motion) -> bool:
     if not moving.any():
         return False
     return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)
-
-
-def _check_hand_order(quaternions: Array) -> None:
-    """Refuse a hand that would point straight down if w came first."""
-    as_read, as_meant = _off_way_deg(quaternions, DOWN), _off_way_deg(np.roll(quaternions, -1, axis=1), DOWN)
-    turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
-    if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
-        message = "are a hand that points straight down only if w comes first"
-        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
-
-
-def _check_approaches(motion: Motion) -> None:
-    """Refuse a hand that would move the way it points before each grasp and release if w came first.
-
-    A hand that points down as it is read may move across before it closes, to push. None grasps pointing up.
-    """
-    positions_m, frames = motion.trajectory.positions_m, [switch.frame for switch in motion.switches]
-    ways = [(frame, way_m) for frame in frames if (way_m := _approach(positions_m[: frame + 1])) is not None]
-    if not ways:
-        return
-    quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
-    directions = np.array([way_m for _, way_m in ways])
-    as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
-    may_be_right = _off_way_deg(quaternions, DOWN).max() < OFF_UPRIGHT_DEG
-    points_up = _off_way_deg(np.roll(quaternions, -1, axis=1), UP).min() < ACROSS_DEG
-    if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
-        message = "are a hand that moves the way it points before it grasps only if w comes first"
-        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
-
-
-def _approach(positions_m: Array) -> Array | None:
-    """(3,) the last `APPROACH_M` of a way; None if it is shorter."""
-    away_m = np.linalg.norm(positions_m - positions_m[-1], axis=1)
-    before = np.flatnonzero(away_m >= APPROACH_M)
-    if not len(before):
-        return None
-    way_m: Array = positions_m[-1] - positions_m[before[-1]]
-    return way_m
-
-
-def _off_way_deg(quaternions_xyzw: Array, ways_m: Array) -> Array:
-    """(N,) angles between the rotations' z axes and ways (N, 3), or one way (3,)."""
-    axes = Rotation.from_quat(quaternions_xyzw).apply([0.0, 0.0, 1.0])
-    along = (axes * ways_m).sum(axis=1) / np.linalg.norm(ways_m, axis=-1)
-    angles: Array = np.degrees(np.arccos(np.clip(along, -1, 1)))
-    return angles
-
-
-def _check_objects_order(objects: Sequence[ObjectPose]) -> None:
-    """Refuse objects that would stand upright if w came first."""
-    turned = [pose for pose in objects if pose.quaternion_xyzw is not None]
-    if not turned:
-        return
-    quaternions = np.array([pose.quaternion_xyzw for pose in turned])
-    as_read, as_meant = _off_way_deg(quaternions, UP), _off_way_deg(np.roll(quaternions, -1, axis=1), UP)
-    if as_read.max() > OFF_UPRIGHT_DEG and as_meant.max() < UPRIGHT_DEG:
-        place = int(np.argmax(as_read))
-        message = f"is {quaternions[place].round(4).tolist()}: upright only if w comes first"
-        raise InvalidInputError(f"objects[{turned[place].name}].quaternion_xyzw", message, "order x y z w")

@@ -83,8 +83,8 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
         raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
     queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
-    own, under_way = [pose for pose in poses if pose.name in names], request.options.after is not None
-    check_scene_units(own, settings.workspace.workspace(), under_way=under_way)
+    own = [pose for pose in poses if pose.name in names]
+    check_scene_units(own, settings.workspace.workspace())
     by_name = {pose.name: pose for pose in settings.canonical(poses)}
     return Scene(
         tuple(by_name[name] for name in names if name in by_name),
