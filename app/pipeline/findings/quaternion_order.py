@@ -6,6 +6,7 @@ Read as x y z w, a rotation about the vertical with w first is a rotation about 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
@@ -103,19 +104,12 @@ def check_objects_order(objects: Sequence[ObjectPose]) -> None:
         raise InvalidInputError(f"objects[{turned[place].name}].quaternion_xyzw", message, "order x y z w")
 
 
-def tilted_about_x_findings(objects: Sequence[ObjectPose]) -> Iterator[Finding]:
-    """Yield one finding for the objects that would be upright if w came first."""
+def tilted_about_x(objects: Sequence[ObjectPose]) -> tuple[str, ...]:
+    """Return the names of the objects that are tilted, and would be upright if w came first."""
     known = [pose for pose in objects if pose.quaternion_xyzw is not None]
     quaternions = np.array([pose.quaternion_xyzw for pose in known]).reshape(-1, 4)
     only_if = (_off_way_deg(quaternions, UP) > OFF_UPRIGHT_DEG) & _upright_if_w_first(quaternions)
-    names = [pose.name for pose, is_tilted in zip(known, only_if, strict=True) if is_tilted]
-    if names:
-        message = (
-            f"By its quaternion {', '.join(names)} is tilted about the x axis, and upright if w comes first. If it"
-            " stands upright, send quaternions in the order x y z w."
-        )
-        where = f"objects[{names[0]}].quaternion_xyzw"
-        yield Finding("tilted-about-x", "warning", message, where, {"num_objects": len(names)})
+    return tuple(pose.name for pose, is_tilted in zip(known, only_if, strict=True) if is_tilted)
 
 
 def objects_order_findings(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]:
@@ -141,13 +135,13 @@ def objects_order_findings(demonstrations: Sequence[Demonstration]) -> Iterator[
             yield from OBJECT_W_FIRST.findings(share, message, f"objects[{name}]", {"share": share})
 
 
-def _is_inclined(tilts_deg: Array) -> Array:
+def _is_inclined(tilts_deg: Array) -> npt.NDArray[np.bool_]:
     """Return (N,) bool: tilted, but neither lying on a side nor upside down."""
-    inclined: Array = (tilts_deg > OFF_UPRIGHT_DEG) & (np.abs((tilts_deg + 45) % 90 - 45) > ALIKE_DEG)
+    inclined: npt.NDArray[np.bool_] = (tilts_deg > OFF_UPRIGHT_DEG) & (np.abs((tilts_deg + 45) % 90 - 45) > ALIKE_DEG)
     return inclined
 
 
-def _upright_if_w_first(quaternions: Array) -> Array:
+def _upright_if_w_first(quaternions: Array) -> npt.NDArray[np.bool_]:
     """Return (N,) bool of quaternions (N, 4)."""
-    upright: Array = _off_way_deg(np.roll(quaternions, -1, axis=1), UP) < UPRIGHT_DEG
+    upright: npt.NDArray[np.bool_] = _off_way_deg(np.roll(quaternions, -1, axis=1), UP) < UPRIGHT_DEG
     return upright

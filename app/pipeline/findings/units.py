@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.pipeline.findings import Finding
-from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x_findings
+from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
 from roboprompt_client.arrays import Array
@@ -61,7 +61,13 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
         message = f"The recording has {len(trajectory)} frames: how the hand moves between them is not known."
         numbers = {"num_frames": len(trajectory)}
         yield Finding("few-frames", "warning", message, "trajectory", numbers)
-    yield from tilted_about_x_findings(objects)
+    if tilted := tilted_about_x(objects):
+        message = (
+            f"By its quaternion {', '.join(tilted)} is tilted about the x axis, and upright if w comes first. If it"
+            " stands upright, send quaternions in the order x y z w."
+        )
+        where = f"objects[{tilted[0]}].quaternion_xyzw"
+        yield Finding("tilted-about-x", "warning", message, where, {"num_objects": len(tilted)})
     away_m = {
         pose.name: float(np.linalg.norm(trajectory.positions_m - pose.position_m, axis=1).min()) for pose in objects
     }
