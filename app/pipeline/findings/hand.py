@@ -109,7 +109,7 @@ class RecordedHand:
         nearest_m: the least distance from any object.
         still_comes: whether it has that distance in the last frame alone: it is on its way to the object.
         may_hold: the objects so near to its first pose that it may hold them from the start.
-        reversals: how often it strokes to and fro.
+        reversals: how often it reverses its direction of motion.
     """
 
     kept: Kept

@@ -1,4 +1,4 @@
-"""Recordings without motion, and numbers that can only be meant in other units, are refused with the likely cause."""
+"""Refuses recordings without motion and numbers in other units, naming the likely cause."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,29 +14,29 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 MAX_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
-MAX_AWAY_M = 3.0  # of an object from all places where the hand was
-MAX_JOINT_RAD_S = 30.0  # several times what arms turn
+MAX_AWAY_M = 3.0  # the distance of an object from the hand's path
+MAX_JOINT_RAD_S = 30.0  # several times the speed of an arm
 FAST_JOINT_RAD_S = 2.0
 MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
-MAX_RATE_RATIO = 20.0  # of joint velocities to those that joint positions show: 57 where they are degrees
-MIN_HAND_M_PER_RAD = 0.02  # how far a turning joint moves or turns the hand, at the least
+MAX_RATE_RATIO = 20.0  # of joint velocities to the derivative of joint positions: 57 if they are in degrees
+MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
 MAX_JOINT_RAD = 4 * np.pi
 MAX_CAMERA_M = 20.0  # from the hand
-NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
+NEAR_OBJECT_M = 0.3  # the farthest in correct recordings was 0.07 m, from a door's hinge
 FEW_FRAMES = 5
-MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # so many poses, so far apart, no person waits for
-MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
+MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # no recording has this many frames this far apart
+MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times an estimator's error
 MIN_OPENING_M = 0.003
-MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # of a hand that does something
+MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # a hand that moves less does nothing
 UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
 
 def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
-    """Refuse a recording in which nothing happens, or whose numbers are not meters, radians and quaternions xyzw.
+    """Refuse a recording without motion, or whose numbers are not meters, radians and quaternions xyzw.
 
     Args:
-        objects: those whose poses came with the recording.
-        cameras: that saw its first frame.
+        objects: the given poses.
+        cameras: those of the first frame's images.
 
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
@@ -52,13 +52,13 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
 
 
 def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
-    """What is likely another frame or rate, but may be meant.
+    """Yield findings about units, frames and rates that are probably wrong, but may be meant.
 
     Args:
-        objects: as they were given or found at the first frame.
+        objects: as given, or found at the first frame.
     """
     if len(trajectory) < FEW_FRAMES:
-        message = f"The recording has {len(trajectory)} frames: how the hand moves between them is not known."
+        message = f"The recording has only {len(trajectory)} frames. Record at a higher rate."
         numbers = {"num_frames": len(trajectory)}
         yield Finding("few-frames", "warning", message, "trajectory", numbers)
     if tilted := tilted_about_x(objects):
@@ -74,14 +74,14 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
     if away_m and min(away_m.values()) > NEAR_OBJECT_M:
         name = min(away_m, key=lambda name: away_m[name])
         message = (
-            f"The hand comes no nearer to any object than {away_m[name]:.2f} m ({name}): are positions of the hand and"
-            " of the objects in one frame, not one in the robot's base and the other in the world?"
+            f"The hand stays {away_m[name]:.2f} m or more away from every object (nearest: {name}). Give the positions"
+            " of hand and objects in one frame, not one in the robot's base and the other in the world."
         )
         yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
-    """Refuse observed objects whose positions are not in meters, seen from the workspace of their task.
+    """Refuse observed objects whose positions are not in meters, judged by the task's workspace.
 
     Raises:
         InvalidInputError: as `check_recording`.
@@ -170,7 +170,7 @@ def _check_joints(motion: Motion) -> None:
 
 
 def _beyond_positions(motion: Motion) -> bool:
-    """Whether joint velocities are many times what the joint positions show."""
+    """Return whether joint velocities are many times the derivative of the joint positions."""
     angles_rad = motion.trajectory.joint_positions_rad
     if angles_rad is None or len(motion) < FEW_FRAMES:
         return False
