@@ -42,7 +42,7 @@ def test_rows_that_stray_are_one_finding_with_the_farthest():
     (finding,) = action_findings([ActionDoubt(0, 0.012, 1.0, "cube"), ActionDoubt(2, 0.024, 9.0, "box")])
     assert (finding.code, finding.severity, finding.where) == ("straying-action", "info", "actions[0]")
     assert finding.message.startswith("Actions 1 and 3 are up to 2.4 cm and 9 degrees outside")
-    assert "seen from box" in finding.message
+    assert "relative to box" in finding.message
 
 
 def test_both_kinds_are_two_findings_the_danger_first():
