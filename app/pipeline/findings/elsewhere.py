@@ -19,7 +19,7 @@ from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 SCATTERS = 2.0  # within so many times a row's median scatter, a demonstration acts at the same place
 LISTED = 3  # ids that a message names

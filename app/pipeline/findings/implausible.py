@@ -20,8 +20,8 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
 
 # The first words of verbs, see `app.pipeline.order.verbs`
 PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})

@@ -16,8 +16,8 @@ from scipy.special import betaincinv
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.order.order import Order
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 Frame = Literal["w", "o", "ow", "wo", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
