@@ -13,9 +13,10 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import OBJECT_W_FIRST
 from app.pipeline.keyframes import Motion
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 UPRIGHT_DEG = 5.0
 OFF_UPRIGHT_DEG = 20.0

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.pipeline.plans.rows import WAY_SHARE
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.

@@ -12,7 +12,7 @@ from app.pipeline.findings.quaternion_order import (
     tilted_about_x,
 )
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 from tests.pipeline.scenes import action, demonstration
 
 

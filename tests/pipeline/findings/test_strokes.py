@@ -11,7 +11,7 @@ from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Recording, aligned_by_plan
 from app.services.predict.demonstrations import hands_of
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 from ..recordings import arrival_s, flowing, resting
 
