@@ -2,6 +2,7 @@
 
 import asyncio
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -35,8 +36,12 @@ def nut(place_m, yaw_deg):
     return ObjectQuery("nut", tuple(place_m), tuple(Rotation.from_euler("z", yaw_deg, degrees=True).as_quat())), peg
 
 
-def demonstration(place_m, yaw_deg, *, onto_peg):
-    """The nut lifted as it lies, or put onto the peg, turned to yaw 0 on the way."""
+def demonstration(place_m, yaw_deg, *, onto_peg, hand_deg=0.0):
+    """The nut lifted as it lies, or put onto the peg, turned to yaw 0 on the way.
+
+    Args:
+        hand_deg: by which the hand is turned about the nut throughout.
+    """
     grasp_m = place_m + Rotation.from_euler("z", yaw_deg, degrees=True).apply(HANDLE_M)
     release_m = PEG_M + HANDLE_M
     motion = pick_and_place(grasp_m, release_m, move=resting, start_m=(0.2, 0.0, 0.5))
@@ -45,7 +50,7 @@ def demonstration(place_m, yaw_deg, *, onto_peg):
         motion = replace(motion, knots=tuple(knot for knot in motion.knots if knot[0] <= lifted_s + 0.4))
     recorded = motion.at(20)
     yaws_deg = np.interp(recorded.timestamps_s, [lifted_s + 0.4, over_s], [yaw_deg, 0.0])
-    hands = (Rotation.from_euler("z", yaws_deg[:, None], degrees=True) * DOWN).as_quat()
+    hands = (Rotation.from_euler("z", hand_deg + yaws_deg[:, None], degrees=True) * DOWN).as_quat()
     instruction = "put the nut on the peg" if onto_peg else "lift the nut"
     trajectory = replace(recorded, quaternions_xyzw=hands)
     return Upload("nut", Episode(instruction, trajectory), nut(place_m, yaw_deg), {})
@@ -53,12 +58,12 @@ def demonstration(place_m, yaw_deg, *, onto_peg):
 
 @pytest.fixture
 def taught(store):
-    def teach(*, onto_peg=False, taught_deg=TAUGHT_DEG, **settings):
+    def teach(*, onto_peg=False, taught_deg=TAUGHT_DEG, hands_deg=(0.0,), **settings):
         models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
         services, random = Services.wire(store, models, "nearest"), np.random.default_rng(3)
-        for yaw_deg in taught_deg:
+        for yaw_deg, hand_deg in zip(taught_deg, cycle(hands_deg)):
             place_m = random.uniform([0.25, -0.3, 0.02], [0.5, -0.05, 0.02])
-            services.upload_episode(demonstration(place_m, yaw_deg, onto_peg=onto_peg), respond)
+            services.upload_episode(demonstration(place_m, yaw_deg, onto_peg=onto_peg, hand_deg=hand_deg), respond)
         if settings:
             services.configure_task("nut", settings)
         return services
@@ -114,6 +119,21 @@ def test_a_nut_that_is_turned_on_the_way_is_put_down_as_it_was_demonstrated(taug
         _, yaws_deg, findings, _ = predicted(services, yaw_deg, "put the nut on the peg")
         assert "gripper-turned" not in findings  # it would leave the demonstrated angles farther at the peg
         assert abs(yaws_deg[-1]) < 6
+
+
+@pytest.mark.parametrize("hands_deg", [(0.0, 180.0), (0.0, 0.0, 180.0), (0.0, 180.0, 180.0)])
+def test_demonstrations_that_are_half_a_turn_apart_are_one_way(taught, hands_deg):
+    services = taught(hands_deg=hands_deg, gripper_symmetry_deg=180)
+    for yaw_deg in (-40.0, 10.0):
+        _, yaws_deg, _, prediction = predicted(services, yaw_deg)
+        assert [finding for finding in prediction.findings if finding.severity == "danger"] == []
+        assert np.allclose((yaws_deg - yaw_deg + 90) % 180 - 90, 0, atol=6)
+        assert np.ptp(yaws_deg) < 6
+
+
+def test_without_the_setting_such_demonstrations_contradict_each_other(taught):
+    _, _, _, prediction = predicted(taught(hands_deg=(0.0, 180.0)), 10.0)
+    assert "danger" in {finding.severity for finding in prediction.findings}
 
 
 def test_a_known_arm_turns_the_gripper_where_it_gets_to_more_of_the_actions(taught):

@@ -1,4 +1,4 @@
-"""What demonstrations teach, found out before a robot moves: each is predicted from the others of its plan."""
+"""Leave-one-out check of a task's demonstrations: each is predicted from the others of its plan."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,10 +17,10 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 
 def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
-    """Predict each demonstration from the others, and say what in them deserves a look.
+    """Predict each demonstration from the others, and return the errors with findings about their causes.
 
     Args:
-        recordings: of one task, at least one; their demonstrations have ids, and the actions of the task's rule.
+        recordings: at least one, of one task; their demonstrations have ids, and the actions of the task's rule.
     """
     demonstrations = demonstrated(recordings)
     shown = {demonstration.id for demonstration in shown_together(demonstrations)}
@@ -59,7 +59,7 @@ def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[
 
 def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:
     manner = recording.manner
-    if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
+    if recording.rule.rule == "waypoints":  # which treats every recording as flowing
         manner = manner_of(recording.motion, recording.rule.delta_rad_s)
     actions, motion = demonstration.actions, recording.motion
     path_m = max(paths_left_m(motion, actions), default=0.0)
@@ -68,10 +68,9 @@ def _episode_check(recording: Recording, demonstration: Demonstration, errors: S
 
 
 def _left_out(row: PlanRow) -> list[Off]:
-    """How far each of at least two demonstrations is from where the others predict it.
+    """Return the error of each of at least two demonstrations, predicted by the robust center of the others.
 
-    The others' center is placed in the demonstration's own scene: distances and angles are the same there as seen from
-    what the row follows.
+    Both are relative to the row's anchor, where distances and angles are the same as in the demonstration's scene.
     """
     offs = []
     for place, (offset_m, rotation) in enumerate(zip(row.offsets_m, row.rotations, strict=True)):
@@ -82,7 +81,7 @@ def _left_out(row: PlanRow) -> list[Off]:
 
 
 def _variation(actions: Sequence[EndEffectorAction]) -> Off:
-    """How far the median action is from the actions' center in the world."""
+    """Return the median distance of actions from their robust center in the world frame."""
     positions_m = np.array([action.position_m for action in actions])
     rotations = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     center_m, mean = robust_center(positions_m, rotations)

@@ -1,6 +1,6 @@
-"""Why a prediction would fail, from the numbers of a check: causes, and nothing that only follows from one.
+"""Findings about why demonstrations predict each other badly, without those that only follow from another.
 
-Rows cannot be predicted if they follow nothing that is known, or if what they follow is not known well.
+A row cannot be predicted if it depends on an unknown object, or if the pose of its object is noisy.
 """
 
 from collections import defaultdict
@@ -9,31 +9,30 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
-from app.pipeline.check.settings import many_rows, missed_path, mixed_recordings, path_left, recorded_otherwise
+from app.pipeline.check.settings import many_rows, missed_path, path_left, recorded_otherwise
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans.rows import BEYOND_NOISE_M
 
-MIN_JUDGED = 3  # demonstrations of a plan, from which on its rows are judged
+MIN_JUDGED = 3  # demonstrations of a plan from which its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included
 UNEXPLAINED_DEG = 40.0
-UNEXPLAINED_SHARE = 0.8  # the share of a row's variation that remains where it follows nothing that is known
+UNEXPLAINED_SHARE = 0.8  # of a row's variation: if as much remains, the row follows no known object
 NOISY_M = 0.02
-MIN_PER_INSTRUCTION = 3  # demonstrations of an instruction, from which on an odd one stands out from the usual
-MIN_COMPARED = 4  # of one plan, to tell that one of them goes elsewhere
-ELSEWHERE_M = 0.05
-ELSEWHERE_FACTOR = 4.0  # times what most of the others are off
-OTHERS_SHARE = 0.8
-COMMON_SHARE = 1 / 2  # the share of an instruction's demonstrations that prompts show at least
+MIN_PER_INSTRUCTION = 3  # demonstrations of an instruction, fewer of which show no outlier
+MIN_COMPARED = 4  # demonstrations of a plan, fewer of which show no outlier in a row
+ELSEWHERE_M, ELSEWHERE_FACTOR = 0.05, 4.0  # the error of an outlier: at least this, and so many times that of others
+OTHERS_SHARE = 0.8  # the quantile of the others' errors that it is compared with
+COMMON_SHARE = 1 / 2  # of an instruction's demonstrations: if prompts show no more, there is no common plan
 
 Found = tuple[list[Finding], list[str]]
 
 
 def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | None:
-    """What is wrong with the rows of a plan: one object that is missing spoils some, noise all that follow an object.
+    """Return why rows of a plan scatter: noise affects all rows of an object, a missing object only some.
 
     Args:
-        number: of the plan.
+        number: of the plan, in `where` of the finding.
     """
     if len(plan.episodes) < MIN_JUDGED:
         return None
@@ -49,10 +48,10 @@ def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | Non
 
 
 def _unexplained(plan: PlanCheck, rule: KeyframeRule) -> Sequence[int]:
-    """Rows that follow nothing that is known, though their place matters.
+    """Return the numbers of the rows that follow no known object, though their place matters.
 
-    People come from anywhere, leave to anywhere, and close an empty hand on the way: without rests it matters where the
-    gripper switches if the next row follows nothing either, and where the last row is if the gripper never switches.
+    People approach and leave by any path, and may close an empty hand on the way. In recordings without rests, a switch
+    of the gripper matters if the next row follows nothing either, and without a switch the last row matters.
     """
     lost = [k for k, row in enumerate(plan.rows) if _follows_nothing(row)]
     if rule.rule not in ("waypoints", "uniform") and all(episode.manner == "rests" for episode in plan.episodes):
@@ -73,7 +72,7 @@ def _follows_nothing(row: RowCheck) -> bool:
 
 
 def _closest(rows: Sequence[RowCheck]) -> dict[str, Off]:
-    """By object how far the row is off that keeps closest to it."""
+    """Return by object the error of the row that varies least around it."""
     following: dict[str, list[Off]] = defaultdict(list)
     for row in rows:
         if row.objects and row.error is not None:
@@ -83,9 +82,9 @@ def _closest(rows: Sequence[RowCheck]) -> dict[str, Off]:
 
 def _noisy_poses(name: str, error: Off, number: int) -> Finding:
     message = (
-        f"Even where the hand keeps closest to {name} it scatters by {100 * error.m:.1f} cm and {error.deg:.0f} degrees"
-        " around it. The objects' poses are that noisy, or the hand goes there that loosely: check calibration and"
-        " estimator, and record more demonstrations, whose mean is shown."
+        f"Around {name} the hand scatters by at least {100 * error.m:.1f} cm and {error.deg:.0f} degrees in every row."
+        " Either poses are noisy or the motion is loose. Check the camera's calibration and the estimator, and record"
+        " more demonstrations: prompts show their mean."
     )
     numbers = {"scatter_cm": round(100 * error.m, 2), "scatter_deg": round(error.deg, 1)}
     return Finding("noisy-poses", "warning", message, f"plans[{number}]", numbers)
@@ -93,9 +92,9 @@ def _noisy_poses(name: str, error: Off, number: int) -> Finding:
 
 def _beyond_noise(name: str, error: Off, number: int) -> Finding:
     message = (
-        f"Even where the hand keeps closest to {name} demonstrations are {100 * error.m:.1f} cm off where"
-        " the others predict them: no noise of poses is as large. They take other objects, or these in another order:"
-        " demonstrate it in one way, or name what decides in the instruction."
+        f"Around {name} demonstrations differ from each other by at least {100 * error.m:.1f} cm in every row, which is"
+        " too much for noise. They use different objects, or another order. Demonstrate the task in one way, or name in"
+        " the instruction what decides."
     )
     numbers = {"scatter_cm": round(100 * error.m, 2)}
     return Finding("no-common-plan", "warning", message, f"plans[{number}]", numbers)
@@ -107,10 +106,9 @@ def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> F
     known = ", ".join(dict.fromkeys(name for row in plan.rows for name in row.objects)) or "none"
     which = f"Row {places[0] + 1}" if len(places) == 1 else f"Rows {', '.join(str(k + 1) for k in places)}"
     message = (
-        f"{which} of {plan.episodes[0].instruction!r} vary by {100 * varies.m:.1f} cm and"
-        f" {varies.deg:.0f} degrees and follow no known object: {100 * error.m:.1f} cm and"
-        f" {error.deg:.0f} degrees off where the others predict them. Is an object missing that decides where the"
-        f" hand goes? Other rows follow: {known}."
+        f"{which} of {plan.episodes[0].instruction!r} vary by {100 * varies.m:.1f} cm and {varies.deg:.0f} degrees and"
+        f" follow no known object: the others predict them with an error of {100 * error.m:.1f} cm and"
+        f" {error.deg:.0f} degrees. Send the object that decides where the hand goes. Other rows follow: {known}."
     )
     error_cm, varies_cm = round(100 * error.m, 2), round(100 * varies.m, 2)
     numbers = {"error_cm": error_cm, "varies_cm": varies_cm, "rows": len(places)}
@@ -118,7 +116,7 @@ def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> F
 
 
 def find_causes(plans: Sequence[PlanCheck], rule: KeyframeRule) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
-    """The findings, the severest first, and the ids of the demonstrations that do not do as the others.
+    """Return the findings, severest first, and the ids of outlier demonstrations.
 
     Args:
         plans: those with most demonstrations first.
@@ -132,7 +130,6 @@ def find_causes(plans: Sequence[PlanCheck], rule: KeyframeRule) -> tuple[tuple[F
         findings += [finding for k, plan in enumerate(plans) for finding in path_left(plan, k, rule)]
     findings += [finding for k, plan in enumerate(plans) for finding in many_rows(plan, k)]
     for group in _by_instruction(plans):
-        findings += [finding for alike in _by_gripper(group) for finding in mixed_recordings(_episodes(alike))]
         findings += _few(group)
     severest_first = sorted(findings, key=lambda finding: -SEVERITIES.index(finding.severity))
     return tuple(severest_first), tuple(unlike_ids)
@@ -153,7 +150,7 @@ def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
 
 
 def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
-    """What is wrong with one instruction's rows; only of demonstrations that this does not explain, which are odd."""
+    """Return findings about the rows of one instruction, and about outliers that these do not explain."""
     causes = {plan: row_cause(plan, plans.index(plan), rule) for plan in group}
     findings = list({cause.code: cause for cause in reversed(causes.values()) if cause is not None}.values())
     explained = {plan.gripper for plan in group if causes[plan] is not None}
@@ -178,7 +175,7 @@ def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: 
 
 
 def _odd_ones(plan: PlanCheck, usual: PlanCheck) -> Iterator[tuple[EpisodeCheck, str]]:
-    """Episodes of a plan that prompts leave out, and those that go elsewhere in a row; with what is odd."""
+    """Yield the episodes that prompts leave out, or that are outliers in a row, each with the reason."""
     if not plan.shown:
         for episode in plan.episodes:
             yield episode, f"{_other_way(plan, usual)}, and prompts leave it out"
@@ -192,22 +189,22 @@ def _odd_ones(plan: PlanCheck, usual: PlanCheck) -> Iterator[tuple[EpisodeCheck,
         if over.max(initial=0) > 0:
             row = int(np.argmax(over))
             off = episode.errors[row]
-            yield episode, f"row {row + 1} is {100 * off.m:.1f} cm and {off.deg:.0f} degrees from where they predict it"
+            yield episode, f"row {row + 1} is {100 * off.m:.1f} cm and {off.deg:.0f} degrees off their prediction"
 
 
 def _other_way(plan: PlanCheck, usual: PlanCheck) -> str:
     switches, usually = len(plan.gripper) - 1, len(usual.gripper) - 1
     if plan.gripper == usual.gripper:
-        return "it goes another way"
+        return "it takes another path"
     if switches == usually:
         return "it closes the gripper where they open it"
-    return f"its gripper opens or closes {switches} times, theirs {usually} times"
+    return f"its gripper switches {switches} times, theirs {usually} times"
 
 
 def _unlike_others(episode: EpisodeCheck, reason: str, num_others: int) -> Finding:
     message = (
-        f"Demonstration {episode.id} ({episode.instruction!r}) is unlike the {num_others} others: {reason}. Look at it,"
-        " and delete it or record more of its kind."
+        f"Demonstration {episode.id} ({episode.instruction!r}) is unlike the {num_others} others: {reason}. Replay it;"
+        " delete it if it is wrong, or record more like it."
     )
     worst_cm = {"worst_cm": round(100 * max(off.m for off in episode.errors), 2)} if episode.errors else {}
     where = f"episodes[{episode.id}]"
@@ -215,12 +212,12 @@ def _unlike_others(episode: EpisodeCheck, reason: str, num_others: int) -> Findi
 
 
 def _no_common_plan(group: Sequence[PlanCheck], number: int, rule: KeyframeRule) -> Finding:
-    remedy = "demonstrate it in one way, and send every object whose place decides between ways"
+    remedy = "Demonstrate it in one way, and send every object whose place decides between ways"
     if not rule.aligned:
-        remedy = f"the rule {rule.rule!r} finds other keyframes in each; `auto` gives those of one plan equally many"
+        remedy = f"The rule {rule.rule!r} finds different keyframes in each; use `auto`, which aligns them"
     message = (
-        f"The {number} demonstrations of {group[0].episodes[0].instruction!r} are carried out in {len(group)} ways, and"
-        f" no more than half of them in the usual one: {remedy}."
+        f"The {number} demonstrations of {group[0].episodes[0].instruction!r} use {len(group)} plans, none of them in"
+        f" more than half. {remedy}."
     )
     return Finding("no-common-plan", "warning", message, "plans", {"demonstrations": number, "plans": len(group)})
 
@@ -231,7 +228,7 @@ def _few(group: Sequence[PlanCheck]) -> list[Finding]:
         return []
     instruction = group[0].episodes[0].instruction
     message = (
-        f"{instruction!r} has {number} demonstration{'s' if number > 1 else ''}: record more, ten if possible, with the"
-        " objects in other places. With fewer than three it is not known what a row follows, or which one is odd."
+        f"{instruction!r} has {number} demonstration{'s' if number > 1 else ''}. Record more, ten if possible, with the"
+        " objects in other places: fewer than three do not show what a row follows, nor an outlier."
     )
     return [Finding("few-demonstrations", "info", message, "episodes", {"demonstrations": number})]

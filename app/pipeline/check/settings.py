@@ -1,4 +1,4 @@
-"""Whether the settings of a task suit its recordings: the rule of its keyframes, the symmetry of its objects."""
+"""Findings about a task's settings that do not suit its recordings: keyframe rule, symmetry of objects."""
 
 import math
 from collections import defaultdict
@@ -19,13 +19,13 @@ from roboprompt_client.types.arrays import Array
 MISSED_M = 0.02  # twice what the rules that follow a path allow
 MANY_ROWS = 20
 RULES_OF_RESTS = ("merged", "authors")
-SYMMETRIES_DEG = (180.0, 90.0)  # the coarser first: what is alike by it is alike by the finer, too
-ALIKE_DEG = 15.0  # from their mean: grasps from one side differ by less
+SYMMETRIES_DEG = (180.0, 90.0)  # the coarser first, because it implies the finer
+ALIKE_DEG = 15.0  # grasps from one side differ from their mean by less
 MIN_OF_OTHER_SIDES = 2
 
 
 def missed_path(plans: Sequence[PlanCheck], rule: KeyframeRule) -> list[Finding]:
-    """A rule that looks for rests, in recordings that have none where the hand turns."""
+    """Return a finding if the rule looks for rests, and recordings have none where the hand turns."""
     if rule.rule not in RULES_OF_RESTS:
         return []
     left_m = [episode.path_left_m for plan in plans for episode in plan.episodes]
@@ -35,58 +35,46 @@ def missed_path(plans: Sequence[PlanCheck], rule: KeyframeRule) -> list[Finding]
     rows = int(np.median([len(plan.rows) for plan in plans for _ in plan.episodes]))
     path_m = float(np.median(missed_m))
     message = (
-        f"The rule {rule.rule!r} looks for rests, and {len(missed_m)} recordings do not rest where the hand turns: it"
-        f" finds {rows} keyframes, and the way between them is {100 * path_m:.1f} cm from the recorded one. Set"
-        " keyframes.rule to `auto` or `waypoints`."
+        f"The rule {rule.rule!r} looks for rests, but {len(missed_m)} recordings do not rest where the hand turns: the"
+        f" path through its {rows} keyframes is {100 * path_m:.1f} cm off the recorded one. Set keyframes.rule to"
+        " `auto` or `waypoints`."
     )
     numbers = {"path_cm": round(100 * path_m, 2), "recordings": len(missed_m), "keyframes": rows}
     return [Finding("keyframes-miss-the-path", "danger", message, "keyframes.rule", numbers)]
 
 
 def path_left(plan: PlanCheck, number: int, rule: KeyframeRule) -> list[Finding]:
-    """Keyframes between which the recorded hand did not go straight."""
+    """Return a finding if the recorded path leaves the straight lines between keyframes."""
     left_m = {episode.id: episode.path_left_m for episode in plan.episodes}
     if not plan.shown or not leave_path(list(left_m.values())):
         return []
     worst = max(left_m, key=left_m.__getitem__)
     number_left = sum(far_m > LEFT_M for far_m in left_m.values())
-    remedy = "take the rule `waypoints`"
+    remedy = "Set keyframes.rule to `waypoints`"
     if rule.rule == "waypoints" or (rule.rule == "auto" and _moving(plan.episodes)):
-        remedy = f"lower keyframes.tolerance_m (it is {rule.tolerance_m:g})"
+        remedy = f"Lower keyframes.tolerance_m (it is {rule.tolerance_m:g})"
     message = (
-        f"In {number_left} of {len(left_m)} recordings the way between keyframes leaves the recorded one by more than"
-        f" {100 * LEFT_M:.0f} cm where the hand does not rest, in {worst} by {100 * left_m[worst]:.1f} cm: {remedy}."
+        f"In {number_left} of {len(left_m)} recordings the path through the keyframes is more than"
+        f" {100 * LEFT_M:.0f} cm off the recorded one where the hand does not rest, in {worst}"
+        f" {100 * left_m[worst]:.1f} cm. {remedy}."
     )
     numbers = {"path_cm": round(100 * left_m[worst], 2), "recordings": number_left}
     return [Finding("path-not-kept", "warning", message, f"plans[{number}]", numbers)]
 
 
 def many_rows(plan: PlanCheck, number: int) -> list[Finding]:
-    """A plan that is long for a language model, and near to what a reply may have."""
+    """Return a finding if a plan has almost as many rows as a reply may have actions."""
     if not plan.shown or len(plan.rows) <= MANY_ROWS:
         return []
     message = (
-        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows; a reply may have {MAX_ACTIONS}, and the longer"
-        " it is the more goes wrong: demonstrate the parts as tasks of their own, or raise keyframes.tolerance_m."
+        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows. A reply may have {MAX_ACTIONS}, and longer ones"
+        " fail more often. Teach the parts as tasks of their own, or raise keyframes.tolerance_m."
     )
     return [Finding("many-rows", "warning", message, f"plans[{number}]", {"rows": len(plan.rows)})]
 
 
-def mixed_recordings(episodes: Sequence[EpisodeCheck]) -> list[Finding]:
-    """Recordings of one instruction, some of which rest at their keyframes."""
-    moving = len(_moving(episodes))
-    resting = len(episodes) - moving
-    if not (moving and resting):
-        return []
-    message = (
-        f"{resting} recordings of {episodes[0].instruction!r} rest at their keyframes and {moving} do not: their rows"
-        " lie closer together if all are recorded in one manner."
-    )
-    return [Finding("mixed-recordings", "info", message, "episodes", {"resting": resting, "moving": moving})]
-
-
 def recorded_otherwise(episodes: Sequence[EpisodeCheck]) -> list[EpisodeCheck]:
-    """Those of the rarer of two manners, which explains why they are odd."""
+    """Return the episodes of the rarer manner, which explains why they differ."""
     moving = _moving(episodes)
     resting = [episode for episode in episodes if episode.manner == "rests"]
     return min(moving, resting, key=len)
@@ -97,7 +85,7 @@ def _moving(episodes: Sequence[EpisodeCheck]) -> list[EpisodeCheck]:
 
 
 def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
-    """For each object whose grasps lie a quarter or a half turn apart, the setting that makes them one."""
+    """Yield for each object whose grasps are quarter or half turns apart the symmetry that makes them equal."""
     tilted = tilted_objects([recording.demonstration for recording in recordings])
     grasps: dict[str, list[Rotation]] = defaultdict(list)
     for recording in recordings:
@@ -111,7 +99,7 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | None:
-    """The suggestion, if grasps from several sides are one by this symmetry."""
+    """Return a suggestion if grasps from several sides are equal under this symmetry."""
     phases = np.exp(2j * math.pi * turns_deg / symmetry_deg)
     left_deg = np.angle(phases / phases.mean()) * symmetry_deg / (2 * math.pi)  # (N,) from the circular mean
     most_deg = float(np.abs(left_deg).max())
@@ -121,16 +109,16 @@ def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | 
     if most_deg > ALIKE_DEG or len(turns_deg) - sides.max() < MIN_OF_OTHER_SIDES:
         return None
     message = (
-        f"The {len(turns_deg)} grasps of {name} are from several sides, within {most_deg:.0f} degrees of turns by"
-        f" {symmetry_deg:g} degrees. If {name} looks the same turned so, set the task's yaw_symmetry_deg to"
-        f' {{"{name}": {symmetry_deg:g}}}: the grasps are then one way.'
+        f"The {len(turns_deg)} grasps of {name} come from several sides, which are multiples of {symmetry_deg:g}"
+        f" degrees apart to within {most_deg:.0f}. If {name} looks the same after such a turn, set the task's"
+        f' yaw_symmetry_deg to {{"{name}": {symmetry_deg:g}}}, so that the grasps become equal.'
     )
     numbers = {"symmetry_deg": symmetry_deg, "grasps": len(turns_deg), "left_deg": round(most_deg, 1)}
     return Finding("object-may-be-symmetric", "info", message, f"yaw_symmetry_deg[{name}]", numbers)
 
 
 def _grasps(recording: Recording) -> Iterator[tuple[str, Rotation]]:
-    """The objects that are clearly grasped, each with the hand's rotation there."""
+    """Yield the names of clearly grasped objects, each with the hand's rotation at the grasp."""
     objects = recording.demonstration.ordered_objects
     closing = [phase.last for phase in recording.motion.phases if phase.gripper_open and not phase.ends_open]
     for place, frame in zip(recording.grasped, closing, strict=False):
@@ -140,7 +128,7 @@ def _grasps(recording: Recording) -> Iterator[tuple[str, Rotation]]:
 
 
 def _turns_deg(hands: Rotation) -> Array:
-    """(N,) how far each of those that are not tilted from the first is turned from it about the vertical."""
+    """Return (N,) the angles about the vertical from the first hand to those that are not tilted from it."""
     turns: Array = (hands * hands[0].inv()).as_rotvec(degrees=True)
     about: Array = turns[np.linalg.norm(turns[:, :2], axis=1) <= ALIKE_DEG, 2]
     return about

@@ -1,6 +1,6 @@
-"""What is doubtful about actions: rows whose doubts share a cause are one finding.
+"""Findings about actions; those with one cause are one finding.
 
-The size of objects is not known: how near to an object demonstrated hands came says what was enough.
+The size of objects is unknown, so that the least demonstrated distance from an object stands for the safe one.
 """
 
 import math
@@ -18,19 +18,19 @@ from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
-MAX_LISTED = 4  # numbers of actions that a sentence lists
-NEARER, NEARER_M = 0.5, 0.03  # than every demonstrated hand: times its distance, and by this at least
+MAX_LISTED = 4  # numbers of actions that a message lists
+NEARER, NEARER_M = 0.5, 0.03  # reported below this share of the least demonstrated distance, and if nearer by this
 
 
 @dataclass(frozen=True)
 class ActionDoubt:
-    """An action that is not where demonstrations have it.
+    """An action outside of the demonstrated range.
 
     Attributes:
         index: of the action, from 0.
-        off_m, off_deg: how far it lies beyond the farthest demonstration.
-        seen_from: what it is relative to.
-        unsupported: why it is so far off that it is refused unless the request lets it pass; None if it is not.
+        off_m, off_deg: how far it is beyond the farthest demonstration.
+        seen_from: the object or frame that it is relative to.
+        unsupported: the reason for refusing it, unless the request allows it; None if it is within the margin.
     """
 
     index: int
@@ -41,21 +41,21 @@ class ActionDoubt:
 
 
 def action_findings(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
-    """At most one finding for all actions that demonstrations do not support, and one for those that stray."""
+    """Return at most one finding for the unsupported actions and one for those within the margin."""
     unsupported = [doubt for doubt in doubts if doubt.unsupported is not None]
     straying = [doubt for doubt in doubts if doubt.unsupported is None]
     found = []
     if unsupported:
         message = f"{unsupported[0].unsupported}."
         if len(unsupported) > 1:
-            message = f"{_named(unsupported)} are unlike the demonstrations; the first: {message}"
+            message = f"{_named(unsupported)} are outside of the demonstrated range. The first: {message}"
         numbers: dict[str, float] = {"num_actions": len(unsupported)}
         found.append(UNSUPPORTED.finding(message, f"actions[{unsupported[0].index}]", numbers))
     if straying:
         off_deg, worst = max(doubt.off_deg for doubt in straying), max(straying, key=lambda doubt: doubt.off_m)
         message = (
-            f"{_named(straying)} {'lies' if len(straying) == 1 else 'lie'} up to {100 * worst.off_m:.1f} cm and"
-            f" {off_deg:.0f} degrees beyond where the demonstrations have them, seen from {worst.seen_from}."
+            f"{_named(straying)} {'is' if len(straying) == 1 else 'are'} up to {100 * worst.off_m:.1f} cm and"
+            f" {off_deg:.0f} degrees outside of the demonstrated range, relative to {worst.seen_from}."
         )
         numbers = {"num_actions": len(straying), "off_m": worst.off_m, "off_deg": off_deg}
         found.append(STRAYING.finding(message, f"actions[{straying[0].index}]", numbers))
@@ -72,31 +72,33 @@ def _named(doubts: Sequence[ActionDoubt]) -> str:
 
 
 def disagreeing_findings(num_samples: int, num_alike: int) -> tuple[Finding, ...]:
-    """A doubt where no more than half of several replies do what the chosen one does."""
+    """Return a finding if no more than half of several replies agree with the chosen one."""
     if 2 * num_alike > num_samples:
         return ()
-    message = f"Only {num_alike} of {num_samples} replies do what this one does; the others do otherwise."
+    message = (
+        f"Only {num_alike} of {num_samples} replies agree with this one. Try another model or a lower temperature."
+    )
     return (SAMPLES_DISAGREE.finding(message, "reply", {"num_alike": num_alike, "num_samples": num_samples}),)
 
 
 @dataclass(frozen=True, eq=False)
 class ShownWays:
-    """How near the hands of demonstrations came to their objects; computed once."""
+    """The least distances of demonstrated hands from objects; computed once."""
 
     demonstrations: tuple[Demonstration, ...]
 
     def least_m(self, name: str, mentioned: Sequence[str]) -> float | None:
-        """The least distance from an object, or from what has its place in the instruction; None if nothing has.
+        """Return the least distance from an object, or from the object in its role; None if there is none.
 
         Args:
-            mentioned: by the instruction, in its order.
+            mentioned: the objects that the instruction names, in its order.
         """
         key: str | int = mentioned.index(name) if name in mentioned else name
         return self._least_m.get(key)
 
     @cached_property
     def _least_m(self) -> dict[str | int, float]:
-        """By name, and by place in the instruction."""
+        """The least distances by name, and by role in the instruction."""
         found: dict[str | int, float] = {}
         for demonstration in self.demonstrations:
             least_m = _least_m(demonstration)
@@ -107,7 +109,7 @@ class ShownWays:
 
 
 def _least_m(demonstration: Demonstration) -> dict[str, float]:
-    """The least distance of the hand from each object; of a hand that goes nowhere from none."""
+    """Return by name the least distance of the hand from each object; empty without actions."""
     if not demonstration.actions:
         return {}
     way_m = way(demonstration.start, demonstration.actions)
@@ -115,13 +117,13 @@ def _least_m(demonstration: Demonstration) -> dict[str, float]:
 
 
 def way(start: EndEffectorAction | None, actions: Sequence[EndEffectorAction]) -> Array:
-    """(P, 3) the positions that the hand goes to in turn, straight from one to the next."""
+    """Return (P, 3) the successive positions of the hand."""
     poses = actions if start is None else (start, *actions)
     return np.array([pose.position_m for pose in poses])
 
 
 def distances_m(way_m: Array, place_m: Array) -> Array:
-    """(P,) of a place from the straight motion to each position of a way; the first is where it begins."""
+    """Return (P,) the distance of a place from each segment of a path; the first is that from its start."""
     before_m = np.concatenate([way_m[:1], way_m[:-1]])
     gone_m, to_place_m = way_m - before_m, place_m - before_m
     squared = np.maximum(np.einsum("pk,pk->p", gone_m, gone_m), 1e-12)
@@ -133,11 +135,11 @@ def distances_m(way_m: Array, place_m: Array) -> Array:
 def passing_findings(
     query: Query, actions: Sequence[EndEffectorAction], shown: ShownWays, bystanders: Sequence[ObjectPose] = ()
 ) -> Iterator[Finding]:
-    """What the hand passes by far nearer than any demonstrated hand did; one finding for each such object.
+    """Yield a finding for each object that the hand passes much nearer than in any demonstration.
 
     Args:
-        query: the objects as they were observed, and where the hand is before the first action, if that is known.
-        bystanders: other objects, which demonstrations did not have.
+        query: the observed objects, and where the hand is before the first action, if that is known.
+        bystanders: objects that the demonstrations did not have.
     """
     if len(shown.demonstrations) < MIN_DEMONSTRATIONS or not actions:
         return
@@ -150,10 +152,10 @@ def passing_findings(
             continue
         number = max(0, int(all_m.argmin()) - (query.start is not None))
         is_new = math.isinf(least_m)
-        kept = "demonstrations do not have it" if is_new else f"demonstrations kept {100 * least_m:.1f} cm away"
+        kept = "demonstrations do not have it" if is_new else f"demonstrations kept at least {100 * least_m:.1f} cm"
         message = (
             f"On the way to action {number + 1} the hand passes {100 * near_m:.1f} cm from the center of {pose.name!r};"
-            f" {kept}. The hand, or what it holds, may hit it."
+            f" {kept}. The hand or the held object may hit it: move it away, or demonstrate a path around it."
         )
         numbers = {"distance_m": near_m, "action": number, **({} if is_new else {"demonstrated_m": least_m})}
         yield PASSES_CLOSE.finding(message, f"objects[{pose.name}]", numbers, value=near_m)

@@ -1,6 +1,6 @@
-"""Objects that stand to each other as in all demonstrations: a lid on its pot, two parts of one thing.
+"""Pairs of objects with the same relative pose in all demonstrations, e.g. a lid on its pot.
 
-Whether words name them does not matter: the motion was shown with both where they were.
+It does not matter whether the instruction names them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,22 +19,22 @@ from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rot
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-RIGID_M = 0.01  # what varies by less is the same in all demonstrations
-FEWEST = 3  # demonstrations that tell what is the same from chance
-MOVED_M = 0.05  # a pair that never stood elsewhere is two objects that never moved
+RIGID_M = 0.01  # relative positions that vary by less are equal
+FEWEST = 3  # with fewer demonstrations, equal relative positions may be chance
+MOVED_M = 0.05  # objects whose place varies by less never moved, and are no arrangement
 
-MANY = 8  # demonstrations that tell a side from chance
+MANY = 8  # with fewer demonstrations, one side may be chance
 
 
 @dataclass(frozen=True, eq=False)
 class RigidPair:
-    """Two objects in one arrangement, which demonstrations have at different places.
+    """Two objects with one relative position, in demonstrations at several places.
 
     Attributes:
-        one: what stands somewhere, seen from `other`.
-        frame: of `other` in which it does.
-        low_m, high_m: (3,) the box of where it does.
-        tilted: objects whose frames turn with them fully.
+        one: the object whose position is constant relative to `other`.
+        frame: the frame of `other` in which it is.
+        low_m, high_m: (3,) the bounding box of this relative position.
+        tilted: objects whose frames follow all of their rotation, not only the yaw.
     """
 
     one: str
@@ -45,19 +45,19 @@ class RigidPair:
     tilted: frozenset[str]
 
     def off_m(self, scene: Query) -> float:
-        """How far `one` is from where the arrangement has it."""
+        """Return the distance of `one` from its place in the arrangement."""
         seen_m = _seen_m(scene.object(self.one), scene.object(self.other), self.frame, self.tilted)
         return float(np.linalg.norm(outside_m(seen_m, self.low_m, self.high_m)))
 
 
 def outside_m(place_m: Array, low_m: Array, high_m: Array) -> Array:
-    """(3,) how far a place lies outside of a box."""
+    """Return (3,) how far a place is outside of a box."""
     outside: Array = np.maximum(place_m - high_m, 0) + np.maximum(low_m - place_m, 0)
     return outside
 
 
 def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
-    """Of the objects that all demonstrations have, by their names, the pairs that keep one arrangement."""
+    """Return the pairs of objects that keep one arrangement in all demonstrations."""
     if len(shown) < FEWEST:
         return ()
     tilted, names = tilted_objects(shown), [pose.name for pose in shown[0].objects]
@@ -68,7 +68,7 @@ def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
 
 
 def _rigid(one: str, other: str, shown: Sequence[Demonstration], tilted: frozenset[str]) -> RigidPair | None:
-    """The pair in the frame in which it varies least, if that is little."""
+    """Return the pair in the frame in which it varies least, if that is less than `RIGID_M`."""
     pairs = []
     for (seen, origin), frame in [((a, b), f) for a, b in ((one, other), (other, one)) for f in OBJECT_FRAMES]:
         poses = [(scene.object(seen), scene.object(origin)) for scene in shown]
@@ -80,16 +80,16 @@ def _rigid(one: str, other: str, shown: Sequence[Demonstration], tilted: frozens
 
 
 def _seen_m(one: ObjectPose, other: ObjectPose, frame: Frame, tilted: frozenset[str]) -> Array:
-    """(3,) where one object is, seen from the other."""
+    """Return (3,) the position of one object in the frame of the other."""
     seen_m: Array = object_rotation(other, frame, tilted).inv().apply(one.position_m - other.position_m)
     return seen_m
 
 
 def parted_findings(query: Query, pairs: Sequence[RigidPair], followed: frozenset[str]) -> Iterator[Finding]:
-    """The pair that is farthest from its arrangement; those that the motion follows count before others.
+    """Yield a finding for the pair that is farthest from its arrangement, first of those that the motion follows.
 
     Args:
-        followed: the objects that rows of the asked motion are relative to.
+        followed: the objects that rows of the requested motion are relative to.
     """
     off = [(not followed.isdisjoint((pair.one, pair.other)), pair.off_m(query), pair) for pair in pairs]
     parted = [item for item in off if ARRANGED.severity(item[1]) is not None]
@@ -97,15 +97,15 @@ def parted_findings(query: Query, pairs: Sequence[RigidPair], followed: frozense
         return
     follows, off_m, pair = max(parted, key=lambda item: item[:2])
     message = (
-        f"{pair.one} is {100 * off_m:.1f} cm from where it stands to {pair.other} in every demonstration, as if they"
-        " were one thing: is one taken for another, or were they parted?"
+        f"{pair.one} is {100 * off_m:.1f} cm from its place relative to {pair.other}, which is the same in every"
+        " demonstration. Check that both are the right objects, and put them together as demonstrated."
     )
     rule = PARTED if follows else ARRANGED
     yield rule.finding(message, f"objects[{pair.one}]", {"off_m": off_m}, value=off_m)
 
 
 def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: frozenset[str]) -> Iterator[Finding]:
-    """Objects that the instruction names stand to each other as in every demonstration, whichever they are."""
+    """Yield a finding if objects in two roles of the instruction are not arranged as in every demonstration."""
     asked, named = query.order.objects, [demonstration.order.objects for demonstration in shown]
     if any(len(names) != len(asked) for names in named):
         return
@@ -117,8 +117,8 @@ def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: fr
         off_m = float((outside_m(way_m, ways_m.min(axis=0), ways_m.max(axis=0)) * same).max())
         if ARRANGED.severity(off_m) is not None:
             message = (
-                f"{asked[i]} lies {100 * off_m:.1f} cm from where it stands to {asked[j]} in every demonstration: is"
-                " one taken for the other?"
+                f"{asked[i]} is {100 * off_m:.1f} cm from its place relative to {asked[j]}, which is the same in every"
+                " demonstration. Check that neither is taken for the other."
             )
             follows = same.all() and not followed.isdisjoint((asked[i], asked[j]))
             rule = PARTED if follows else ARRANGED
@@ -127,7 +127,7 @@ def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: fr
 
 
 class Side(NamedTuple):
-    """`one` stands on one side of `other` in all demonstrations: along x (0) or y (1), before (-1) or behind it (1)."""
+    """`one` is on one side of `other` in all demonstrations: along x (0) or y (1), at less (-1) or more (1)."""
 
     one: str
     other: str
@@ -136,9 +136,9 @@ class Side(NamedTuple):
 
 
 def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
-    """Where two objects always stand to each other whose names say no more than where: a left and a right cup.
+    """Return the sides of pairs whose names differ only in a place, such as a left and a right cup.
 
-    Others come to stand on one side by chance: of 44 right scenes with noisy demonstrations in two.
+    Other objects are often on one side by chance: in 2 of 44 correct scenes with noisy demonstrations.
     """
     found = []
     for one, other in combinations([pose.name for pose in shown[0].objects] if len(shown) >= MANY else (), 2):
@@ -153,20 +153,20 @@ def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
 
 
 def _without_place(name: str) -> list[str]:
-    """The words of a name but those that say where it stands: of a left and a right cup both times `cup`."""
+    """Return the words of a name without those of place: `cup` for a left and for a right cup."""
     return [word for word in phrase_of(name) if word not in PLACE_WORDS]
 
 
 def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]) -> Iterator[Finding]:
-    """A pair on its wrong side, one of which the motion follows or words name."""
+    """Yield a finding for a pair on the wrong side, if the motion follows or the instruction names one of them."""
     matter = followed.union(query.order.objects)
     for side in known:
         way_m = query.object(side.one).position_m - query.object(side.other).position_m
         off_m = -side.sign * float(way_m[side.axis])
         if not matter.isdisjoint((side.one, side.other)) and SIDES.severity(off_m) is not None:
             message = (
-                f"{side.one} stands {100 * off_m:.1f} cm on the other side of {side.other}, along {'xy'[side.axis]},"
-                " than in every demonstration: is one taken for the other?"
+                f"{side.one} is {100 * off_m:.1f} cm on the wrong side of {side.other} along {'xy'[side.axis]}: in"
+                " every demonstration it is on the other side. Check that neither is taken for the other."
             )
             yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
             return

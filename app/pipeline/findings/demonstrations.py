@@ -1,4 +1,4 @@
-"""What is doubtful about demonstrations of what is asked: they contradict each other, or scatter where it matters."""
+"""All demonstrations of a task, and the findings about those that ask for the same: contradictions and scatter."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,6 +12,7 @@ from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings,
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
 from app.pipeline.findings.places import ShownScenes
+from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.ways import ways_findings
@@ -27,14 +28,14 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """A task's demonstrations, as far as an answer is held against all of them; everything is worked out once.
+    """A task's demonstrations, with which every answer is compared; what is derived from them is computed once.
 
     Attributes:
-        demonstrations: as they were recorded, also those of plans that prompts leave out.
-        several_ways: whether somebody said that there are several ways of doing it.
-        hands: of each, what its recording has; empty where that is not known.
-        round_objects: whose yaw the task says means nothing, or little.
-        compared: poses of their objects that were given, and found in images as well.
+        demonstrations: as they were recorded, including those of plans that prompts leave out.
+        several_ways: whether the task's setting `ways` is `several`.
+        hands: the hand in each recording; empty where it is not known.
+        round_objects: objects with a declared yaw symmetry.
+        compared: objects with both a given pose and one found in images.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -49,17 +50,17 @@ class Taught:
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
-        """Those that prompts show in one scene or another."""
+        """The demonstrations that prompts show in some scene."""
         shown = {item.id for item in shown_together(self.demonstrations)}
         shown |= {item.id for group in self._alike.values() if parting(group) is not None for item in group}
         return tuple(item for item in self.demonstrations if item.id in shown)
 
     @cached_property
     def needed(self) -> frozenset[str]:
-        """The names of the objects that a scene must have; other objects may be missing, new or more.
+        """The names of the objects that a scene must have; others may be missing or new.
 
-        All where more cannot be known: of few demonstrations, where words decide by place, and where nothing known
-        decides between ways.
+        All objects if there are few demonstrations, the instruction selects by place, or nothing known decides between
+        several ways.
         """
         words = {word for form in self._alike for word in form.split()}
         undecided = any(
@@ -72,7 +73,7 @@ class Taught:
 
     @cached_property
     def decisive(self) -> frozenset[str]:
-        """What rows follow, words name or parts plans; and what stood to one of these as one thing."""
+        """The objects that rows follow, words name or plans depend on, and those arranged with any of them."""
         found = {anchor.object_name for _, rows in self.support.plans for row in rows for anchor in row.anchors}
         found |= {name for item in self.demonstrations for name in item.order.objects}
         for alike in self._alike.values():
@@ -82,7 +83,7 @@ class Taught:
         return frozenset(found.union(*(pair for pair in pairs if pair & found)) - {""})
 
     def of_objects(self, names: Collection[str]) -> "Taught":
-        """The same of scenes with these of the objects; the last is kept."""
+        """Return the same with only these objects in the scenes; the last result is kept."""
         key = frozenset(names)
         if (found := self._restricted.get(key)) is None:
             found = replace(self, demonstrations=tuple(item.only(key) for item in self.demonstrations))
@@ -92,43 +93,54 @@ class Taught:
 
     @cached_property
     def support(self) -> Support:
-        """Their plans."""
+        """The plans of `usual`."""
         return Support.of(by_plan(self.usual))
 
     @cached_property
     def scenes(self) -> ShownScenes:
-        """Where their objects are."""
+        """The places of their objects."""
         return ShownScenes(self.usual, tuple(item for item in self.demonstrations if item not in self.usual))
 
     @cached_property
     def ways(self) -> ShownWays:
-        """How near their hands come to objects."""
+        """The least distances of their hands from objects."""
         return ShownWays(self.usual)
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
-        """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
+        """Return the findings about the demonstrations that ask for the same, or about all if none does."""
         form, number = asked.form if asked.form in self._alike else "", len(asked.clauses)
         if (known := self._known.get((form, number, asked.objects))) is None:
             scattered = scatter_findings(self.support, asked, self.round_objects)
             dropped = dropping_findings(self.hands) if number > 1 and not form else ()
-            known = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
+            known = (
+                *self._of_forms(form),
+                *scattered,
+                *turning_findings(self.support, asked),
+                *dropped,
+                *objects_order_findings(self.demonstrations),
+            )
             self._known[form, number, asked.objects] = known
         return known
 
     def of_answer(
         self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
     ) -> Iterator[Finding]:
-        """What is doubtful about an answer to the parts of an instruction if its prompt shows only these of them."""
+        """Yield findings about an answer whose prompt shows only some of the demonstrations (`shown_ids`).
+
+        Args:
+            parts: the parts of the instruction.
+            actions: the answer to all of them.
+        """
         if not self.several_ways and any(item.id not in shown_ids for item in self.usual):
             for part in parts:
                 yield from answer_findings(self.support, part, actions)
 
     def followed(self, asked: Order) -> frozenset[str]:
-        """The objects that rows of the asked motion are relative to."""
+        """Return the objects that rows of the requested motion are relative to."""
         return frozenset(anchor.object_name for anchor in self._anchors(asked) if anchor.object_name)
 
     def follows_start(self, asked: Order) -> bool:
-        """Whether rows of the asked motion are relative to where the hand starts."""
+        """Return whether rows of the requested motion are relative to where the hand starts."""
         return START in self._anchors(asked)
 
     def _anchors(self, asked: Order) -> list[Anchor]:
@@ -144,7 +156,7 @@ class Taught:
 
     @cached_property
     def _shown_off_m(self) -> dict[int, float]:
-        """By `id`, how far each demonstration that prompts show acts from where the others of its plan do."""
+        """By `id`, how far each demonstration in `usual` acts from where the others of its plan do."""
         return {
             id(demonstration): max((float(rows[j].off_m[i]) for j in acting_rows(rows)), default=0.0)
             for group, rows in self.support.plans
@@ -152,25 +164,25 @@ class Taught:
         }
 
     def _off_m(self, item: Demonstration) -> float:
-        """How far it acts from where the others do, or the plans that are shown instead of its own."""
+        """Return how far it acts from where the others of its plan do, or from where the usual plans would act."""
         if (shown_m := self._shown_off_m.get(id(item))) is not None:
             return shown_m
         return 0.0 if item.plan is None else from_shown_m(self.support, item)
 
     @cached_property
     def _hands(self) -> dict[int, RecordedHand]:
-        """By `id`, where it is known."""
+        """The recorded hands by `id` of the demonstration, where they are known."""
         return {id(item): hand for item, hand in zip(self.demonstrations, self.hands, strict=False)}
 
     def _of_forms(self, asked: str) -> Iterator[Finding]:
-        """Of the form that is asked for; of each where it is none of them."""
+        """Yield findings for the requested instruction form, or for every form if it was not demonstrated."""
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
             left_out = [id(item) not in self._shown_off_m for item in alike]
-            yield from ways_findings(alike, self.round_objects, declared=self.several_ways)
+            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
+            yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
             yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
-            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
             yield from path_findings([hand.kept for hand in hands])
             yield from hand_findings(alike, hands)

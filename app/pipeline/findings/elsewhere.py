@@ -1,7 +1,6 @@
-"""Demonstrations that do otherwise than the others, which overrule them.
+"""Outlier demonstrations: they act elsewhere, have two names exchanged, or use the gripper differently.
 
-Prompts leave out a rare plan, and move each row to where most demonstrations of its plan have it. Some act elsewhere,
-some have two objects under each other's names, and some use the gripper otherwise.
+A prompt leaves out a rare plan and shows the robust center of each row, so that the answer does not follow them.
 """
 
 from collections import Counter
@@ -22,26 +21,26 @@ from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_r
 from app.pipeline.plans.support import Support
 from roboprompt_client.types.poses import EndEffectorAction
 
-SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
-LISTED = 3  # ids that a sentence names
-SAME_M = BEYOND_NOISE_M / 2  # from where the usual plan would act: does the same
-MIN_OTHERS = 3  # demonstrations that tell what is usual
+SCATTERS = 2.0  # within so many times a row's median scatter, a demonstration acts at the same place
+LISTED = 3  # ids that a message names
+SAME_M = BEYOND_NOISE_M / 2  # within this of where the usual plan would act, a demonstration does the same
+MIN_OTHERS = 3  # demonstrations from which the usual use of the gripper is known
 
 
 def elsewhere_findings(
     alike: Sequence[Demonstration], off_m: Sequence[float], left_out: Sequence[bool], *, declared: bool
 ) -> Iterator[Finding]:
-    """The demonstrations that the others overrule though they act elsewhere, in one finding.
+    """Yield at most one finding for the demonstrations that act elsewhere than the others.
 
-    Where words say by its place which object is meant, and some act at another one, the place decides: what is
-    overruled may be right, and a likeness of scenes that parts the plans is no reason.
+    Where the instruction selects an object by its place ("left") and some demonstrations act at another object, these
+    may be right, whether or not the scenes differ.
 
     Args:
-        alike: that ask for the same.
-        off_m: of each, how far it acts from where the others of its plan do; of those that prompts leave out, from
-            where the plans that are shown would.
-        left_out: whether prompts leave it out. More than a third that act clearly elsewhere are another way.
-        declared: whether the task says that there are several ways.
+        alike: demonstrations that ask for the same.
+        off_m: of each, the distance from where the others of its plan act; of those that prompts leave out, from where
+            the plans in the prompt would act.
+        left_out: whether prompts leave it out; more than a third that act clearly elsewhere are another way.
+        declared: whether the task's setting `ways` is `several`.
     """
     by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
     compared = all(demonstration.actions and demonstration.objects for demonstration in alike)
@@ -55,10 +54,10 @@ def elsewhere_findings(
     listed = ", ".join(alike[k].id for k in elsewhere[:LISTED])
     more = f" and {len(elsewhere) - LISTED} more" if elsewhere[LISTED:] else ""
     message = (
-        f"Of {len(alike)} demonstrations of {alike[0].instruction!r} {len(elsewhere)} act"
+        f"{len(elsewhere)} of {len(alike)} demonstrations of {alike[0].instruction!r} act"
         f" {100 * (TWO_WAYS_M if is_way else BEYOND_NOISE_M):.0f} cm or more from where the others do: {listed}{more}."
-        " The answer may not do what they do. Delete what was recorded wrongly; where a place decides which object is"
-        " meant, name the object in the instruction."
+        " The answer may not follow them. Delete those that are wrong; if the place decides which object is meant, name"
+        " the object in the instruction."
     )
     value = 0.0 if declared else 1.0 if at_others else len(elsewhere) / len(alike)
     numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
@@ -66,29 +65,30 @@ def elsewhere_findings(
 
 
 def answer_findings(support: Support, asked: Query, actions: Sequence[EndEffectorAction]) -> Iterator[Finding]:
-    """An answer that acts where no plan of a task does: the demonstrations that the prompt shows are odd ones.
+    """Yield a finding if an answer acts where no plan of the task does, because the prompt shows only outliers.
 
     Args:
-        support: of all demonstrations, where a prompt shows some.
-        asked: a part of the instruction; the `actions` are of all parts.
+        support: the plans of all demonstrations of the task.
+        asked: one part of the instruction.
+        actions: the answer to all parts.
     """
     off_m = from_shown_m(support, Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start))
     if off_m > TWO_WAYS_M:
         message = (
-            "The answer follows demonstrations that act, or use the gripper, otherwise than most of the task's: those"
-            " that were chosen for the prompt are odd ones. Choose others, or delete what was recorded wrongly."
+            "The demonstrations in the prompt act elsewhere, or use the gripper differently, than most of the task's,"
+            " and the answer follows them. Choose other demonstrations, or delete the wrong ones."
         )
         yield ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
 
 
 def from_shown_m(support: Support, other: Demonstration) -> float:
-    """How far a demonstration stays from where the nearest of some plans would act in its scene, beyond their scatter.
+    """Return how far a demonstration is from where the nearest plan would act in its scene, less the plan's scatter.
 
-    One that comes there by another way, or does more besides, does the same.
+    A demonstration that gets there on another path, or does more besides, has distance 0.
     """
     plans = support.alike(other.order)
     if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
-        return 0.0  # then it is not known which rows are asked for
+        return 0.0  # which rows the instruction asks for is then unknown
     placed = support.placed(other) or ()
     both = zip((rows for _, rows in plans), placed, strict=False)
     acts = ([(plan[k].action, rows[k]) for k in acting_rows(rows)] for rows, plan in both)
@@ -96,8 +96,8 @@ def from_shown_m(support: Support, other: Demonstration) -> float:
 
 
 def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: Demonstration) -> float:
-    """How far it stays from the acts, done in their order with the gripper as it is then; of these the farthest."""
-    best_m = np.zeros(len(demonstration.actions))  # of the acts until now, the last at this action or before it
+    """Return the largest distance of an act from the nearest action with the same gripper state, in their order."""
+    best_m = np.zeros(len(demonstration.actions))  # for the acts so far, the last one at this action or earlier
     for act, row in acts:
         off_m = [off_from_m(act.position_m, act.gripper_open, action) for action in demonstration.actions]
         best_m = np.minimum.accumulate(np.maximum(best_m, np.array(off_m) - SCATTERS * row.scatter_m))
@@ -105,7 +105,7 @@ def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: 
 
 
 def _at_other_objects(alike: Sequence[Demonstration]) -> list[int]:
-    """Those that clearly act at another object than most; any is right where words have the usual one elsewhere."""
+    """Return the indices of the demonstrations that clearly act at another object than most."""
     away_m = [_away_by_role_m(demonstration) for demonstration in alike]
     nearest_m = [min(roles.values()) for roles in away_m]
     usual = Counter(min(roles, key=roles.__getitem__) for roles in away_m).most_common(1)[0][0]
@@ -113,26 +113,26 @@ def _at_other_objects(alike: Sequence[Demonstration]) -> list[int]:
 
 
 def _away_by_role_m(shown: Demonstration) -> dict[str, float]:
-    """How far from each object the gripper first switches; without a switch, where the hand is lowest."""
+    """Return by role the distance of each object from the first gripper switch, or from the lowest action."""
     lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
     at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
     return {role_of(shown, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
 
 
 def role_of(demonstration: Demonstration, name: str) -> str:
-    """The object's place in the instruction, or its name."""
+    """Return the object's position in the instruction, as `<0>`, or its name if it is not mentioned."""
     mentioned = demonstration.order.objects
     return f"<{mentioned.index(name)}>" if name in mentioned else name
 
 
 def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
-    """The two objects whose exchange explains most of the demonstrations that act elsewhere than the usual plan.
+    """Yield a finding for two objects whose names seem to be exchanged in several demonstrations.
 
-    Their scenes differ with the names, so that plans seem to follow from the scenes. One object must be in the
-    instruction, which says what to act on; where no word names either, a scene may well decide between them.
+    With the names exchanged back, these would act where the usual plan acts. The instruction must name one of the two;
+    otherwise the scene may decide between them.
 
     Args:
-        alike: that ask for the same.
+        alike: demonstrations that ask for the same.
     """
     kinds = Counter(demonstration.kind for demonstration in alike)
     usual = kinds.most_common(1)[0][0]
@@ -150,8 +150,8 @@ def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
     (one, second), number = explained.most_common(1)[0]
     share = number / len(alike)
     message = (
-        f"{number} of {len(alike)} demonstrations of {alike[0].instruction!r} do what the others do if {one} and"
-        f" {second} have each other's names there. Correct or delete those that are named wrongly."
+        f"In {number} of {len(alike)} demonstrations of {alike[0].instruction!r} the names of {one} and {second} seem"
+        " to be exchanged: with them exchanged back, the hand acts as in the others. Correct or delete these."
     )
     yield from EXCHANGED.findings(share, message, "demonstrations", {"share": share})
 
@@ -162,7 +162,7 @@ def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
 
 
 def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
-    """Says so where its gripper opens and closes otherwise than in most demonstrations that ask for the same.
+    """Yield a finding if the new demonstration's gripper switches differently than in most that ask for the same.
 
     Args:
         new, others: with the keyframes of their recordings.
@@ -174,9 +174,9 @@ def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iter
     ways[own] += 1
     if own != usual and ways[own] <= RARE_SHARE * ways.total():
         message = (
-            f"The gripper switches {len(own) - 1} times, in {number} of the {ways.total() - 1} other demonstrations"
-            f" {len(usual) - 1} times: prompts leave this one out, unless more are like it or its scene tells when to"
-            " do so. Was something dropped, or grasped twice? Then delete it."
+            f"The gripper switches {len(own) - 1} times here, and {len(usual) - 1} times in {number} of the"
+            f" {ways.total() - 1} other demonstrations. Prompts leave this one out, unless more are like it or its"
+            " scene explains the difference. If something was dropped or grasped twice, delete it."
         )
         yield LEFT_OUT.finding(message, "trajectory.gripper_open", {"alike": ways[own], "demonstrations": ways.total()})
 

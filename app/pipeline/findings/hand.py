@@ -10,6 +10,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import distances_m
 from app.pipeline.findings.rules import PATH_LEFT, PATH_NOT_KEPT
+from app.pipeline.findings.strokes import Reversals
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import Switch
 from app.pipeline.keyframes.resting import path_left_m
@@ -109,6 +110,7 @@ class RecordedHand:
         nearest_m: the least distance from any object.
         still_comes: whether it has that distance in the last frame alone: it is on its way to the object.
         may_hold: the objects so near to its first pose that it may hold them from the start.
+        reversals: how often it reverses its direction of motion.
     """
 
     kept: Kept
@@ -121,6 +123,7 @@ class RecordedHand:
     nearest_m: float
     still_comes: bool
     may_hold: frozenset[str]
+    reversals: Reversals
 
     @property
     def ends_holding(self) -> bool:
@@ -147,6 +150,7 @@ class RecordedHand:
             float(away_m.min()),
             nearest == len(trajectory) - 1,
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
+            Reversals.of(trajectory.positions_m),
         )
 
 

@@ -1,4 +1,4 @@
-"""Where demonstrations have an object, and how far an observed pose is from that."""
+"""The range of an object's poses in demonstrations, and how far an observed pose is outside of it."""
 
 import math
 from collections.abc import Sequence
@@ -19,19 +19,21 @@ UP = (0.0, 0.0, 1.0)
 HAND = "the end effector"
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
-FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
-LONE_M, LONE_OF_FEW_M = 0.5, 1.0  # from all others, of at least MANY_DEMONSTRATIONS demonstrations and of fewer
+FULL_TURN_DEG = 200.0  # demonstrations that span more have the object at any angle
+# A single place this far from all others is an outlier; the second value is for fewer than MANY_DEMONSTRATIONS
+LONE_M, LONE_OF_FEW_M = 0.5, 1.0
 MANY_DEMONSTRATIONS = 5
-FEW_M, MANY = 0.5, 10  # what fewer than MANY leave open besides: 5 cm of five, 12 cm of three
-SLACK = 15.0  # 0.15 of the range beyond ten demonstrations, 0.6 of it beyond five: docs/results/safety.md
-MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
+FEW_M, MANY = 0.5, 10  # the slack grows by FEW_M * (1/N - 1/MANY): 5 cm for five demonstrations, 12 cm for three
+SLACK = 15.0  # times range / N^2: 0.15 of the range for ten demonstrations, 0.6 for five: docs/results/safety.md
+MIN_DEMONSTRATIONS = 3  # fewer demonstrations show no range
 
 
 class OffBox(NamedTuple):
-    """How far a place is outside of a box, along the axis where that is most doubtful.
+    """How far a place is outside of a box, along the axis on which it exceeds the slack most.
 
     Attributes:
-        doubtful_m: less than `far_m` by how far beyond the box unseen places may well lie.
+        far_m: the distance from the box.
+        doubtful_m: the same less the slack, within which unseen places may well lie.
         range_text: the box along that axis.
     """
 
@@ -43,13 +45,13 @@ class OffBox(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ShownPlaces:
-    """One object, or the hand before it moves, in all demonstrations.
+    """The places of one object, or of the hand before it moves, in all demonstrations.
 
     Attributes:
-        number: of the demonstrations.
-        low_m, high_m: (3,) the box that holds its places, without the coordinate of one that is far from all others.
+        number: of demonstrations.
+        low_m, high_m: (3,) the bounding box of the places, without outliers.
         up: (N, 3) the directions of its z axis; empty where its rotations are not known.
-        yaws_rad: (N,) of the same objects.
+        yaws_rad: (N,) its yaws.
     """
 
     number: int
@@ -60,7 +62,7 @@ class ShownPlaces:
 
     @classmethod
     def of(cls, poses: Sequence[ObjectPose]) -> "ShownPlaces":
-        """The places of an object in at least one demonstration."""
+        """Return the range of at least one pose."""
         places_m = np.array([pose.position_m for pose in poses])
         known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
         up = np.array([quaternions.rotated(turn, UP) for turn in known]).reshape(-1, 3)
@@ -69,30 +71,30 @@ class ShownPlaces:
 
     @property
     def range_m(self) -> Array:
-        """(3,) how far the places reach along each axis."""
+        """(3,) the extent of the box."""
         reach: Array = self.high_m - self.low_m
         return reach
 
     @property
     def slack_m(self) -> Array:
-        """(3,) how far beyond the box unseen places may well lie: few demonstrations tell little of where it ends."""
+        """(3,) how far outside of the box unseen places may well lie: the fewer demonstrations, the farther."""
         slack: Array = SLACK * self.range_m / self.number**2 + max(0.0, FEW_M * (1 / self.number - 1 / MANY))
         return slack
 
     def off_box(self, place_m: Array) -> OffBox:
-        """How far a place (3,) lies outside of the box."""
+        """Return how far a place (3,) is outside of the box."""
         beyond_m = outside_m(place_m, self.low_m, self.high_m)
         axis = int(np.argmax(beyond_m - self.slack_m))
         far_m, low_m, high_m = float(beyond_m[axis]), self.low_m[axis], self.high_m[axis]
         return OffBox("xyz"[axis], far_m, far_m - float(self.slack_m[axis]), f"{low_m:.3f} to {high_m:.3f} m")
 
     def lifted_m(self, pose: ObjectPose) -> float:
-        """How far the pose lies above or below; 0 where demonstrations have the object at different heights."""
+        """Return the height difference from the box; 0 if demonstrations have the object at several heights."""
         off_m = outside_m(pose.position_m, self.low_m, self.high_m)
         return float(off_m[2]) if self.range_m[2] < FIXED_M else 0.0
 
     def leans_deg(self, pose: ObjectPose) -> float:
-        """The angle between its z axis and that of the nearest demonstration; 0 where it is not known."""
+        """Return the angle between its z axis and the nearest demonstrated one; 0 where one is not known."""
         if pose.quaternion_xyzw is None or not len(self.up):
             return 0.0
         axis = quaternions.rotated(pose.quaternion_xyzw, UP)
@@ -104,7 +106,7 @@ class ShownPlaces:
         return len(self.up) > 0 and float((self.up @ self.up.T).min()) > math.cos(math.radians(FIXED_DEG))
 
     def tilted_beyond_deg(self, pose: ObjectPose) -> float:
-        """How far the object is tilted from the vertical beyond, or short of, every demonstration."""
+        """Return by how much its tilt from the vertical is outside of the demonstrated range."""
         if pose.quaternion_xyzw is None or not len(self.up):
             return 0.0
         tilts_deg = np.degrees(np.arccos(np.clip(self.up[:, 2], -1, 1)))
@@ -112,7 +114,7 @@ class ShownPlaces:
         return float(max(tilts_deg.min() - tilt_deg, tilt_deg - tilts_deg.max(), 0))
 
     def turned_beyond_deg(self, pose: ObjectPose) -> tuple[float, float]:
-        """How far the object is turned about the vertical beyond the demonstrations, and their range."""
+        """Return by how much its yaw is outside of the demonstrated range, and the extent of the range."""
         if pose.quaternion_xyzw is None or not len(self.yaws_rad):
             return 0.0, 0.0
         middle_rad = np.angle(np.exp(1j * self.yaws_rad).mean())
@@ -125,10 +127,10 @@ class ShownPlaces:
 
 
 def _box_m(places_m: Array) -> tuple[Array, Array]:
-    """(3,) the least and largest coordinates of places (N, 3).
+    """Return (3,) the least and largest coordinates of places (N, 3), without an outlier at either end.
 
-    One demonstration does not widen them where it is farther from the others than these are from each other, and by
-    more than a slip or an unusual place is: it was recorded elsewhere, or its object was taken for another.
+    An outlier is farther from the others than these are from each other, and by more than an unusual place would be: it
+    was recorded in another frame, or another object was found.
     """
     sorted_m = np.sort(places_m, axis=0)
     if len(sorted_m) < MIN_DEMONSTRATIONS:
@@ -143,37 +145,41 @@ def _box_m(places_m: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class ShownScenes:
-    """The scenes of demonstrations; what they say of an object is computed once."""
+    """The scenes of demonstrations; what is derived from them is computed once.
+
+    Attributes:
+        left_out: demonstrations of plans that no prompt shows.
+    """
 
     demonstrations: tuple[Demonstration, ...]
-    left_out: tuple[Demonstration, ...] = ()  # of plans that no prompt shows
+    left_out: tuple[Demonstration, ...] = ()
     _places: dict[str, ShownPlaces] = field(default_factory=dict, init=False, repr=False)
     _least_apart_m: dict[tuple[str, str], float] = field(default_factory=dict, init=False, repr=False)
 
     def places(self, name: str) -> ShownPlaces:
-        """Where the object is in all of them, at least one."""
+        """Return the range of the object's places."""
         if (places := self._places.get(name)) is None:
             places = self._places[name] = ShownPlaces.of([item.object(name) for item in self.demonstrations])
         return places
 
     @cached_property
     def starts(self) -> ShownPlaces | None:
-        """Where the hand is before the first action; None where some demonstration does not know it."""
+        """The range of the hand's places before the first action; None if any is not known."""
         poses = [ObjectPose(HAND, item.start.position_m) for item in self.demonstrations if item.start is not None]
         return ShownPlaces.of(poses) if poses and len(poses) == len(self.demonstrations) else None
 
     @cached_property
     def pairs(self) -> tuple[RigidPair, ...]:
-        """The objects that keep one arrangement."""
+        """The pairs of objects that keep one arrangement."""
         return rigid_pairs(self.demonstrations)
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """The objects that stand on one side of each other."""
+        """The pairs of objects of which one is always on the same side of the other."""
         return sides(self.demonstrations)
 
     def least_apart_m(self, one: str, other: str) -> float:
-        """The least distance between two objects in any of them."""
+        """Return the least distance between two objects in any scene."""
         if (least_m := self._least_apart_m.get((one, other))) is None:
             least_m = min(apart_m(d.object(one), d.object(other)) for d in self.demonstrations)
             self._least_apart_m[one, other] = least_m
@@ -181,10 +187,10 @@ class ShownScenes:
 
 
 def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> float:
-    """The mean error of the observed positions, from heights and tilts that are the same in all demonstrations.
+    """Return the mean position error, estimated from heights and tilts that are equal in all demonstrations.
 
-    Errors are taken for Gaussian, alike along every axis, with as many degrees to a centimeter as the paper's pose
-    estimator has; 0 where no height and no tilt is the same in all.
+    The error model is Gaussian and isotropic, with the paper's ratio of rotation to position errors. Return 0 if no
+    height and no tilt is equal in all.
     """
     per_axis_m, per_axis_deg = MEAN_ERROR_M / MEAN_LENGTH, math.degrees(MEAN_ERROR_RAD) / MEAN_LENGTH
     squares, number = 0.0, 0
@@ -202,5 +208,5 @@ def _wrapped_deg(angles_rad: Array) -> Array:
 
 
 def apart_m(one: ObjectPose, other: ObjectPose) -> float:
-    """The distance between two objects."""
+    """Return the distance between two objects."""
     return float(np.linalg.norm(one.position_m - other.position_m))

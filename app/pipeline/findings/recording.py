@@ -1,4 +1,4 @@
-"""What is odd in a recording: reported when it is uploaded, so that the person can record it again at once."""
+"""Findings about one recording, reported at its upload so that a person can record it again at once."""
 
 from collections.abc import Iterator, Mapping, Sequence, Sized
 from typing import Any
@@ -14,42 +14,40 @@ from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from roboprompt_client.types.arrays import Array, positions_array
 
-MOVING_M = 0.005  # between two frames
+MOVING_M = 0.005  # between two frames of a moving hand
 JUMP_M = 0.05
 JUMP_M_S = 3.0  # faster than arms move their hands
-COARSE_M = 0.05  # between two frames; poses are known no closer than a half of that
-SHORT_S = 0.5
-IDLE_S = 5.0
-IDLE_M_S = 0.002
+COARSE_M = 0.05  # between two frames; poses in between are known to half of that
 FAST_SWITCH_M_S = 0.15
 FINGERS_MOVE_M = 0.01
 
 COMMANDED = "commanded_positions"  # in `extra`: where the hand was sent, (T, 3) m, world frame
-PUSHED_M = 0.03  # an object that the hand moves so far without holding it is pushed
-NEAR_M = 0.2  # from the object's origin to the hand that pushes it; tools may be in between
-SHORT_M = 0.015  # of where it was sent: more than controllers are off where nothing is in the way
-STILL_M_S = 0.02  # a hand that is so slow has come to where it gets
-LASTS_S = 0.2  # what is shorter is a bump
-PUSHING_N = 8.0  # beyond what usually acts on the hand; a kilogram that is carried is 10 N
+PUSHED_M = 0.03  # an object that moves by more near a hand that does not hold it is pushed
+NEAR_M = 0.2  # from the object's origin to the hand that pushes it; a tool may be in between
+SHORT_M = 0.015  # from the commanded position: more than the error of a controller in free space
+STILL_M_S = 0.02  # a slower hand has stopped
+LASTS_S = 0.2  # shorter contacts are bumps
+PUSHING_N = 8.0  # above the median force; a carried kilogram is 10 N
 MOVING_M_S = 0.05  # at the last frame
 
 
 def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> tuple[Finding, ...]:
-    """What deserves a look, the cause first.
+    """Return the findings, causes first.
 
     Args:
-        rule: by which the keyframes were found.
+        keyframes: found by `rule`.
     """
-    return (*_steps(motion), *_times(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
+    return (*_steps(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
 
 
 def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
-    """Objects of a recording whose given poses are not those that its images show, which is what prompts have."""
+    """Yield a finding for each object whose given pose differs from the one found in images, which prompts show."""
     for item in compared:
         if not item.agrees:
             message = (
-                f"The pose that was given of {item.given.name} is {100 * item.off_m:.1f} cm and {item.off_deg:.0f}"
-                f" degrees from the one that its images show ({item.found.estimator}), which is the one that counts."
+                f"The given pose of {item.given.name} differs by {100 * item.off_m:.1f} cm and {item.off_deg:.0f}"
+                f" degrees from the one found in the images ({item.found.estimator}), which is used. Give the pose of"
+                " the same point and axes of the object, or check the camera's calibration."
             )
             numbers = {"off_m": item.off_m, "off_deg": item.off_deg}
             where = f"objects[{item.given.name}].position"
@@ -64,7 +62,7 @@ def _steps(motion: Motion) -> Iterator[Finding]:
         frame = int(jumps[0]) + 1
         message = (
             f"The hand jumps by {100 * steps_m[frame - 1]:.0f} cm from frame {frame - 1} to {frame}"
-            f" ({speeds_m_s[frame - 1]:.1f} m/s): frames are missing, or control_frequency_hz is wrong."
+            f" ({speeds_m_s[frame - 1]:.1f} m/s). Record every frame, and check control_frequency_hz."
         )
         numbers = {"frame": frame, "jump_m": float(steps_m[frame - 1]), "num_jumps": len(jumps)}
         yield Finding("jump", "warning", message, "trajectory.end_effector_positions", numbers)
@@ -72,29 +70,18 @@ def _steps(motion: Motion) -> Iterator[Finding]:
     if len(moving_m) and (usual_m := float(np.quantile(moving_m, 0.75))) > COARSE_M:
         rate_hz = len(steps_m) / max(float(motion.times_s[-1] - motion.times_s[0]), 1e-9)
         message = (
-            f"At {rate_hz:.0f} Hz the hand moves up to {100 * usual_m:.0f} cm between two frames: where it turned or"
-            " grasped is known no better. Record more often, or move more slowly."
+            f"At {rate_hz:.0f} Hz the hand moves up to {100 * usual_m:.0f} cm between two frames, so that its turns and"
+            " grasps are known only to that accuracy. Record at a higher rate, or move more slowly."
         )
         yield Finding("coarse-recording", "warning", message, "trajectory", {"rate_hz": rate_hz, "step_m": usual_m})
-
-
-def _times(motion: Motion) -> Iterator[Finding]:
-    duration_s = float(motion.times_s[-1])
-    if duration_s < SHORT_S:
-        message = f"The recording takes {duration_s:.2f} s in {len(motion)} frames: is control_frequency_hz right?"
-        yield Finding("short-recording", "info", message, "trajectory", {"duration_s": duration_s})
-    idle = _longest(motion, motion.hand_speeds_m_s < IDLE_M_S)
-    if idle is not None and (rest_s := _lasts_s(motion, idle)) > IDLE_S:
-        message = f"The hand stands still for {rest_s:.0f} s; this leaves no keyframe."
-        yield Finding("long-rest", "info", message, "trajectory", {"rest_s": rest_s})
 
 
 def _gripper(motion: Motion) -> Iterator[Finding]:
     if not motion.switches:
         state, widths_m = "open" if motion.trajectory.gripper_open[0] else "closed", motion.trajectory.gripper_width_m
-        message = f"The gripper is {state} all the time: right for a task without a grasp."
+        message = f"The gripper is {state} throughout, which is right only for a task without a grasp."
         if widths_m is not None and (travel_m := float(np.ptp(widths_m))) > FINGERS_MOVE_M:
-            message += f" But its fingers move by {100 * travel_m:.1f} cm: is the width right above which it is open?"
+            message += f" Its fingers move by {100 * travel_m:.1f} cm: check the task's gripper_open_above_m."
             yield Finding("one-gripper-state", "warning", message, "trajectory.gripper_open", {"travel_m": travel_m})
         else:
             yield Finding("one-gripper-state", "info", message, "trajectory.gripper_open")
@@ -103,8 +90,8 @@ def _gripper(motion: Motion) -> Iterator[Finding]:
     fast = next((frame for frame, speed_m_s in speeds_m_s.items() if speed_m_s > FAST_SWITCH_M_S), None)
     if fast is not None:
         message = (
-            f"The gripper switches while the hand moves at {speeds_m_s[fast]:.2f} m/s (frame {fast}):"
-            " record what the fingers have done, not the command."
+            f"The gripper switches while the hand moves at {speeds_m_s[fast]:.2f} m/s (frame {fast}). Record the"
+            " measured state of the fingers, not the command."
         )
         numbers = {"frame": fast, "speed_m_s": speeds_m_s[fast]}
         yield Finding("gripper-switches-in-motion", "info", message, "trajectory.gripper_open", numbers)
@@ -113,23 +100,24 @@ def _gripper(motion: Motion) -> Iterator[Finding]:
 def _keyframes(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> Iterator[Finding]:
     if rule.rule == "merged" and manner_of(motion, rule.delta_rad_s) != "rests":
         message = (
-            f"The recording does not rest at its keyframes: the rule merged finds {len(keyframes)}, which may miss"
-            " what the hand does between. Use the rule auto or waypoints."
+            f"The hand does not rest at its keyframes, so that the {len(keyframes)} keyframes of the rule merged may"
+            " miss parts of the motion. Use the rule auto or waypoints."
         )
         yield Finding("keyframes-miss-the-path", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
     if len(keyframes) > MAX_KEYFRAMES:
         message = (
-            f"{len(keyframes)} keyframes are more than the {MAX_KEYFRAMES} actions that a prediction may have by"
-            " default: record shorter tasks, or use the rule auto."
+            f"There are {len(keyframes)} keyframes, more than the {MAX_KEYFRAMES} actions that a prediction has by"
+            " default. Record shorter tasks, or use the rule auto."
         )
         yield Finding("too-many-keyframes", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
 
 
 def contact_findings(motion: Motion, names: Sequence[str], extra: Mapping[str, Any]) -> Iterator[Finding]:
-    """Of a recording that lives from contact, or ends while something moves.
+    """Yield findings about contact, and about a recording that ends in motion.
 
     Args:
-        names: of the objects that the trajectory tracks, in its order.
+        names: the objects that the trajectory tracks, in its order.
+        extra: of the upload, with `commanded_positions` if they are known.
 
     Raises:
         InvalidInputError: if `extra` has commanded positions of another shape.
@@ -139,12 +127,12 @@ def contact_findings(motion: Motion, names: Sequence[str], extra: Mapping[str, A
         yield from _stopped_short(motion, positions_array(f"extra.{COMMANDED}", extra[COMMANDED], (len(motion), 3)))
     yield from _pressed(motion)
     if (speed_m_s := float(motion.hand_speeds_m_s[-1])) > MOVING_M_S:
-        message = f"The hand moves at {speed_m_s:.2f} m/s in the last frame: record half a second more."
+        message = f"The hand still moves at {speed_m_s:.2f} m/s in the last frame. Record half a second more."
         yield Finding("ends-in-motion", "info", message, "trajectory", {"speed_m_s": speed_m_s})
 
 
 def _pushed(motion: Motion, names: Sequence[str]) -> Iterator[Finding]:
-    """Tracked objects that move beside a hand that never holds anything near them."""
+    """Yield a finding for each tracked object that moves near a hand that does not hold it."""
     tracks_m = motion.trajectory.object_positions_m
     if tracks_m is None:
         return
@@ -156,17 +144,17 @@ def _pushed(motion: Motion, names: Sequence[str]) -> Iterator[Finding]:
         moved_m = float(steps_m[(away_m[1:] < NEAR_M)].sum())
         if moved_m > PUSHED_M and np.linalg.norm(track_m[-1] - track_m[0]) > PUSHED_M:
             message = (
-                f"The hand moves {name} by {100 * moved_m:.0f} cm without holding it. Poses do not carry how hard it"
-                " pushes: predicted actions go where the hand was, and a robot that yields more gets less far."
+                f"The hand pushes {name} by {100 * moved_m:.0f} cm without holding it. Poses contain no forces:"
+                " predicted actions go to where the hand was, and a more compliant robot pushes less far."
             )
             yield Finding("contact", "info", message, f"objects[{name}]", {"moved_m": moved_m})
 
 
 def _holds(motion: Motion, away_m: Array) -> bool:
-    """Whether the hand closes on an object; a fist that then comes nearer to it has closed on nothing.
+    """Return whether the hand closes on an object, and not before it comes near.
 
     Args:
-        away_m: (T,) of the object from the hand.
+        away_m: (T,) the object's distance from the hand.
     """
     closed = [away_m[phase.first : phase.last + 1] for phase in motion.phases if not phase.gripper_open]
     return any(each[0] < AT_OBJECT_M and each.min() > each[0] - NEARER_M for each in closed)
@@ -177,9 +165,9 @@ def _stopped_short(motion: Motion, commanded_m: Array) -> Iterator[Finding]:
     if (held := _longest(motion, (short_m > SHORT_M) & (motion.hand_speeds_m_s < STILL_M_S))) is not None:
         frame, most_m = held.start, float(short_m[held].max())
         message = (
-            f"From frame {frame} on the hand stands still {100 * most_m:.1f} cm short of where it was sent: something"
-            " holds it. Predicted actions go where the hand was, and press less. Record the commanded positions as the"
-            " trajectory, if your robot yields to contact."
+            f"From frame {frame} on something stops the hand {100 * most_m:.1f} cm short of the commanded position."
+            " Predicted actions go to where the hand was, and press less. If your robot is compliant, record the"
+            " commanded positions as the trajectory."
         )
         yield Finding("contact", "warning", message, "trajectory", {"frame": frame, "short_m": most_m})
 
@@ -192,14 +180,14 @@ def _pressed(motion: Motion) -> Iterator[Finding]:
     if (pressed := _longest(motion, forces_n > PUSHING_N)) is not None:
         frame, most_n = pressed.start, float(forces_n[pressed].max())
         message = (
-            f"From frame {frame} on up to {most_n:.0f} N act on the hand. Predicted actions go where the hand was, and"
-            " do not press as hard by themselves."
+            f"From frame {frame} on up to {most_n:.0f} N act on the hand. Predicted actions go to where the hand was,"
+            " and may press less."
         )
         yield Finding("contact", "info", message, "trajectory", {"frame": frame, "force_n": most_n})
 
 
 def _longest(motion: Motion, states: npt.ArrayLike) -> slice | None:
-    """The longest stretch of frames of a state (T,); None if none lasts."""
+    """Return the longest interval in which a state (T,) is true; None if it is shorter than `LASTS_S`."""
     found = [slice(first, end) for first, end, is_so in stretches(states) if is_so]
     lasting = [frames for frames in found if _lasts_s(motion, frames) >= LASTS_S]
     return max(lasting, key=lambda frames: _lasts_s(motion, frames), default=None)

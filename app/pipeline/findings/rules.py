@@ -105,11 +105,17 @@ OTHER_FRAME = Rule(
     source="no danger in right scenes, be the hand where recordings start or elsewhere: docs/results/safety.md",
 )
 TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
+TURNED_BEYOND_MANY = Rule(
+    "object-turned",
+    "beyond ten or more demonstrations",
+    "degrees",
+    warning=10.0,
+    danger=20.0,
+    source="a danger in 0.2 % of 10560 right scenes",
+)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.03)
 ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)
-PARTED = Rule(
-    "objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", warning=0.035, danger=0.05
-)
+PARTED = Rule("objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", danger=0.035)
 
 SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration has it", "m", danger=0.05)
 
@@ -161,6 +167,7 @@ BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
 DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
 FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
+OBJECT_W_FIRST = Rule("w-first", "share of the demonstrations", danger=0.15)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
 
 GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")

@@ -1,4 +1,4 @@
-"""Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows what is not known."""
+"""Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows something unknown."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -33,9 +33,9 @@ from app.pipeline.representation.anchors import (
     scatters_m,
 )
 
-SCATTER_M = 0.01  # what people and pose estimators do at their best
-APART_SHARES = np.array([TURNED_SHARE, 0.4])  # of their scatter, that places and rotations have along other axes
-CIRCLE_SHARE = 0.25  # of their scatter, within which half of the demonstrations have one distance from the axis
+SCATTER_M = 0.01  # the least scatter of people and pose estimators
+APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
+CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +43,11 @@ class _Acting:
     """A row at which the hand acts.
 
     Attributes:
-        seen_from: what the row is relative to, as it is called in the scene that is asked about.
+        seen_from: the object or frame that the row is relative to, by its name in the observed scene.
         apart_m, hand_apart_deg: see `_apart`.
         on_a_circle_m: see `_on_a_circle_m`.
-        loosely: whether the hand lets something go, or does something with what it holds: that may have no one place,
-            as in a bin.
-        turn_off_deg: see there; of what is held.
+        loosely: whether the hand releases something, or acts with a held object; both may happen anywhere, as in a bin.
+        turn_off_deg: see `app.pipeline.plans.rows.turn_off_deg`, of a held object.
     """
 
     index: int
@@ -67,14 +66,14 @@ class _Acting:
 
 
 def scatter_findings(support: Support, asked: Order, round_objects: frozenset[str] = frozenset()) -> Iterator[Finding]:
-    """Where the hand acts, demonstrations that scatter say that poses are noisy, or that they contradict each other.
+    """Yield at most one finding for demonstrations that scatter, or contradict each other, where the hand acts.
 
-    Prompts show the demonstrations' center, so that what counts is how far that is likely to be off. Where more than a
-    third of them are far from it there is none, and the number of demonstrations makes up for nothing. Where the hand
-    takes or presses something, a center that may be off by more than fingers forgive is a danger.
+    Prompts show the robust center of the demonstrations, so that the standard error of the center counts. If more than
+    a third of them are far from it, there is no common center, however many they are. Where the hand grasps or presses
+    something, a standard error beyond the tolerance of a grasp is a danger.
 
     Args:
-        round_objects: whose yaw the task says means nothing.
+        round_objects: objects with a declared yaw symmetry.
     """
     acting = [
         _Acting(
@@ -102,39 +101,39 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
 def _apart_message(item: _Acting) -> str:
     turns = "does not turn" if item.row.anchors[0].place_turns else "turns"
     return (
-        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) {turns} with {item.seen_from}, it"
-        f" seems, and how the hand is turned says otherwise: the place may be {200 * item.apart_m:.1f} cm off. Record"
-        f" more demonstrations with {item.seen_from} turned otherwise, or name the place as an object of its own."
+        f"The place where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) probably {turns} with"
+        f" {item.seen_from}, unlike the hand: it may be {200 * item.apart_m:.1f} cm off. Record more demonstrations"
+        f" with {item.seen_from} at other angles, or send the place as an object of its own."
     )
 
 
 def _hand_apart_message(item: _Acting) -> str:
     turns = "does not turn" if item.row.anchors[0].hand_turns else "turns"
     return (
-        f"The hand of {len(item.row.off_m)} demonstrations {turns} with {item.seen_from}, it seems, where it acts"
-        f" (action {item.index + 1}), and the place says otherwise: the hand may be turned by"
-        f" {2 * item.hand_apart_deg:.0f} degrees. Record more demonstrations with {item.seen_from} turned otherwise."
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}), the hand probably {turns} with"
+        f" {item.seen_from}, unlike the place: it may be turned wrongly by {2 * item.hand_apart_deg:.0f} degrees."
+        f" Record more demonstrations with {item.seen_from} at other angles."
     )
 
 
 def not_shown_findings(shown: Support | None, taught: Support, asked: Order) -> Iterator[Finding]:
-    """A frame in which only place or hand turns with an object, that the few demonstrations of a prompt do not show.
+    """Yield a finding if only place or hand turns with an object, and the prompt shows too few demonstrations of that.
 
     Args:
-        shown: by a prompt; None where its plans are not known.
-        taught: by all demonstrations of the task.
+        shown: the plans in the prompt; None where they are not known.
+        taught: the plans of all demonstrations of the task.
     """
     missing = _mixed(taught, asked) - (frozenset() if shown is None else _mixed(shown, asked))
     for name in sorted({anchor.object_name for anchor in missing})[:1]:
         message = (
-            f"Of what the hand does at {name} only its place, or only its rotation, turns with {name}; the prompt shows"
-            " too few demonstrations to say so. Ask with more of them (num_demonstrations)."
+            f"Where the hand acts at {name}, only its position or only its rotation turns with {name}. The prompt has"
+            " too few demonstrations to show that. Raise num_demonstrations."
         )
         yield NOT_SHOWN_APART.finding(message, "demonstrations")
 
 
 def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
-    """The anchors with a mixed frame at which the hand acts, as they are called in a scene."""
+    """Return the anchors with a mixed frame at which the hand acts, by the names in the observed scene."""
     return frozenset(
         asked_anchor(rows[k].anchors[0], group[0].order, asked)
         for group, rows in support.alike(asked)
@@ -145,25 +144,25 @@ def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
 
 def _contradicting_message(item: _Acting) -> str:
     return (
-        f"More than a third of {len(item.row.off_m)} demonstrations are {100 * item.row.way_off_m:.1f} cm or more from"
-        f" where the others act (action {item.index + 1}, seen from {item.seen_from}): no noise does that. They do it"
-        " in several ways, were recorded in another frame, or what they follow is not among the objects."
+        f"More than a third of {len(item.row.off_m)} demonstrations act {100 * item.row.way_off_m:.1f} cm or more from"
+        f" where the others do (action {item.index + 1}, relative to {item.seen_from}): too far for noise. They do the"
+        " task in several ways, were recorded in another frame, or follow an object that is not in the scenes."
     )
 
 
 def _turned_message(item: _Acting) -> str:
     return (
-        f"What is held is turned by {item.turn_off_deg:.0f} degrees more, or less, in more than a third of"
-        f" {len(item.row.off_m)} demonstrations (action {item.index + 1}): as poured from it in some of them only."
-        " Delete those that leave it out."
+        f"More than a third of {len(item.row.off_m)} demonstrations turn the held object by"
+        f" {item.turn_off_deg:.0f} degrees more, or less, than the others (action {item.index + 1}), as if only some of"
+        " them poured. Delete the wrong ones."
     )
 
 
 def _circle_message(item: _Acting) -> str:
     return (
-        f"{len(item.row.off_m)} demonstrations act at one distance from {item.seen_from}, on several sides of it"
-        f" (action {item.index + 1}), and their center is on none: they follow how it is turned, though it is declared"
-        " symmetric. Correct the task's yaw_symmetry_deg."
+        f"{len(item.row.off_m)} demonstrations act on several sides of {item.seen_from}, at one distance from it"
+        f" (action {item.index + 1}). They follow its yaw, although the task's yaw_symmetry_deg declares it symmetric."
+        " Correct this setting."
     )
 
 
@@ -172,8 +171,8 @@ def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
     message = (
         f"{len(item.row.off_m)} demonstrations scatter by {100 * item.row.scatter_m:.1f} cm where the hand acts (action"
-        f" {item.index + 1}, seen from {item.seen_from}), and their center may be {100 * item.row.center_off_m:.1f} cm"
-        " off: poses are noisy, or what it follows is not among the objects."
+        f" {item.index + 1}, relative to {item.seen_from}), and their center may be {100 * item.row.center_off_m:.1f}"
+        " cm off. Check calibration and poses, send every object that the motion depends on, or record more."
     )
     return item.finding(MISSED if missed else SCATTERED, message, item.row.center_off_m)
 
@@ -181,10 +180,10 @@ def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
 def _apart(
     shown: Sequence[Demonstration], row: PlanRow, k: int, tilted: frozenset[str], round_objects: frozenset[str]
 ) -> tuple[float, float]:
-    """How far places (m) and rotations (degrees) scatter along row `k`'s axes that are alike along the object's others.
+    """Return the scatter of places (m) and of rotations (degrees) along the axes of row `k`, if other axes fit better.
 
-    0 for what is not so. Otherwise the other of the two decided the frame, and there are too few demonstrations, or too
-    noisy ones, to choose one for each.
+    0 where no others do. Place and hand then need different axes, and the demonstrations are too few or too noisy to
+    choose them separately.
     """
     names = {anchor.object_name for anchor in row.anchors}
     poses = [item.object(anchor.object_name) for item, anchor in zip(shown, row.anchors, strict=True) if all(names)]
@@ -198,7 +197,7 @@ def _apart(
 
 
 def _on_a_circle_m(row: PlanRow, round_objects: frozenset[str]) -> float:
-    """How far offsets scatter about the vertical axis of a round object, all at one distance from it; else 0."""
+    """Return the scatter of offsets that lie on a circle about a round object's vertical axis; else 0."""
     if row.anchors[0].object_name not in round_objects:
         return 0.0
     radii_m = np.linalg.norm(row.offsets_m[:, :2], axis=1)
@@ -211,7 +210,7 @@ def _seen_from(row: PlanRow, shown: Order, asked: Order) -> str:
     return anchor.object_name or f"the {anchor.frame}"
 
 
-# The causes of scatter, of which the first that is found explains it
+# Causes of scatter; the first that applies is reported
 DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]], ...] = (
     (APART, lambda item: item.apart_m, _apart_message),
     (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),

@@ -1,4 +1,4 @@
-"""What is doubtful about an observed scene: alone, beside those of demonstrations, and in the roles of its objects."""
+"""Findings about an observed scene: uncertain poses, objects unlike the demonstrations, objects in new roles."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -11,6 +11,7 @@ from app.pipeline.findings import SEVERITIES, Finding, rules, worst_severity
 from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
+    MANY,
     MIN_DEMONSTRATIONS,
     ShownPlaces,
     ShownScenes,
@@ -22,21 +23,21 @@ from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
 from roboprompt_client.types.poses import ObjectPose
 
-UNSURE_CONFIDENCE = 0.7  # of a pose that deserves a look without a reason
+UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
-REPEATED_M = 1e-5  # between two measured poses of an object, at least
-APART_SHARE = 0.5  # of the least distance between two objects in demonstrations
+REPEATED_M = 1e-5  # two measurements of one pose differ by more
+APART_SHARE = 0.5  # of the least distance of two objects in demonstrations: nearer ones are one object
 
 
 def scene_findings(
     query: Query, scenes: ShownScenes, followed: frozenset[str] = frozenset(), needed: frozenset[str] | None = None
 ) -> tuple[Finding, ...]:
-    """What deserves a look, causes first; a lesser doubt hides no greater one.
+    """Return the findings, causes first; findings that a cause explains are left out unless they are severer.
 
     Args:
-        query: the objects as they were observed.
-        scenes: of the demonstrations, with the same objects; none where they are not known.
-        followed: the objects that rows of the asked motion are relative to.
+        query: the observed objects.
+        scenes: the demonstrations' scenes, with the same objects; empty where they are not known.
+        followed: the objects that rows of the requested motion are relative to.
         needed: the objects whose places matter; None: all.
     """
     observed, shown = query.objects, scenes.demonstrations
@@ -57,18 +58,18 @@ def scene_findings(
 
 
 def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
-    """Says that a scene has other objects than the task's, by their names."""
+    """Return a finding if the scene lacks objects of the task (`absent`) or has others (`new`)."""
     if not (absent or new):
         return ()
     message = (
-        f"The scene has other objects around than demonstrations: missing {', '.join(absent) or 'none'}; new"
-        f" {', '.join(new) or 'none'}. No row follows them and no words name them."
+        f"The scene has other objects than the demonstrations: missing {', '.join(absent) or 'none'}; new"
+        f" {', '.join(new) or 'none'}. Neither the motion nor the instruction refers to them."
     )
     return (rules.OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
 
 
 def _greater(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
-    """Those that are severer than all that is known already, which explains the others."""
+    """Return the findings that are severer than all `known` ones, which explain the others."""
     worst = worst_severity(known)
     return [item for item in findings if worst is None or SEVERITIES.index(item.severity) > SEVERITIES.index(worst)]
 
@@ -77,7 +78,10 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
     for pose in observed:
         if pose.confidence < UNSURE_CONFIDENCE or pose.reason:
             reason = f": {pose.reason}" if pose.reason else ""
-            message = f"The pose of {pose.name} is not certain ({pose.estimator}, {pose.confidence:.2f}){reason}."
+            message = (
+                f"The pose of {pose.name} is uncertain ({pose.estimator}, confidence {pose.confidence:.2f}){reason}."
+                " Compare it with the camera's picture."
+            )
             numbers = {"confidence": pose.confidence}
             unsure = float(pose.confidence < UNSURE_CONFIDENCE)
             yield rules.UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
@@ -86,9 +90,9 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
 def _of_a_demonstration(
     observed: Sequence[ObjectPose], places: Sequence[ShownPlaces], shown: Sequence[Demonstration]
 ) -> Finding | None:
-    """A scene whose objects are, as nothing measured twice is, where one demonstration had them before it moved them.
+    """Return a finding if all objects are exactly where one demonstration had them, as no two measurements are.
 
-    Objects that never move do not count, nor do places that people write down, in whole millimeters.
+    Objects that never move do not count, nor do positions in whole millimeters, which people write by hand.
     """
     moved = [pose for pose, place in zip(observed, places, strict=True) if place.range_m.max() > FIXED_M]
     if not moved:
@@ -99,20 +103,24 @@ def _of_a_demonstration(
     for old in shown:
         if all(np.abs(old.object(pose.name).position_m - pose.position_m).max() < REPEATED_M for pose in moved):
             message = (
-                f"All objects stand to a hundredth of a millimeter where demonstration {old.id} had them, which no"
-                " camera sees twice: is it an old observation?"
+                f"All objects are exactly (to 0.01 mm) where demonstration {old.id} had them; no camera measures that"
+                " twice. This is probably an old observation: observe the scene again."
             )
             return rules.OLD_SCENE.finding(message, "objects")
     return None
 
 
 def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
-    """Two objects that an estimator took for one, or for each other: that explains whatever else is odd about them."""
+    """Return a finding, and the two objects, if an estimator took these for one or for each other.
+
+    That explains every other finding about the two.
+    """
     for one, other in combinations(observed, 2):
         off_m = _exchanged_m(one, other, scenes)
         message = (
-            f"{one.name} and {other.name} each stand {100 * off_m:.1f} cm or more above or below where every"
-            " demonstration has them, and with their names exchanged where it does: one is taken for the other."
+            f"{one.name} and {other.name} are {100 * off_m:.1f} cm or more above or below their height in every"
+            " demonstration; with their names exchanged they would not be. The estimator probably took one for the"
+            " other: check the names."
         )
         if swapped := rules.HEIGHTS_EXCHANGED.findings(off_m, message, f"objects[{one.name}]", {"off_m": off_m}):
             return list(swapped), (one, other)
@@ -120,8 +128,8 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
         least_m = scenes.least_apart_m(one.name, other.name)
         if least_m > FIXED_M and off_m < APART_SHARE * least_m:
             message = (
-                f"{one.name} and {other.name} are seen {100 * off_m:.1f} cm apart, in no demonstration less than"
-                f" {100 * least_m:.1f} cm: one is taken for the other."
+                f"{one.name} and {other.name} are seen {100 * off_m:.1f} cm apart, but at least {100 * least_m:.1f} cm"
+                " in every demonstration. The estimator probably found one object twice."
             )
             numbers = {"apart_m": off_m, "least_m": least_m}
             return [rules.ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
@@ -129,7 +137,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
 
 
 def _exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
-    """How far above or below both are at least, beyond what would be left with their names exchanged."""
+    """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0."""
     places = scenes.places(one.name), scenes.places(other.name)
     if max(place.range_m[2] for place in places) >= FIXED_M:
         return 0.0
@@ -139,26 +147,29 @@ def _exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> flo
 
 
 def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
-    """Doubts about one object, one of each kind: outside the demonstrations, rows have not been shown to hold."""
+    """Return findings for one object whose pose is outside of what was demonstrated."""
     where = f"objects[{pose.name}]"
     tilt_deg = places.tilted_beyond_deg(pose)
-    message = f"{pose.name} is tilted by {tilt_deg:.0f} degrees more than in any demonstration: has it fallen over?"
+    message = (
+        f"The tilt of {pose.name} differs by {tilt_deg:.0f} degrees from every demonstration. If it has fallen over,"
+        " stand it up."
+    )
     tilted = rules.TILTED.findings(tilt_deg, message, where, {"tilt_deg": tilt_deg})
     off_m = places.lifted_m(pose) if places.leans_deg(pose) < UPRIGHT_DEG else 0.0
     message = (
-        f"{pose.name} stands {100 * off_m:.1f} cm above or below where every demonstration has it: is it another"
-        " object, or on something?"
+        f"{pose.name} is {100 * off_m:.1f} cm above or below its height in every demonstration. It is another object,"
+        " or stands on something."
     )
     lifted = rules.HEIGHT.findings(off_m, message, where, {"off_m": off_m})
-    turned = () if tilted else _turned(pose, places)  # what has fallen over has no yaw
+    turned = () if tilted else _turned(pose, places)  # the yaw of an object that has fallen over means nothing
     return [*tilted, *lifted, *_beyond(pose, places), *turned]
 
 
 def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
     off = places.off_box(pose.position_m)
     message = (
-        f"{pose.name} lies {100 * off.far_m:.0f} cm beyond the demonstrations along {off.axis}: they have it from"
-        f" {off.range_text}. Is it another object? If not, demonstrate nearer to it."
+        f"{pose.name} is {100 * off.far_m:.0f} cm outside of the demonstrated range along {off.axis}, which is"
+        f" {off.range_text}. Check that it is the right object; if it is, record demonstrations nearer to it."
     )
     return rules.BEYOND.findings(off.doubtful_m, message, f"objects[{pose.name}]", {"beyond_m": off.far_m})
 
@@ -168,28 +179,29 @@ def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
     if rules.TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
         return ()
     message = (
-        f"{pose.name} is turned by {beyond_deg:.0f} degrees beyond the demonstrations, which have it within"
-        f" {range_deg:.0f} degrees."
+        f"{pose.name} is turned about the vertical by {beyond_deg:.0f} degrees beyond the demonstrations, which span"
+        f" {range_deg:.0f} degrees. Turn it back, or record demonstrations at this angle."
     )
-    return rules.TURNED.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
+    rule = rules.TURNED_BEYOND_MANY if places.number >= MANY else rules.TURNED
+    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
 
 
 def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tuple[Finding, ...]:
-    """Objects that stand alike in all demonstrations show how far their poses are off."""
+    """Return a finding if heights and tilts that all demonstrations share are now off, as noisy poses are."""
     error_m = estimated_error_m(observed, places)
     message = (
-        f"Heights and tilts differ from those that all demonstrations share: poses are off by about"
-        f" {100 * error_m:.1f} cm, and grasps may miss. Check calibration and estimator."
+        f"Heights and tilts differ from those in all demonstrations: poses have an error of about {100 * error_m:.1f}"
+        " cm, so that grasps may miss. Check the camera's calibration and the estimator."
     )
     return rules.NOISY.findings(error_m, message, "objects", {"error_m": error_m})
 
 
 class Stranger(NamedTuple):
-    """An object that stands where demonstrations have others.
+    """An object that the instruction has in the role of another kind of thing.
 
     Attributes:
-        instead_of: what they have there.
-        named_elsewhere: whether taught instructions name it in another place: its part is another one.
+        instead_of: the objects that demonstrations have in this role.
+        named_elsewhere: whether taught instructions have it in another role.
     """
 
     name: str
@@ -198,10 +210,11 @@ class Stranger(NamedTuple):
 
 
 def strangers(asked: Order, taught: Sequence[str]) -> Iterator[Stranger]:
-    """Of each clause the objects of another kind than the taught ones in their place.
+    """Yield the objects of each clause that are of another kind than the taught ones in their role.
 
     Args:
-        asked: in the form of taught instructions.
+        asked: an instruction in the form of taught ones.
+        taught: the instructions of the demonstrations.
     """
     shown = [clause for text in taught for clause in Order(text, asked.names).clauses]
     known = {name for clause in shown for name in clause.objects}
@@ -210,7 +223,7 @@ def strangers(asked: Order, taught: Sequence[str]) -> Iterator[Stranger]:
         alike = [other.objects for other in shown if other.form == clause.form]
         for place, name in enumerate(clause.objects if alike else ()):
             there = tuple(dict.fromkeys(objects[place] for objects in alike))
-            as_usual = (clause.verb, place, name) in usual  # put on another thing, but put
+            as_usual = (clause.verb, place, name) in usual  # the same object in the same role
             if not as_usual and _kind(name).isdisjoint(frozenset().union(*map(_kind, there))):
                 yield Stranger(name, there, name in known)
 

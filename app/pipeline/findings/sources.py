@@ -1,4 +1,4 @@
-"""Whether the poses of a scene and of demonstrations come from one source: others may mean other points and axes."""
+"""Whether poses of the scene and of the demonstrations come from one source; sources may use other object frames."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import OTHER_SOURCE
 from roboprompt_client.types.poses import ObjectPose
 
-SAME_M, SAME_DEG = 0.015, 15.0  # between a pose that was given and one that was found where both mean the same
-REPEATED_M = 0.001  # a given pose so near to a demonstration's is that demonstration's
+SAME_M, SAME_DEG = 0.015, 15.0  # a given and a found pose that differ by less use the same object frame
+REPEATED_M = 0.001  # a given pose this near to a demonstration's was read from that demonstration
 GIVEN = "given"
 
 
 @dataclass(frozen=True)
 class Compared:
-    """An object of which an episode has a given pose, and images in which it was found.
+    """An object in an episode that has both a given pose and images in which the object was found.
 
     Attributes:
-        turn_deg: about its z axis that leaves it unchanged: 0 any, None none.
+        turn_deg: the turn about its z axis that leaves it unchanged: 0 any, None none.
     """
 
     given: ObjectPose
@@ -30,12 +30,12 @@ class Compared:
 
     @property
     def off_m(self) -> float:
-        """Between the two places."""
+        """The distance between the two positions."""
         return float(np.linalg.norm(self.given.position_m - self.found.position_m))
 
     @property
     def off_deg(self) -> float:
-        """Between the two rotations, as small as the symmetry allows; 0 where one is not known."""
+        """The least angle between the two rotations under the symmetry; 0 where one is not known."""
         if self.given.quaternion_xyzw is None or self.found.quaternion_xyzw is None:
             return 0.0
         between = Rotation.from_quat(self.given.quaternion_xyzw).inv() * Rotation.from_quat(self.found.quaternion_xyzw)
@@ -46,23 +46,25 @@ class Compared:
 
     @property
     def agrees(self) -> bool:
-        """Whether both mean the same point and axes of the object."""
+        """Whether both use the same object frame."""
         return self.off_m <= SAME_M and self.off_deg <= SAME_DEG
 
 
 def source_findings(
     observed: Sequence[ObjectPose], shown: Sequence[Demonstration], compared: Sequence[Compared]
 ) -> Iterator[Finding]:
-    """Objects whose poses come from another source than those of demonstrations, unless both were seen to agree.
+    """Yield a finding for each object whose pose is from another source, unless an episode shows that both agree.
 
     Args:
-        compared: of the task's episodes, where they have a given and a found pose.
+        observed: the objects of the scene.
+        shown: the demonstrations.
+        compared: the given and found poses of the task's episodes that have both.
     """
     for pose in observed:
         taught = [item for one in shown for item in one.objects if item.name == pose.name]
         sources = {item.estimator for item in taught} - {pose.estimator}
         repeated = any(np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught)
-        if not sources or (repeated and pose.estimator == GIVEN):  # it was read from an episode
+        if not sources or (repeated and pose.estimator == GIVEN):  # it is a demonstration's pose
             continue
         measured = [item for item in compared if item.given.name == pose.name]
         if not measured or not all(item.agrees for item in measured):
@@ -78,13 +80,13 @@ def _finding(pose: ObjectPose, sources: set[str], measured: Sequence[Compared]) 
         off_m, off_deg = max(item.off_m for item in measured), max(item.off_deg for item in measured)
         numbers = {"off_m": off_m, "off_deg": off_deg}
         message += (
-            f"where episodes have both, they are up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees apart, so that"
-            " they mean another point or other axes of the object."
+            f"where episodes have both, they differ by up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees. Give poses"
+            " of the same point and axes of the object, or use one source for all."
         )
     else:
         message += (
-            "nothing shows that they mean the same point and axes of the object. An episode with a given pose and"
-            " images with color and depth would."
+            "whether both use the same point and axes of the object is unknown. Upload an episode with a given pose and"
+            " images with color and depth to compare them."
         )
     worse = bool(measured) or pose.estimator != GIVEN
     return OTHER_SOURCE.finding(message, f"objects[{pose.name}]", numbers, value=float(worse))

@@ -1,11 +1,11 @@
-"""Recordings without motion, and numbers that can only be meant in other units, are refused with the likely cause."""
+"""Refuses recordings without motion and numbers in other units, naming the likely cause."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding
+from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
@@ -15,35 +15,29 @@ from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
-MAX_AWAY_M = 3.0  # of an object from all places where the hand was
-MAX_JOINT_RAD_S = 30.0  # several times what arms turn
+MAX_AWAY_M = 3.0  # the distance of an object from the hand's path
+MAX_JOINT_RAD_S = 30.0  # several times the speed of an arm
 FAST_JOINT_RAD_S = 2.0
 MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
-MAX_RATE_RATIO = 20.0  # of joint velocities to those that joint positions show: 57 where they are degrees
-MIN_HAND_M_PER_RAD = 0.02  # how far a turning joint moves or turns the hand, at the least
+MAX_RATE_RATIO = 20.0  # of joint velocities to the derivative of joint positions: 57 if they are in degrees
+MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
 MAX_JOINT_RAD = 4 * np.pi
-UPRIGHT_DEG = 5.0
-OFF_UPRIGHT_DEG = 20.0
-DOWN_DEG = 10.0
-APPROACH_M = 0.05  # before a grasp or release the hand moves along its own z axis
-ALONG_DEG, ACROSS_DEG = 25.0, 60.0
 MAX_CAMERA_M = 20.0  # from the hand
-NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
+NEAR_OBJECT_M = 0.3  # the farthest in correct recordings was 0.07 m, from a door's hinge
 FEW_FRAMES = 5
-MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # so many poses, so far apart, no person waits for
-MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
+MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # no recording has this many frames this far apart
+MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times an estimator's error
 MIN_OPENING_M = 0.003
-UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
-MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # of a hand that does something
+MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # a hand that moves less does nothing
 UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
 
 def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
-    """Refuse a recording in which nothing happens, or whose numbers are not meters, radians and quaternions xyzw.
+    """Refuse a recording without motion, or whose numbers are not meters, radians and quaternions xyzw.
 
     Args:
-        objects: those whose poses came with the recording.
-        cameras: that saw its first frame.
+        objects: the given poses.
+        cameras: those of the first frame's images.
 
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
@@ -54,35 +48,41 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
     _check_tracks(motion.trajectory, objects)
     _check_fingers(motion.trajectory)
     _check_joints(motion)
-    _check_objects_order(objects)
-    _check_approaches(motion)
-    _check_hand_order(motion.trajectory.quaternions_xyzw)
+    check_objects_order(objects)
+    check_hand_order(motion)
 
 
 def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
-    """What is likely another frame or rate, but may be meant.
+    """Yield findings about units, frames and rates that are probably wrong, but may be meant.
 
     Args:
-        objects: as they were given or found at the first frame.
+        objects: as given, or found at the first frame.
     """
     if len(trajectory) < FEW_FRAMES:
-        message = f"The recording has {len(trajectory)} frames: how the hand moves between them is not known."
+        message = f"The recording has only {len(trajectory)} frames. Record at a higher rate."
         numbers = {"num_frames": len(trajectory)}
         yield Finding("few-frames", "warning", message, "trajectory", numbers)
+    if tilted := tilted_about_x(objects):
+        message = (
+            f"By its quaternion {', '.join(tilted)} is tilted about the x axis, and upright if w comes first. If it"
+            " stands upright, send quaternions in the order x y z w."
+        )
+        where = f"objects[{tilted[0]}].quaternion_xyzw"
+        yield Finding("tilted-about-x", "warning", message, where, {"num_objects": len(tilted)})
     away_m = {
         pose.name: float(np.linalg.norm(trajectory.positions_m - pose.position_m, axis=1).min()) for pose in objects
     }
     if away_m and min(away_m.values()) > NEAR_OBJECT_M:
         name = min(away_m, key=lambda name: away_m[name])
         message = (
-            f"The hand comes no nearer to any object than {away_m[name]:.2f} m ({name}): are positions of the hand and"
-            " of the objects in one frame, not one in the robot's base and the other in the world?"
+            f"The hand stays {away_m[name]:.2f} m or more away from every object (nearest: {name}). Give the positions"
+            " of hand and objects in one frame, not one in the robot's base and the other in the world."
         )
         yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
-    """Refuse observed objects whose positions are not in meters, seen from the workspace of their task.
+    """Refuse observed objects whose positions are not in meters, judged by the task's workspace.
 
     Raises:
         InvalidInputError: as `check_recording`.
@@ -93,7 +93,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
             if away_m > MAX_AWAY_M and workspace.contains(pose.position_m / factor):
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame")
-    _check_objects_order(objects)
+    check_objects_order(objects)
 
 
 def _check_moves(motion: Motion) -> None:
@@ -171,7 +171,7 @@ def _check_joints(motion: Motion) -> None:
 
 
 def _beyond_positions(motion: Motion) -> bool:
-    """Whether joint velocities are many times what the joint positions show."""
+    """Return whether joint velocities are many times the derivative of the joint positions."""
     angles_rad = motion.trajectory.joint_positions_rad
     if angles_rad is None or len(motion) < FEW_FRAMES:
         return False
@@ -180,62 +180,3 @@ def _beyond_positions(motion: Motion) -> bool:
     if not moving.any():
         return False
     return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)
-
-
-def _check_hand_order(quaternions: Array) -> None:
-    """Refuse a hand that would point straight down if w came first."""
-    as_read, as_meant = _off_way_deg(quaternions, DOWN), _off_way_deg(np.roll(quaternions, -1, axis=1), DOWN)
-    turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
-    if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
-        message = "are a hand that points straight down only if w comes first"
-        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
-
-
-def _check_approaches(motion: Motion) -> None:
-    """Refuse a hand that would move the way it points before each grasp and release if w came first.
-
-    A hand that points down as it is read may move across before it closes, to push. None grasps pointing up.
-    """
-    positions_m, frames = motion.trajectory.positions_m, [switch.frame for switch in motion.switches]
-    ways = [(frame, way_m) for frame in frames if (way_m := _approach(positions_m[: frame + 1])) is not None]
-    if not ways:
-        return
-    quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
-    directions = np.array([way_m for _, way_m in ways])
-    as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
-    may_be_right = _off_way_deg(quaternions, DOWN).max() < OFF_UPRIGHT_DEG
-    points_up = _off_way_deg(np.roll(quaternions, -1, axis=1), UP).min() < ACROSS_DEG
-    if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
-        message = "are a hand that moves the way it points before it grasps only if w comes first"
-        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
-
-
-def _approach(positions_m: Array) -> Array | None:
-    """(3,) the last `APPROACH_M` of a way; None if it is shorter."""
-    away_m = np.linalg.norm(positions_m - positions_m[-1], axis=1)
-    before = np.flatnonzero(away_m >= APPROACH_M)
-    if not len(before):
-        return None
-    way_m: Array = positions_m[-1] - positions_m[before[-1]]
-    return way_m
-
-
-def _off_way_deg(quaternions_xyzw: Array, ways_m: Array) -> Array:
-    """(N,) angles between the rotations' z axes and ways (N, 3), or one way (3,)."""
-    axes = Rotation.from_quat(quaternions_xyzw).apply([0.0, 0.0, 1.0])
-    along = (axes * ways_m).sum(axis=1) / np.linalg.norm(ways_m, axis=-1)
-    angles: Array = np.degrees(np.arccos(np.clip(along, -1, 1)))
-    return angles
-
-
-def _check_objects_order(objects: Sequence[ObjectPose]) -> None:
-    """Refuse objects that would stand upright if w came first."""
-    turned = [pose for pose in objects if pose.quaternion_xyzw is not None]
-    if not turned:
-        return
-    quaternions = np.array([pose.quaternion_xyzw for pose in turned])
-    as_read, as_meant = _off_way_deg(quaternions, UP), _off_way_deg(np.roll(quaternions, -1, axis=1), UP)
-    if as_read.max() > OFF_UPRIGHT_DEG and as_meant.max() < UPRIGHT_DEG:
-        place = int(np.argmax(as_read))
-        message = f"is {quaternions[place].round(4).tolist()}: upright only if w comes first"
-        raise InvalidInputError(f"objects[{turned[place].name}].quaternion_xyzw", message, "order x y z w")

@@ -1,4 +1,4 @@
-"""Demonstrations of one instruction that do it in several ways, where nothing tells which way to take."""
+"""Demonstrations of one instruction that perform it in several ways, where nothing says which way is meant."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -8,7 +8,9 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.rules import CONTRADICTING, SEVERAL_WAYS
+from app.pipeline.findings.strokes import more_strokes
 from app.pipeline.plans import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
@@ -16,42 +18,48 @@ from app.pipeline.plans.rows import acting_rows, plan_rows
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
-IN_PLACE_M = 0.03  # a hand that goes less far only turns
-TWISTS_DEG = 60.0  # between two ways: they turn what they hold otherwise; right demonstrations differ by up to 9
+IN_PLACE_M = 0.03  # a hand that moves less than this between two actions only turns
+TWISTS_DEG = 60.0  # a larger difference of the turns is another way; correct demonstrations differ by up to 9
 
 
 def ways_findings(
-    alike: Sequence[Demonstration], round_objects: frozenset[str], *, declared: bool
+    alike: Sequence[Demonstration], hands: Sequence[RecordedHand], round_objects: frozenset[str], *, declared: bool
 ) -> Iterator[Finding]:
-    """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
+    """Return a finding if demonstrations use several ways and neither the words nor the scene select one.
 
-    A fault of half of the recordings looks like this: another base frame, an inverted gripper. That neighboring scenes
-    have the same plan is often chance; `parting` tells by how much.
+    An error in half of the recordings looks like this: another base frame, an inverted gripper. Neighboring scenes
+    often share a plan by chance; `parting` tests whether that is significant.
 
     Args:
-        alike: that ask for the same.
-        round_objects: whose yaw the task says means nothing, or little: a hand turned otherwise does the same there.
-        declared: whether the task says that there are several ways.
+        alike: demonstrations that ask for the same.
+        hands: of their recordings; empty where they are not known.
+        round_objects: objects with a declared yaw symmetry, at which the hand's yaw does not make another way.
+        declared: whether the task's setting `ways` is `several`.
     """
-    decided = words_decide(alike) or parting(alike) is not None
-    ways = [] if decided else _acting_otherwise(usual_ways(alike), round_objects)
+    more = more_strokes([hand.reversals for hand in hands]) if hands else None
+    if more is not None:
+        alike = [replace(shown, plan=int(makes_more)) for shown, makes_more in zip(alike, more, strict=True)]
+    if words_decide(alike) or parting(alike) is not None:
+        return
+    by_strokes = [tuple(shown for shown in alike if shown.plan == plan) for plan in (0, 1)]
+    ways = _distinct_ways(usual_ways(alike), round_objects) if more is None else by_strokes
     if len(ways) < 2:
         return
     numbers = " and ".join(str(len(way)) for way in ways)
     message = (
-        f"{numbers} demonstrations of {alike[0].instruction!r} do it in different ways, and neither words nor scene"
-        " tell which to take."
+        f"{numbers} demonstrations of {alike[0].instruction!r} do it in different ways, and neither the words nor the"
+        " scene say which one to use."
     )
     if not declared:
         message += (
-            " Were some recorded with another base frame or an inverted gripper? Delete what is wrong; where all are"
-            ' right, set the task\'s "ways" to "several".'
+            " Check for recordings with another base frame, an inverted gripper, or more or fewer strokes. Delete the"
+            ' wrong ones; if all are right, set the task\'s "ways" to "several".'
         )
     yield SEVERAL_WAYS.finding(message, "demonstrations", {"num_ways": len(ways)}, value=0.0 if declared else 1.0)
 
 
-def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:
-    """The ways, of those that differ only in how the hand gets there one: they are together one way."""
+def _distinct_ways(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:
+    """Return the ways, those merged that differ only in how the hand gets to where it acts."""
     found: list[Group] = []
     for way in ways:
         same = next((k for k, other in enumerate(found) if _act_alike(other, way, round_objects)), None)
@@ -65,21 +73,21 @@ def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> l
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
     if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG:
         return False
-    both = [*_acting(one), *_acting(other)]
+    both = [*_acting_only(one), *_acting_only(other)]
     if len({tuple(action.gripper_open for action in demonstration.actions) for demonstration in both}) > 1:
         return False
     rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
     return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows)
 
 
-def _acting(way: Group) -> list[Demonstration]:
-    """The way with the actions alone in which the hand acts: ways have rows of their own, and may have more."""
-    acting = acting_rows(plan_rows(way))
-    return [replace(shown, actions=tuple(shown.actions[k] for k in acting)) for shown in way]
+def _acting_only(group: Group) -> list[Demonstration]:
+    """Return the demonstrations with only those actions in which the hand acts, because ways differ in the others."""
+    acting = acting_rows(plan_rows(group))
+    return [replace(shown, actions=tuple(shown.actions[k] for k in acting)) for shown in group]
 
 
 def _twist_deg(group: Group) -> float:
-    """How far the closed hand turns about the vertical without leaving its place, as it turns a tap: the median."""
+    """Return the median angle by which the closed hand turns about the vertical in place, as at a tap."""
     return float(np.degrees(np.median([_twist_rad(demonstration.actions) for demonstration in group])))
 
 

@@ -4,20 +4,24 @@ The approach is the hand's z axis, and the position of an action lies on it betw
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.support import PlacedPlan
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])  # about z
+UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # wrist angles are counted from a hand that points down, x forward
 ALONG_APPROACH = 0.7  # the cosine of 45 degrees: hands that come to their grasps so come along their z axis
+FOLDED_DEG, FOLDED_SHARE = 25.0, 0.5  # the mean angle between folded grasps, at most, and its share of the unfolded one
 CLEARLY_DEG = 1.0  # a turn must be better by this: nothing turns on rounding
 
 
@@ -78,3 +82,62 @@ def _along_approach(demonstration: Demonstration) -> list[float]:
         if (length_m := float(np.linalg.norm(way_m))) > 0:
             found.append(float(way_m @ axis) / length_m)
     return found
+
+
+def folded(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings with the hand turned by 180 degrees throughout in those whose grasp differs so from most.
+
+    The grasps are compared within one instruction, in the world frame or that of an object, where they differ least.
+    """
+    by_form: dict[str, list[int]] = defaultdict(list)
+    for place, recording in enumerate(recordings):
+        by_form[recording.demonstration.order.form].append(place)
+    result = list(recordings)
+    for places in by_form.values():
+        demonstrations = [recordings[place].demonstration for place in places]
+        for place, turns in zip(places, _turned_from_most(demonstrations), strict=True):
+            if turns:
+                result[place] = _half_turned_recording(recordings[place])
+    return result
+
+
+def _half_turned_recording(recording: Recording) -> Recording:
+    demonstration, motion = recording.demonstration, recording.motion
+    quaternions_xyzw = np.array([quaternions.product(q, HALF_TURN) for q in motion.trajectory.quaternions_xyzw])
+    start = None if demonstration.start is None else half_turned(demonstration.start)
+    actions = tuple(map(half_turned, demonstration.actions))
+    return replace(
+        recording,
+        demonstration=replace(demonstration, actions=actions, start=start),
+        motion=replace(motion, trajectory=replace(motion.trajectory, quaternions_xyzw=quaternions_xyzw)),
+    )
+
+
+def _turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
+    """Return for each demonstration whether its first grasp is half a turn from that of most others."""
+    unchanged = [False] * len(demonstrations)
+    if not all(item.switches for item in demonstrations) or not WristRange(demonstrations).approaches:
+        return unchanged
+    hands = [item.actions[item.switches[0]].quaternion_xyzw for item in demonstrations]
+    least_deg, best = math.inf, (FOLDED_DEG, unchanged)
+    for frames in _frames(demonstrations):
+        pairs = zip(frames, hands, strict=True)
+        seen = np.array([quaternions.product(quaternions.inverse(frame), hand) for frame, hand in pairs])
+        turned = np.array([quaternions.product(hand, HALF_TURN) for hand in seen])
+        apart_deg, turned_deg = (np.degrees(2 * np.arccos(np.clip(np.abs(seen @ q.T), 0, 1))) for q in (seen, turned))
+        least_deg = min(least_deg, float(apart_deg.mean(axis=1).min()))
+        folded_deg = np.minimum(apart_deg, turned_deg).mean(axis=1)
+        middle = int(folded_deg.argmin())
+        turns = turned_deg[middle] < apart_deg[middle]
+        best = min(best, (float(folded_deg[middle]), (turns if 2 * turns.sum() <= len(turns) else ~turns).tolist()))
+    return best[1] if best[0] < FOLDED_SHARE * least_deg else unchanged
+
+
+def _frames(demonstrations: Sequence[Demonstration]) -> Iterable[Sequence[Array]]:
+    """Yield the rotations (4,) of the world, and of each object with a known rotation, in every demonstration."""
+    yield [UNTURNED] * len(demonstrations)
+    for place in range(len(demonstrations[0].ordered_objects)):
+        known = [item.ordered_objects[place].quaternion_xyzw for item in demonstrations]
+        rotations = [quaternion for quaternion in known if quaternion is not None]
+        if len(rotations) == len(demonstrations):
+            yield rotations

@@ -13,6 +13,7 @@ from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.sources import Compared
 from app.pipeline.plans import Recording, agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
+from app.pipeline.plans.turn import folded
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import DemonstrationRecord
@@ -91,7 +92,7 @@ def recordings_of(
     for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
         recordings.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
-    return recordings
+    return folded(recordings) if settings.gripper_symmetry_deg else recordings
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:

@@ -25,9 +25,9 @@ def test_without_doubts_there_is_no_finding():
     ("indices", "named"),
     [
         ([1], "actions[1] is 20.0 cm from it (expected: within 3 cm)."),
-        ([0, 2], "Actions 1 and 3 are unlike"),
-        ([0, 1, 2], "Actions 1, 2 and 3 are unlike"),
-        (range(12), "Actions 1, 2, 3, 4 and 8 more are unlike"),
+        ([0, 2], "Actions 1 and 3 are outside of"),
+        ([0, 1, 2], "Actions 1, 2 and 3 are outside of"),
+        (range(12), "Actions 1, 2, 3, 4 and 8 more are outside of"),
     ],
 )
 def test_unsupported_rows_are_one_danger_that_names_them(indices, named):
@@ -41,8 +41,8 @@ def test_unsupported_rows_are_one_danger_that_names_them(indices, named):
 def test_rows_that_stray_are_one_finding_with_the_farthest():
     (finding,) = action_findings([ActionDoubt(0, 0.012, 1.0, "cube"), ActionDoubt(2, 0.024, 9.0, "box")])
     assert (finding.code, finding.severity, finding.where) == ("straying-action", "info", "actions[0]")
-    assert finding.message.startswith("Actions 1 and 3 lie up to 2.4 cm and 9 degrees beyond")
-    assert "seen from box" in finding.message
+    assert finding.message.startswith("Actions 1 and 3 are up to 2.4 cm and 9 degrees outside")
+    assert "relative to box" in finding.message
 
 
 def test_both_kinds_are_two_findings_the_danger_first():

@@ -52,7 +52,7 @@ def test_what_was_parted_is_a_danger_where_the_motion_follows_it(turns, off_m):
 def test_as_it_was_shown_and_a_little_off_is_no_doubt():
     assert found((0, 0, 0), ["lid"]) == []
     assert found((0.01, 0.02, 0), ["lid"]) == []
-    assert found((0.04, 0, 0), ["lid"]) == ["warning"]
+    assert found((0.04, 0, 0), ["lid"]) == ["danger"]
 
 
 def test_places_that_vary_by_more_than_poses_err_are_no_arrangement():

@@ -58,7 +58,7 @@ CAUSES = [
     (moved("red cube", 0, 0, 0.015), ("object-at-another-height", "warning", "objects[red cube]")),
     (moved("red cube", 0, 0, 0.02), ("object-at-another-height", "danger", "objects[red cube]")),
     (turned("red cube", 70, 0, 0), ("object-tilted", "danger", "objects[red cube]")),
-    (turned("red cube", 0, 0, 60), ("object-turned", "warning", "objects[red cube]")),
+    (turned("red cube", 0, 0, 60), ("object-turned", "danger", "objects[red cube]")),
     (moved("red cube", 0.1, 0.19, 0), ("objects-in-one-place", "danger", "objects[red cube]")),
     (
         with_changed("red cube", confidence=0.6, reason="half hidden", estimator="cuboid"),

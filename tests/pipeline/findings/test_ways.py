@@ -31,5 +31,5 @@ def turned(by_deg, random, plan):
 def test_demonstrations_that_turn_something_the_other_way_are_another_way(other_deg, expected, declared):
     random = np.random.default_rng(0)
     alike = [turned(110.0 if k % 2 else other_deg, random, plan=k % 2) for k in range(10)]
-    found = ways_findings(alike, ROUND, declared=declared)
+    found = ways_findings(alike, [], ROUND, declared=declared)
     assert [finding.severity for finding in found] == (["info"] * len(expected) if declared else expected)
