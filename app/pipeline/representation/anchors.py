@@ -171,7 +171,8 @@ def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset
     certain = min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
     world_m, own_m = scatters_m(group, own, tilted)
     by_world, by_own = much_less(world_m, own_m, certain), much_less(own_m, world_m, certain)
-    rows = np.stack([by_own[0] & by_world[1], by_world[0] & by_own[1]])
+    hand_stays = world_m[1] < TURNED_M  # no noise of poses turns the hand in the world
+    rows = np.stack([by_own[0] & by_world[1] & hand_stays, by_world[0] & by_own[1]])
     found = zip(MIXED_FRAMES, rows, strict=True)
     return {in_frame(own, frame): np.flatnonzero(which).tolist() for frame, which in found if which.any()}
 
