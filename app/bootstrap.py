@@ -22,8 +22,8 @@ from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
-from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import RoboPromptError
+from roboprompt_client.http.connection import is_loopback
 from roboprompt_client.version import VERSION
 
 DEFAULT_RATE_PER_S = 20.0

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.geometry import rigid, transform_points
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.poses import ObjectPose
 
 RgbImage = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.types.camera import RgbdFrame
 
 DEPTH_SIGMA_PER_M = 0.002  # a stereo depth camera's error grows with the square of the distance
 CORRELATION_PX = 1.5  # of neighboring pixels' errors: stereo matching compares windows

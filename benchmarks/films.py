@@ -26,7 +26,7 @@ from app.sim.robot import SimulatedPanda
 from app.sim.tasks import TASKS
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 DOCS = Path("docs")
 JPEG_QUALITY = 80

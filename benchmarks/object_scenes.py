@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from app.sim.scene import COLORS, Part, about_z, quaternion_wxyz
 from app.sim.world import CameraPlacement, camera_to_world
 from benchmarks.object_shapes import THINGS
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX, BASELINE_M = 640, 480, 600.0, 0.05
 AREA_M = np.array([0.23, 0.18])  # half sizes of where objects stand, around the origin

@@ -27,8 +27,8 @@ from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
 from benchmarks.object_scenes import Layout, Room, changed, sample
 from benchmarks.object_shapes import THINGS
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 WRONG_M, WRONG_DEG = 0.02, 20.0  # a pose that is further off is no pose of the object
 NUM_VIEWS = 3

@@ -27,8 +27,8 @@ from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
 from app.pipeline.geometry import rigid
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 NEAR_M = 0.01  # from a masked point to the found object
 WRONG_COVER = 0.5  # a pose that explains less of the recorded mask is no pose of the object

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 INSTRUCTION = "put the cube into the box"
 _STEPS = 4  # frames of each move and of each rest

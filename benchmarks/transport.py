@@ -17,8 +17,8 @@ from app.evaluation.server import running
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, Server, cost, service
 from benchmarks.service_time import asked, copied_reply, teach
-from roboprompt_client.camera import Camera, RgbdFrame, camera_json
-from roboprompt_client.encoding import packed_request, request_parts
+from roboprompt_client.http.encoding import packed_request, request_parts
+from roboprompt_client.types.camera import Camera, RgbdFrame, camera_json
 
 WIDTH, HEIGHT = 640, 480
 NUM_REQUESTS = 240

@@ -20,8 +20,9 @@ from app.store import episodes, tasks, trajectories
 from app.store.records import EpisodeDraft
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
-from roboprompt_client.camera import Camera
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 CHROMIUM = "/usr/bin/chromium"
 NUM_TASKS = 22  # as many as the simulation has

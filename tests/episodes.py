@@ -7,7 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
 DWELL, MOVE = 3, 4

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 from app.api.decoding import JsonBudget, check_only_json_types, json_object, msgpack_object
 from app.api.middleware import JSON, MSGPACK, MULTIPART, content_type_of
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.npy import is_packed_array, npy_from_packed
+from roboprompt_client.types.npy import is_packed_array, npy_from_packed
 
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
 TRAJECTORY = "trajectory"

@@ -19,7 +19,7 @@ from app.store.records import EpisodeFields, EpisodeRecord, JobRecord, Predictio
 from app.store.runs import RunRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
-from roboprompt_client.camera import camera_json
+from roboprompt_client.types.camera import camera_json
 
 
 def _fields(record: object, *names: str) -> JsonObject:

@@ -24,8 +24,8 @@ from app.api.body import IMAGE_PREFIXES, Body
 from app.api.schemas.requests import CameraIn
 from app.perception.images import ImageBytes, decode_frame, num_pixels
 from app.services.limits import Limits
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import RgbdFrame
 
 MAX_WAIT_S = 20.0  # for room, for a decoder, and for its work, each
 REQUESTS_IN_MEMORY = 2  # of the largest that are allowed, or more of smaller ones

@@ -15,9 +15,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from app.cli.shared import URL_HELP, every, service_at
-from roboprompt_client import quaternions
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
+from roboprompt_client.types import quaternions
 
 COLORS = {"info": "cyan", "warning": "yellow", "danger": "red"}
 FIGURES = ("Row", "Error", "Worst", "Varies", "Path")  # columns of numbers

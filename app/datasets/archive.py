@@ -17,7 +17,7 @@ from app.datasets.bounds import Budget, DamagedError, DatasetError, in_one_step
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json, checked_metadata
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.names import checked_name
 
 FORMAT, VERSION = "roboprompt-task", 1
 MANIFEST, TASK, METADATA, TRAJECTORY = "manifest.json", "task.json", "metadata.json", "trajectory.npz"

@@ -11,10 +11,10 @@ import numpy as np
 
 from app.datasets.options import FeatureMap, ImportOptions, RotationFormat
 from app.datasets.parcel import ObjectEntry, Parcel
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, camera_from_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, camera_from_json
+from roboprompt_client.types.trajectory import Trajectory
 
 Columns = Mapping[str, np.ndarray[Any, Any]]
 STILL, STILL_SHARE = 0.005, 0.2  # of a gripper's column: fingers that vary by less have neither opened nor closed

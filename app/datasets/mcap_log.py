@@ -24,8 +24,8 @@ from app.datasets.bounds import Budget, DamagedError, MissingPackageError, insid
 from app.datasets.columns import parcel_of
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 
 SUFFIX = ".mcap"
 JOINTS = "sensor_msgs/msg/JointState"

@@ -29,9 +29,9 @@ from typing import Any, Literal, get_args
 
 from app.datasets.bounds import DatasetError, ReadLimits
 from app.datasets.parcel import ObjectEntry
-from roboprompt_client.camera import camera_from_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import NAME_PATTERN
+from roboprompt_client.types.camera import camera_from_json
+from roboprompt_client.types.names import NAME_PATTERN
 
 Objects = tuple[ObjectEntry, ...]
 _FIELDS = {"name", "position", "quaternion_xyzw", "mask_ids", "low_dim_state"}

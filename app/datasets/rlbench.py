@@ -28,10 +28,10 @@ from app.datasets.bounds import Budget, DamagedError, read_inside
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, ObjectEntry, Parcel, depth_png, mask_png
 from app.datasets.rlbench_pickle import Record, load_demo, load_descriptions, load_number
-from roboprompt_client.arrays import Array, finite_array
-from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array, finite_array
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.trajectory import Trajectory
 
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"

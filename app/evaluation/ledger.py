@@ -21,7 +21,7 @@ from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
 from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Trial
 from app.sim.outcomes import RolloutResult, SceneView
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_json
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_json
 
 Document = Mapping[str, Any]
 DIGEST_CHARS = 12

@@ -42,8 +42,8 @@ class Method:
         source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
             all, and the robot carries them out one by one; others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
-        look_again: whether the robot then looks again (`roboprompt_client.look_again`).
-        lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.leading`).
+        look_again: whether the robot then looks again (`roboprompt_client.runs.look_again`).
+        lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.runs.leading`).
     """
 
     label: str

@@ -12,7 +12,7 @@ from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from app.sim.tasks import ALL_TASKS
 from app.sim.world import CAMERA_NAMES, CAMERAS
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 Actions = tuple[EndEffectorAction, ...]
 

@@ -13,7 +13,7 @@ from statistics import fmean
 import numpy as np
 
 from app.pipeline import noise
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 RLBENCH_TASKS = (
     "close_jar",

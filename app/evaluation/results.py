@@ -7,7 +7,7 @@ from typing import Any
 
 from app.evaluation.methods import Method
 from app.sim.outcomes import RolloutResult, SceneView
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 # How the errors of timeouts begin: status 504 of the service, no answer of the service itself, or none of an LLM
 TIMED_OUT = re.compile(

@@ -20,10 +20,10 @@ from app.sim.tasks import ALL_TASKS, MOVING_TASKS
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
-from roboprompt_client.leading import Leading
-from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.types.poses import EndEffectorAction
 
 # the problems that are the LLM's failure, not the service's
 USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})

@@ -21,11 +21,11 @@ from app.evaluation.world import World
 from app.executors import Executor
 from app.pipeline.geometry import yaw_rad
 from app.sim.outcomes import RecordedDemonstration, SceneView
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 FIRST_LABELED_SEED = 50_000  # neither demonstrations nor tests are drawn from these
 LABELED_SCENES = 6

@@ -27,7 +27,7 @@ from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 # The problems that say of an instruction, not of the service, that it is not understood
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})

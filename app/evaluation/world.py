@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from app.evaluation.failures import UnknownWorldError
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 Result = TypeVar("Result")
 

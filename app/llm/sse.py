@@ -27,7 +27,7 @@ from app.llm.base import (
     Pieces,
 )
 from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, assembled, error_message
-from roboprompt_client.connection import without_proxy
+from roboprompt_client.http.connection import without_proxy
 
 MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
 READ_OUT_S = 0.1  # the end of the HTTP message comes with the end of the reply or right after it

@@ -13,10 +13,10 @@ import numpy as np
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel, ObjectModelError
 from app.pipeline.alike import Alike, numbered
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.poses import ObjectPose
 
 M = TypeVar("M", bound=ObjectModel)
 ESTIMATOR_NAMES = ("given", "masks", "cuboid", "markers", "registered", "remote")

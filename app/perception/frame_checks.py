@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.cameras.table import find_flat_surface
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import RgbdFrame
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
 MAX_BELOW_M = 4.0  # of a table or floor below its camera; depths in tenths of their unit put it ten times as deep

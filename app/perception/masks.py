@@ -21,10 +21,10 @@ from app.perception.models import MasksModel
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import ObjectNotVisibleError
 from app.pipeline.geometry import backproject
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 MIN_POINTS = 40
 CENTROID_CONFIDENCE = 0.7  # of a position that depends on the view

@@ -16,10 +16,10 @@ from app.perception.cuboid.shape import outline_points_m
 from app.perception.markers.model import MarkersModel
 from app.perception.object_model import ObjectModel
 from app.pipeline.geometry import rigid, transform_points
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 # Okabe and Ito, "Color Universal Design" (2008): the color-blind distinguish them, too
 PALETTE: tuple[Color, ...] = (

@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import finite_array, unit_quaternions
-from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import finite_array, unit_quaternions
+from roboprompt_client.types.camera import RgbdFrame, camera_json
+from roboprompt_client.types.poses import ObjectPose
 
 Part = tuple[str, bytes, str]
 _MAX_UINT16 = np.iinfo(np.uint16).max

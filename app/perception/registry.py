@@ -8,8 +8,8 @@ from app.perception.markers.estimator import MarkerPoses
 from app.perception.masks import MaskedPoints
 from app.perception.registered.estimator import RegisteredPoses
 from app.perception.remote import RemotePoses
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 ESTIMATORS: dict[str, PoseEstimator] = {
     "given": GivenPoses(),

@@ -17,10 +17,10 @@ from app.perception.models import RemoteModel
 from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import NoPoseError, ObjectNotVisibleError, UncertainPoseError
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.connection import without_proxy
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.http.connection import without_proxy
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 EXAMPLE = '{"estimator": "remote", "url": "http://127.0.0.1:8000/poses"}'
 FIRST_PAUSE_S = 0.2  # doubled for each further try

@@ -11,8 +11,8 @@ from app.perception.base import ObjectQuery
 from app.perception.object_model import MIN_CONFIDENCE
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import canonical_pose, canonical_rotation
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 NOTED_DISTANCE_M = 0.01  # cameras that differ by more are mentioned in the pose's reason
 MAX_DISTANCE_M = 0.03  # by more than this, no pose is given: one of them must be wrong

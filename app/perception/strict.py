@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, Strict
 from pydantic_core import PydanticKnownError
 
-from roboprompt_client.arrays import MAX_M
+from roboprompt_client.types.arrays import MAX_M
 
 
 def _no_text(value: object) -> object:

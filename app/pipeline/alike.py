@@ -28,7 +28,7 @@ from app.pipeline.order.space import MARGIN_M, Layout
 from app.pipeline.order.taught import taught_verb
 from app.pipeline.order.verbs import DESTINATIONS
 from app.pipeline.order.words import IsWord
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 GOES_TO_M = 0.2  # a hand that closes, opens or is lowest within this of an object's origin may act on it,
 CLEARLY = 2.0  # if all others of its name are so many times as far

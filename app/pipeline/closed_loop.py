@@ -19,7 +19,7 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import PromptTemplate, rotated_in_all
 from app.pipeline.representation.base import Codec, Decoder
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 DONE = "done"
 FitStep = Callable[[Sequence[Demonstration], int], Codec]

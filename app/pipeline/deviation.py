@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, relative_action, tilted_objects
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 
 @dataclass(frozen=True)

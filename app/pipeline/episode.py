@@ -13,11 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.order.order import Order
-from roboprompt_client.arrays import Array, settle
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
-from roboprompt_client.wording import checked_instruction
+from roboprompt_client.types.arrays import Array, settle
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.names import checked_instruction
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
 CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations

@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 
 def backproject(frame: RgbdFrame, pixels: np.ndarray) -> Array:

@@ -8,7 +8,7 @@ from app.pipeline.errors import ObjectSetError
 from app.pipeline.names import alike, folded
 from app.pipeline.representation.base import Codec
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 # The paper's system prompt (a) and its paraphrases (b) and (c), appendix B; one in the manner of KAT (arXiv 2403.19578)
 # that says the same as its authors' in other words; "none" for models that only continue text.

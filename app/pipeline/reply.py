@@ -14,9 +14,9 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.anchors import M_PER_RAD
 from app.pipeline.representation.base import Codec
-from roboprompt_client.arrays import Array
-from roboprompt_client.motion_limits import MAX_ACTIONS
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_REPLY_CHARS = 100_000
 ROUNDING = 1e-9  # far below one unit of any representation

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 CONFIDENCE = 0.95
 DECIDED = 1 / (1 - CONFIDENCE)

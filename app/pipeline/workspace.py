@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.arrays import Array, finite_array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.arrays import Array, finite_array
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 POSITION_BINS = 100
 ROTATION_BINS = 72

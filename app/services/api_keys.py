@@ -24,7 +24,7 @@ from app.store.errors import StoreError
 from app.store.store import Store
 from app.store.visibility import Visibility
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.names import checked_name
 
 SCOPES = ("read", "upload", "predict", "operate", "admin")
 PREFIX = "rp"

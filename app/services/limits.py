@@ -5,7 +5,7 @@ from fnmatch import fnmatchcase
 
 from app.perception.images import MAX_PIXELS
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
+from roboprompt_client.types.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
 
 
 @dataclass(frozen=True)

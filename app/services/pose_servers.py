@@ -17,10 +17,10 @@ from app.perception.registry import estimate_poses
 from app.pipeline.prompt import check_object_names
 from app.services.scene_images import with_templates
 from app.store.blobs import BlobStore
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.http.connection import is_loopback
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 SETTING = "ROBOPROMPT_POSE_SERVERS"
 REMEDY = 'an object model, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}, or mask_ids'

@@ -18,8 +18,8 @@ from app.store.blobs import BlobStore
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.store import Store
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 MAX_TEMPLATES = 16  # in memory, some MB each
 _decoded: Cache[str, Template] = Cache(MAX_TEMPLATES)  # of any store: a digest names the same bytes everywhere

@@ -10,8 +10,8 @@ from app.perception.strict import Meters, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
-from roboprompt_client.arrays import MAX_M
-from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits
+from roboprompt_client.motion.limits import HAND_RADIUS_M, Box, MotionLimits
+from roboprompt_client.types.arrays import MAX_M
 
 
 def _no_truth_value(value: object) -> object:

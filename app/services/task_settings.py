@@ -31,9 +31,10 @@ from app.pipeline.representation import check_style
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, Point, WorkspaceSettings
 from app.store import tasks
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import MotionLimits
-from roboprompt_client.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, ObjectPose, Trajectory
-from roboprompt_client.wording import checked_name
+from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, Trajectory
 
 Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
 PromptFormat = Literal["paper", "authors", "kat"]

@@ -18,7 +18,7 @@ from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
 from app.sim.world import CAMERA_NAMES
 from roboprompt_client.errors import MotionError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]

@@ -17,8 +17,8 @@ from app.sim.planner import JointPath
 from app.sim.robot import GRIPPER_S, VELOCITY_LEAD_S, SimulatedPanda
 from app.sim.tasks.base import SimTask
 from app.sim.world import TIMESTEP_S
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
+from roboprompt_client.types.arrays import Array
 
 STREAM = 3  # keeps the draw of habits apart from that of the same seed's scene
 

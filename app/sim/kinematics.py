@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from app.sim import panda
 from app.sim.moves import ToolPose
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 POSITION_TOLERANCE_M = 1e-3
 ROTATION_TOLERANCE_RAD = np.radians(0.5)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.planner import JointPath
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 # Fractions of Franka's limits: brisk, and within what the position servos follow to a millimeter
 VELOCITY_SHARE, FREE_ACCELERATION_SHARE, LINE_ACCELERATION_SHARE, JERK_SHARE = 0.5, 0.25, 0.3, 0.05

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 LOOSE_M = 0.03  # as close as it takes to a pose that only leads to another
 UP = np.array([0.0, 0.0, 1.0])

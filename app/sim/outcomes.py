@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 RgbImage = npt.NDArray[np.uint8]
 

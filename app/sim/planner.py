@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import Move, ToolPose
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
+from roboprompt_client.types.arrays import Array
 
 LINE_STEP_M, LINE_STEP_RAD = 0.02, 0.08
 LINE_ITERATIONS = 25

@@ -14,11 +14,10 @@ from app.sim.planner import JointPath, Planner
 from app.sim.rendering import open_renderer
 from app.sim.tasks.base import SimTask
 from app.sim.world import BASE_POSITION_M, CAMERA_NAMES, TIMESTEP_S
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
-from roboprompt_client.motion_limits import Pose
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 GRIPPER_S = 0.5  # the Franka Hand closes at up to 0.1 m/s (data sheet): 0.4 s for its whole travel, and time to grip
 STOP_S = 0.1

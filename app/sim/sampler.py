@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from app.sim import panda
 from app.sim.robot import SimulatedPanda
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
 
 GripperState = Literal["measured", "commanded"]
 TIME_TOLERANCE_S = 1e-9

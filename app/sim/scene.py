@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.sim.world import OBJECT_CONTACT
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 COLORS = {
     "red": (0.85, 0.10, 0.10),

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from app.sim.tasks import ALL_TASKS
 from app.sim.tasks.base import SETTLE_S, SimTask
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 
 TRIALS = 60
 DEEPEST_M = 0.0005  # solids that rest on each other sink in by less

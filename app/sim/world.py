@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 OPENCV_TO_MUJOCO = np.diag([1.0, -1.0, -1.0])  # the camera's axes: y up instead of down, z backward instead of forward

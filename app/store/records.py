@@ -7,7 +7,7 @@ from uuid import uuid4
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Demonstration
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 T = TypeVar("T")
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]

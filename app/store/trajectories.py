@@ -19,7 +19,7 @@ from sqlalchemy import Connection, select
 from app.store import tables
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.visibility import of_visible_tasks
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 _EPISODES = tables.episodes
 _MAGIC = b"RPT1"

@@ -10,9 +10,9 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, camera_from_json, camera_json
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, camera_from_json, camera_json
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
 ImageKind = Literal["rgb", "depth", "mask"]

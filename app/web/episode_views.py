@@ -13,7 +13,7 @@ from app.services.task_settings import TaskSettings
 from app.store.values import JsonObject
 from app.web.scene import frame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_SHOWN = 300  # a rule may take every frame of a long episode, more than a browser can draw
 

@@ -17,10 +17,10 @@ from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject
 from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand, skeleton
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import MotionError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOMENTS = 1500  # of a recording: the page moves straight between them
 JOINTS = 7  # of the arms whose kinematics are known

@@ -21,7 +21,7 @@ from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
-from roboprompt_client.quaternions import angle_between_rad
+from roboprompt_client.types.quaternions import angle_between_rad
 
 MAX_STRETCHES = 10
 LEAST = 3  # predictions in a stretch: of fewer the interval is nearly everything

@@ -17,7 +17,7 @@ from app.pipeline.order.vocabulary import COLORS
 from app.services.setting_parts import WorkspaceSettings
 from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject, ObjectRecord
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 MAX_PATH_POINTS = 2000
 WIDTH, HEIGHT, MARGIN = 96.0, 72.0, 8.0  # units of the drawing

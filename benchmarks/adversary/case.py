@@ -9,8 +9,8 @@ import numpy as np
 from app.evaluation.world import World
 from app.pipeline.order.order import clause_of
 from app.sim.outcomes import RecordedDemonstration, SceneView
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.poses import ObjectPose, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 Poses = tuple[ObjectPose, ...]
 

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.adversary.case import Case, Mutation, Poses, Recording
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
 
 Change = Callable[[Recording], Recording]
 Fault = Callable[[Case, np.random.Generator], Change | None]

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.adversary.case import Case, Mutation, Poses, Recording, mentioned
 from benchmarks.adversary.recordings import all_moved, level
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 ONE_FOR_ALL = "do it"
 TAG = "tag"

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from benchmarks.metaworld.tasks import FINGERS, HAND, TASKS, Command, Floats, observed_objects
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 NUM_JOINTS = 7
 OPEN, CLOSE = -1.0, 1.0  # the gripper's command

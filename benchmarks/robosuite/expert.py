@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.robosuite.scene import Floats, Scene
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 DOWN = Rotation.from_euler("x", np.pi)
 ABOVE_M = np.array([0.0, 0.0, 0.12])

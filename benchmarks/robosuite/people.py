@@ -8,8 +8,8 @@ import numpy as np
 
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from benchmarks.robosuite.scene import TASKS, Floats, gripper_open
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.poses import ObjectPose, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 TABLE_OF_2018_M = (-0.56, 0.0, 0.0)  # robosuite 0.1 had its world frame in the arm's base, 1.0 in the table
 SETTLED_S = 0.5  # objects fall onto the table first

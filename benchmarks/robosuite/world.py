@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from benchmarks.robosuite.people import PEOPLE, recorded_by_people
 from benchmarks.robosuite.scene import CLOSE, CONTROL_HZ, OPEN, TASKS, Floats, Scene, gripper_open
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 ARRIVED_M, ARRIVED_RAD = 0.004, 0.03
 PASSED_M, PASSED_RAD = 0.015, 0.1  # where the gripper does not switch

@@ -7,8 +7,8 @@ import numpy as np
 from roboprompt_client import EndEffectorAction
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.franka import Franka
-from roboprompt_client.loop import run_closed_loop
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.runs.loop import run_closed_loop
 
 HOME_M, DOWN = np.array([0.5, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -22,10 +22,10 @@ from roboprompt_client import (
     run_closed_loop,
     run_task,
 )
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.arms.panda import flange
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.types import quaternions as rotations
 
 FREE = MotionLimits(hand_radius_m=0.0)
 NEAR_M, NEAR_DEG = 0.001, 0.1

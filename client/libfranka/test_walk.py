@@ -17,7 +17,7 @@ import pytest
 from app.evaluation.server import running_server
 from app.sim.libfranka.demonstrate import ServedScene
 from app.sim.tasks import make_task
-from roboprompt_client.trajectory import object_json
+from roboprompt_client.types.poses import object_json
 
 PAGE = (Path(__file__).parents[2] / "docs/your-arm.md").read_text()
 ADDRESS = "127.63.0.1"

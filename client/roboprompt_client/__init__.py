@@ -7,7 +7,6 @@ Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world f
 """
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.client import AsyncRoboPromptClient, RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
@@ -23,14 +22,16 @@ from roboprompt_client.errors import (
     StoppedError,
     UnsafeActionError,
 )
-from roboprompt_client.leading import Leading
-from roboprompt_client.live import Live
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
-from roboprompt_client.plans import run_plan
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.live import Live
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 __all__ = [
     "AsyncRoboPromptClient",

@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, get_args
 import httpx
 from httpx_sse import ServerSentEvent
 
-from roboprompt_client.connection import event_document
 from roboprompt_client.errors import (
     DangerError,
     InvalidAnswerError,
@@ -17,9 +16,10 @@ from roboprompt_client.errors import (
     NotConfirmedError,
     ServiceProblemError,
 )
-from roboprompt_client.motion_guard import action_from_json
-from roboprompt_client.reanchoring import ActionAnchor, anchor_from_json
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json
+from roboprompt_client.http.connection import event_document
+from roboprompt_client.motion.guard import action_from_json
+from roboprompt_client.runs.reanchoring import ActionAnchor, anchor_from_json
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json
 
 Finding = Mapping[str, Any]
 OnFindings = Callable[[Sequence[Finding]], None]

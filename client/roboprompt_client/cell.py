@@ -28,15 +28,16 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import UrdfGeometry
 from roboprompt_client.arms.tolerance import Tolerance
-from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import make_driver
-from roboprompt_client.live import checked_on_lost
-from roboprompt_client.motion_limits import MotionLimits, Pose, checked_bound
+from roboprompt_client.motion.limits import MotionLimits, checked_bound
 from roboprompt_client.robot import Robot, observation_from_file
-from roboprompt_client.wording import checked_name
+from roboprompt_client.runs.live import checked_on_lost
+from roboprompt_client.types.camera import checked_camera_pose
+from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.poses import Pose
 
 ARMS = {
     "franka": "roboprompt_client.arms.franka:Franka",

@@ -21,12 +21,13 @@ from roboprompt_client.commands.look import add_find, add_look, find_in_pictures
 from roboprompt_client.commands.record import add_record, offer_correction
 from roboprompt_client.commands.terminal import Person
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.live import Live
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
-from roboprompt_client.plans import run_plan
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
-from roboprompt_client.trajectory_npz import trajectory_from_npz
+from roboprompt_client.runs.live import Live
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.types.poses import Pose
+from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."

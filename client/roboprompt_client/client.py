@@ -9,12 +9,12 @@ import httpx
 from httpx_sse import EventSource
 
 from roboprompt_client.answers import OnFindings, PredictedActions, StreamReader
-from roboprompt_client.connection import Request, http_options, require_success
-from roboprompt_client.encoding import ImageFormat
 from roboprompt_client.errors import ServiceUnreachableError
+from roboprompt_client.http.connection import Request, http_options, require_success
+from roboprompt_client.http.encoding import ImageFormat
 from roboprompt_client.requests import Requests
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 P = ParamSpec("P")
 Answer = TypeVar("Answer")

@@ -10,10 +10,10 @@ import numpy as np
 
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import RoboPromptError
-from roboprompt_client.loop import run_task
-from roboprompt_client.motion_limits import Pose
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.runs.loop import run_task
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
+from roboprompt_client.types.trajectory import Trajectory
 
 TASK, INSTRUCTION = "example_press", "press the red button"
 TAUGHT_M = ((0.40, 0.10, 0.02), (0.45, -0.15, 0.02), (0.55, 0.05, 0.02), (0.38, -0.05, 0.02), (0.50, 0.20, 0.02))

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from roboprompt_client.arrays import settle
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json
+from roboprompt_client.types.arrays import settle
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose, object_from_json
 
 OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], meters, each with "quaternion_xyzw" where it is known'
 

@@ -6,10 +6,10 @@ import numpy as np
 from roboprompt_client import cli
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import Box, MotionLimits
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 0]), True) for z in (1.0, 0.9, 0.8))
 

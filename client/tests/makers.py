@@ -8,12 +8,12 @@ from types import SimpleNamespace as Named
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.arms.lerobot import LeRobotArm
 from roboprompt_client.arms.panda import flange
 from roboprompt_client.arms.ur import UR
 from roboprompt_client.arms.xarm import XArm
+from roboprompt_client.types import quaternions as rotations
 
 DOWN = np.array([1.0, 0, 0, 0])
 READY_RAD = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])

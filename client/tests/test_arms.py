@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from makers import DOWN, FIRST_M, MAKERS, Body
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import STEERED_S, Calibration
 from roboprompt_client.arms.tolerance import Tolerance
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
-from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.poses import EndEffectorAction
 
 
 @pytest.fixture

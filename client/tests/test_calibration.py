@@ -19,7 +19,8 @@ from roboprompt_client.calibration.bundle import Sighting, fit_cameras
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types.poses import Pose
 
 BOARD = CharucoBoard(5, 7, 0.03, 0.022)
 K = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)

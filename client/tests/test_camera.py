@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH, HEIGHT = 64, 48
 

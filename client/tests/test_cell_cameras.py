@@ -9,14 +9,15 @@ import pytest
 from makers import Body, open_xarm
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.cell import open_robot, rig_from_json, viewpoints_from_json
 from roboprompt_client.errors import CameraError, InvalidInputError, NotConfirmedError, UnsafeActionError
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
+from roboprompt_client.types.camera import checked_camera_pose
+from roboprompt_client.types.poses import Pose
 
 cv2 = pytest.importorskip("cv2", reason="the extra `images` is not installed")
 K = Intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from roboprompt_client.motion_guard import clearance_m, passes_through
+from roboprompt_client.motion.guard import clearance_m, passes_through
 
 LOW, HIGH = (0.0, 0.0, 0.0), (1.0, 2.0, 3.0)
 PLACES = st.tuples(*[st.floats(-4, 6, allow_subnormal=False).map(lambda value: round(value, 3))] * 3)

@@ -5,8 +5,8 @@ import pytest
 from arms import client_of
 
 from roboprompt_client.answers import PredictedActions
-from roboprompt_client.connection import is_own_machine, without_proxy
 from roboprompt_client.errors import ServiceUnreachableError
+from roboprompt_client.http.connection import is_own_machine, without_proxy
 from roboprompt_client.robot import Observation
 
 

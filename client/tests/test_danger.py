@@ -8,8 +8,8 @@ from arms import ACTIONS, WAYS, Arm, Service, client_of, closed_loop, streamed, 
 
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import DangerError, InvalidAnswerError, InvalidInputError, NotConfirmedError
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.runs.loop import run_closed_loop, run_task
 
 
 def finding(severity="danger", where="objects[cube]"):

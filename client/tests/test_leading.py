@@ -6,12 +6,12 @@ from test_look_again import Service
 
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, UnsafeActionError
-from roboprompt_client.leading import Leading
-from roboprompt_client.loop import run_task
-from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.reanchoring import ActionAnchor
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.loop import run_task
+from roboprompt_client.runs.reanchoring import ActionAnchor
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 DOWN = np.array([1.0, 0, 0, 0])
 CUBE_M = np.array([0.1, 0.0, 0.8])

@@ -9,8 +9,8 @@ import pytest
 from arms import ANSWER, Arm, Service
 
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError, StoppedError
-from roboprompt_client.live import LOST_S, Live
-from roboprompt_client.loop import run_task
+from roboprompt_client.runs.live import LOST_S, Live
+from roboprompt_client.runs.loop import run_task
 
 PATIENCE_S = 5.0
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from roboprompt_client.answers import PredictedActions
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError, UnsafeActionError
-from roboprompt_client.loop import run_task
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
-from roboprompt_client.reanchoring import ActionAnchor
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.loop import run_task
+from roboprompt_client.runs.reanchoring import ActionAnchor
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 
 DOWN = np.array([1.0, 0, 0, 0])
 CUBE, PLATE = np.array([0.1, 0.0, 0.8]), np.array([0.4, 0.0, 0.8])

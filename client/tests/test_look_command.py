@@ -13,12 +13,12 @@ from test_cell_cameras import VIEWPOINTS, Sensor
 
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.sight import Sight
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 pytest.importorskip("cv2", reason="the extra `images` is not installed")
 OVERHEAD = np.array([[1.0, 0, 0, 0.4], [0, -1, 0, 0.0], [0, 0, -1, 0.8], [0, 0, 0, 1]])

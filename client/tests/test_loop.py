@@ -11,8 +11,9 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     UnsafeActionError,
 )
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.types.poses import Pose
 
 
 def test_actions_are_executed_in_order():

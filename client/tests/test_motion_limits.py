@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
-from roboprompt_client.motion_guard import MotionGuard, action_from_json, angle_deg
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.guard import MotionGuard, action_from_json, angle_deg
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 WORKSPACE = Box((-0.3, -0.5, 0.6), (0.7, 0.5, 1.6))
 DOWN = (1.0, 0.0, 0.0, 0.0)

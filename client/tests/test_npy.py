@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from npy_files import HOSTILE, npy, npy_that_claims
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.npy import DTYPES, array_from_npy, is_packed_array, npy_from_packed, packed_array
+from roboprompt_client.types.npy import DTYPES, array_from_npy, is_packed_array, npy_from_packed, packed_array
 
 
 @pytest.mark.parametrize(

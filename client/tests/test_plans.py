@@ -14,9 +14,9 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     StepFailedError,
 )
-from roboprompt_client.plans import run_plan
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.types.poses import ObjectPose
 
 STEPS = (PlannedStep("open", "open the box"), PlannedStep("fill", "put the cup in the box"))
 OBJECTS = {"open": ["box"], "fill": ["cup", "box"]}

@@ -10,7 +10,6 @@ from roboprompt_client import (
     PredictedActions,
     UnsafeActionError,
 )
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import ArmState, Calibration
 from roboprompt_client.arms.geometry import nearest_limit
@@ -18,7 +17,8 @@ from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry, flange, fran
 from roboprompt_client.arms.preview import preview_plan
 from roboprompt_client.commands.terminal import Person, plan_table
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.motion_limits import Box, MotionLimits
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types import quaternions as rotations
 
 DOWN = np.array([1.0, 0, 0, 0])
 BASE_M = np.array([-0.3, 0.0, 0.75])

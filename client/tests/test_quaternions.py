@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client import quaternions as rotations
+from roboprompt_client.types import quaternions as rotations
 
 RANDOM = np.random.default_rng(0)
 SOME = [q / np.linalg.norm(q) for q in RANDOM.normal(size=(20, 4))]

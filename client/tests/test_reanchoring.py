@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from roboprompt_client.errors import UnsafeActionError
-from roboprompt_client.reanchoring import ActionAnchor, Moved, anchor_from_json, has_moved, reanchored
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.reanchoring import ActionAnchor, Moved, anchor_from_json, has_moved, reanchored
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 DOWN = Rotation.from_euler("x", np.pi)
 

@@ -19,8 +19,8 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import open_robot
 from roboprompt_client.commands.record import offer_correction, record_live
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types.poses import EndEffectorAction
 
 OBJECTS = [{"name": "cube", "position": [0.3, 0, 0.1]}]
 STORED = {

@@ -15,7 +15,7 @@ from roboprompt_client.arms.ros import Ros
 from roboprompt_client.arms.tolerance import Tolerance
 from roboprompt_client.cell import open_robot
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 POSE, TARGET, JOINTS, GRIPPER = "/arm/current_pose", "/arm/target_frame", "/joint_states", "/gripper/commands"
 TYPES = {

@@ -6,8 +6,8 @@ import pytest
 from npy_files import npy
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import (
+from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory_npz import (
     MAX_UNPACKED_BYTES,
     npz_from_trajectory,
     trajectory_from_arrays,

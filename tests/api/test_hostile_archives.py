@@ -3,7 +3,7 @@
 import pytest
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory_npz import trajectory_from_npz
+from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 from tests.attack.hostile_files import ARCHIVES, GOOD
 
 

@@ -14,7 +14,7 @@ import httpx
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 from tests.episodes import DOWN_XYZW, DWELL, MOVE
 
 TABLE_M = 0.78

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 from tests.attack.hostile_sequences import NEAR_M, Attack, sequence
 
 RATE_HZ, SPEED_M_S, SPEED_RAD_S = 20, 0.25, 1.2

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.datasets.parcel import ObjectEntry, Parcel
-from roboprompt_client.camera import camera_from_json
+from roboprompt_client.types.camera import camera_from_json
 from tests.episodes import camera, pick_trajectory, png
 
 PLACES_M = ((0.1, 0.0, 0.8), (0.2, -0.1, 0.8), (0.3, 0.1, 0.8))

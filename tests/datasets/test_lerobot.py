@@ -14,8 +14,8 @@ from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
-from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_npz
+from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_npz
 from tests.datasets.parcels import parcel, parcels
 from tests.episodes import camera, png
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 
 class SlowArm:

@@ -6,7 +6,7 @@ import pytest
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory, refused
 
 PLACES_M = [(0.11, 0.02, 0.78), (0.21, -0.13, 0.78), (0.3, 0.2, 0.78), (0.05, -0.2, 0.78)]

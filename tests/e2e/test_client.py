@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from app.evaluation.server import free_port
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 from tests.episodes import arrays, npz, pick_trajectory
 
 PLACES_M = [(0.11, 0.02, 0.78), (0.21, -0.13, 0.78), (0.3, 0.2, 0.78), (0.05, -0.2, 0.78)]

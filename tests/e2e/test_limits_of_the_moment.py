@@ -11,7 +11,7 @@ import pytest
 
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError
-from roboprompt_client.loop import run_task
+from roboprompt_client.runs.loop import run_task
 from tests.e2e.processes import killable_server, llm_saying
 from tests.e2e.test_safety import NEAR, PICK, QUERY_M, located, teach
 from tests.e2e.test_stream import Arm, seen

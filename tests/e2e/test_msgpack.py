@@ -4,11 +4,11 @@ import msgpack
 import numpy as np
 import pytest
 
-from roboprompt_client.camera import camera_json
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.encoding import packed_request
-from roboprompt_client.npy import packed_array
+from roboprompt_client.http.encoding import packed_request
 from roboprompt_client.robot import Observation
+from roboprompt_client.types.camera import camera_json
+from roboprompt_client.types.npy import packed_array
 from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, assert_found, frames, seen, teach
 from tests.episodes import refused
 from tests.perception.solid_scene import cube

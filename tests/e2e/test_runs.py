@@ -14,10 +14,10 @@ from app.store import audit
 from app.store.store import Store
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, StoppedError
-from roboprompt_client.live import Live
-from roboprompt_client.loop import run_task
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.runs.live import Live
+from roboprompt_client.runs.loop import run_task
+from roboprompt_client.types.poses import ObjectPose
 from tests.e2e.processes import killable_server
 from tests.episodes import refused, upload
 

@@ -14,8 +14,9 @@ import pytest
 
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError, UnsafeActionError
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.types.poses import Pose
 from tests.e2e.processes import EVENTS, answering, killable_server, slow_llm
 from tests.e2e.test_stream import Arm, seen, tracked
 from tests.episodes import pick_trajectory

@@ -11,10 +11,10 @@ from httpx_sse import connect_sse
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, NotConfirmedError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.loop import run_closed_loop, run_task
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 from tests.e2e.processes import EVENTS, answering, running_server
 from tests.episodes import pick_trajectory
 

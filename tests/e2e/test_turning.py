@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.reanchoring import reanchored
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.runs.reanchoring import reanchored
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 from tests.episodes import DWELL, hand_arrays, metadata, multipart, npz
 from tests.pipeline.scenes import DOWN_DEG, rotated
 

@@ -5,7 +5,7 @@ import pytest
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 from tests.episodes import pick_trajectory
 
 PLACES_M = {"red button": (0.1, 0.2, 0.78), "blue button": (0.1, -0.2, 0.78)}

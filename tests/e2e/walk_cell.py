@@ -36,8 +36,8 @@ from app.sim.world import (
 from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.calibration.board import CharucoBoard
-from roboprompt_client.camera import Camera
 from roboprompt_client.cameras.opencv import FrameFolder
+from roboprompt_client.types.camera import Camera
 
 FOCAL_PX = 600.0
 RATE_HZ = 8

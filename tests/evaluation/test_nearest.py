@@ -5,7 +5,8 @@ from scipy.spatial.transform import Rotation
 from app.evaluation.teach import TaughtEpisode
 from app.evaluation.trials import replayed
 from app.sim.outcomes import RecordedDemonstration, SceneView
-from roboprompt_client.trajectory import ObjectPose, Trajectory, object_json
+from roboprompt_client.types.poses import ObjectPose, object_json
+from roboprompt_client.types.trajectory import Trajectory
 
 KEYFRAMES = [3, 5]
 

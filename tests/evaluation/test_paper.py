@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.paper import METHODS, SUCCESS_PERCENT, disturbed, mean_percent
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 RLBENCH = list(SUCCESS_PERCENT["RVT-2"])
 REAL = [task for task in SUCCESS_PERCENT["RoboPrompt"] if task not in RLBENCH]

@@ -24,8 +24,8 @@ from app.evaluation.scores import Result, Score
 from app.pipeline.geometry import backproject
 from app.pipeline.success_rate import SuccessRate
 from app.sim.world import calibrated
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 
 def contrast(a, b):

@@ -18,7 +18,7 @@ from app.evaluation.teach import suffix_of, variants
 from app.services.task_settings import TaskSettings
 from app.sim.tasks import TASKS
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import NAME_PATTERN
+from roboprompt_client.types.names import NAME_PATTERN
 
 SCENE = {"task": "stack_cube", "instruction": "stack", "objects": [{"name": "cube", "position": [0, 0, 1]}]}
 

@@ -2,7 +2,7 @@
 
 from app.evaluation.results import Trial
 from app.sim.outcomes import RolloutResult, SceneView
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 OBJECTS = (ObjectPose("cube", [0.1, 0.2, 0.8], [0, 0, 0, 1]), ObjectPose("plate", [0.3, 0.1, 0.8]))
 ACTION = EndEffectorAction([0.1, 0.2, 0.9], [1, 0, 0, 0], True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 640, 480, 620.0
 SUPERSAMPLING = 4

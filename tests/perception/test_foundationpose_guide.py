@@ -15,7 +15,7 @@ from app.perception.models import model_from_json
 from app.perception.remote import RemotePoses
 from app.pipeline.errors import ObjectNotVisibleError
 from app.pipeline.geometry import inverse, rigid
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.types.camera import RgbdFrame
 from tests.perception.flat_scene import camera, render
 
 GUIDE = (Path(__file__).parents[2] / "docs" / "foundationpose.md").read_text()

@@ -15,8 +15,8 @@ from app.perception.images import (
     decode_mask,
     decode_rgb,
 )
-from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import Camera
 from tests.attack.payloads import png_chunk
 
 RGB = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)

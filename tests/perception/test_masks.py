@@ -9,8 +9,8 @@ from app.perception.masks import MaskedPoints
 from app.perception.models import MasksModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import Camera, RgbdFrame
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, shoot
 
 HEIGHT, WIDTH, F_PX = 4, 6, 100

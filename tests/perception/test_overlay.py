@@ -7,9 +7,9 @@ from app.perception.cuboid.model import ColorModel, CuboidModel
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import RemoteModel
 from app.perception.overlay import PALETTE, draw_overlay, outlines
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 HEIGHT, WIDTH = 240, 320
 GREY = 200

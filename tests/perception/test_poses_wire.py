@@ -5,9 +5,9 @@ import pytest
 
 from app.perception.images import ImageBytes, decode_frame
 from app.perception.poses_wire import PoseQuestion, answers_from_json, poses_document, request_parts
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 RANDOM = np.random.default_rng(0)
 CAMERA = Camera("front", 610, 611, 3.5, 2.5, np.eye(4), 0.0005, (8, 6))

@@ -16,8 +16,8 @@ from app.perception.remote import (
     RemotePoses,
 )
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import Camera, RgbdFrame
 from tests.perception.pose_server_loopback import send, serving
 
 TURNED = [0.0, 0.0, 0.6, 0.8]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 DOWN = Rotation.from_euler("x", 180, degrees=True)
 RAD_S_PER_M_S = 2.0  # of a joint for each axis, as of a gantry

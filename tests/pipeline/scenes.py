@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.workspace import Workspace
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 WORKSPACE = Workspace.rlbench()
 DOWN_DEG = (180, 0, 0)

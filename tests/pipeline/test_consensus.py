@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import SAME_WAY_M, consensus
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 
 def action(x_m, yaw_deg=0.0, is_open=True, y_m=0.0):

@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.deviation import action_deviations, object_reach
 from app.pipeline.episode import Demonstration
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])
 OFFSETS_M = ([0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [0.0, 0.0, 0.2])

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from app.pipeline.episode import Episode, frame_times_s, stretches
-from roboprompt_client.arrays import finite_array, unit_quaternions
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
-from roboprompt_client.wording import checked_instruction, checked_name
+from roboprompt_client.types.arrays import finite_array, unit_quaternions
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.names import checked_instruction, checked_name
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 from .scenes import rotated
 

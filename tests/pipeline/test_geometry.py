@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.geometry import backproject, canonical_pose, tilt_rad, transform_points, yaw_rad
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 from .scenes import angle_deg, pose, positions, rotated, rotations
 

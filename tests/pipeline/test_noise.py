@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, disturbed
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 PLACE_M = np.array([0.2, -0.1, 0.8])
 TURN = Rotation.from_euler("xyz", [0.2, -0.4, 1.0])

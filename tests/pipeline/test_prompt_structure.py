@@ -12,7 +12,7 @@ from app.pipeline.episode import Query
 from app.pipeline.prompt import PromptTemplate
 from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import INSTRUCTION_FORBIDDEN, checked_instruction, checked_name
+from roboprompt_client.types.names import INSTRUCTION_FORBIDDEN, checked_instruction, checked_name
 
 from .scenes import WORKSPACE, action, demonstration, pose
 

@@ -4,7 +4,7 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import ReplyReader
 from app.pipeline.representation import fit_codec
-from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.motion.limits import MAX_ACTIONS
 from tests.pipeline.asking import parse_reply
 
 from .scenes import WORKSPACE, action, demonstration, pose, same_actions

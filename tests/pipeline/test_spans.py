@@ -7,7 +7,7 @@ from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 COLORED = [name for name in REPRESENTATIONS if name != "parts"]
 FORMATS = [(representation, form) for representation in COLORED for form in PROMPT_FORMATS]

@@ -9,8 +9,8 @@ from app.services.teach import configure, extract
 from app.services.teach.edit import remove_episode
 from app.store import episodes
 from app.store.errors import ConflictError
-from roboprompt_client.camera import camera_from_json
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import camera_from_json
 from tests.episodes import camera, png
 from tests.services.test_upload_episode import jointless, respond, upload
 

@@ -16,7 +16,7 @@ from app.pipeline.plans.turn import WristRange
 from app.services.container import Services
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import Upload
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 from ..pipeline.recordings import DOWN, arrival_s, pick_and_place, resting
 

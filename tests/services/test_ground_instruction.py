@@ -18,7 +18,7 @@ from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types.poses import Pose
 from tests.episodes import pick_trajectory
 from tests.services.conftest import ONE_ACTION, written
 from tests.services.test_dialogue import RELATIVE

@@ -8,7 +8,7 @@ from app.perception.base import ObjectQuery
 from app.services.predict import observe
 from app.services.predict.request import PredictRequest
 from app.store.errors import ConflictError
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.camera import Camera, RgbdFrame
 from tests.services.test_upload_episode import respond, upload
 
 FRAME = RgbdFrame(Camera("front", 60, 60, 31.5, 23.5, [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))

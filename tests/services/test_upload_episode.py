@@ -11,7 +11,7 @@ from app.services.teach.upload import Upload, UploadEpisode, content_digest
 from app.store import episodes, tasks
 from app.store.errors import ConflictError, NotFoundError
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 from tests.episodes import pick_trajectory
 
 PLACE_M = (0.1, 0.1, 0.78)

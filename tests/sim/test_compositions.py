@@ -9,7 +9,7 @@ from app.sim.moves import UP, action_from_move, move_to, nearest_yaw_rad, pick, 
 from app.sim.tasks import COMPOSITION_TASKS, TASKS, make_task
 from app.sim.tasks.carrying import BARRIERS, PLATE
 from app.sim.tasks.rearranging import BLOCKS, ClearKind
-from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.motion.limits import MAX_ACTIONS
 from tests.sim.test_instructions import words_of
 
 SEED = 100_000

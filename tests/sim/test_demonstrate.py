@@ -7,7 +7,7 @@ from app.pipeline.keyframes import Motion, merged
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.moves import tool_down
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 OUT_OF_REACH = EndEffectorAction([0.7, 0.5, 1.6], tool_down().as_quat(), True)
 HARMLESS = EndEffectorAction([0.1, 0.0, 1.2], tool_down().as_quat(), True)

@@ -10,7 +10,7 @@ from app.sim.sampler import TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.world import BASE_POSITION_M, HOME_RAD
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 TOOL = Kinematics(BASE_POSITION_M)
 

@@ -11,7 +11,7 @@ from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.robot import SimulatedPanda
 from app.sim.tasks import ALL_TASKS, TASKS, make_task
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_instruction, checked_name
+from roboprompt_client.types.names import checked_instruction, checked_name
 
 # Of a module's scope, so that all tests of a task follow each other and share what its cameras see.
 every_task = pytest.mark.parametrize("name", ALL_TASKS, scope="module")

@@ -8,8 +8,9 @@ from app.perception.base import ObjectQuery
 from app.store import episodes, predictions, tasks, trajectories
 from app.store.records import EpisodeDraft, PredictionDraft
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
-from roboprompt_client.camera import Camera
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 TASK = "open_drawer"
 SETTINGS = {"keyframes": {"rule": "merged", "delta_rad_s": 0.1}, "num_demonstrations": 10}

@@ -3,7 +3,7 @@ import pytest
 
 from app.store import trajectories
 from app.store.errors import CorruptDataError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 from .drafts import trajectory
 

@@ -10,7 +10,7 @@ from app.sim.demonstrate import record_demonstration
 from app.sim.world import BASE_POSITION_M
 from app.web.play import HAND_M_S, MAX_MOMENTS, planned_motion, recorded_motion
 from roboprompt_client.arms.panda import HAND_M, READY_RAD, flange, skeleton
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 PANDA = TaskSettings(arm="panda", robot_base=BASE_POSITION_M)
 DOWN = [1.0, 0.0, 0.0, 0.0]

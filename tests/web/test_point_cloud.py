@@ -4,7 +4,7 @@ import numpy as np
 
 from app.services.setting_parts import WorkspaceSettings
 from app.web.play import AROUND_M, MAX_POINTS, point_cloud
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WORKSPACE = WorkspaceSettings(min=(-0.5, -0.5, 0.0), max=(0.5, 0.5, 1.0))
 

@@ -32,8 +32,8 @@ from app.store.errors import NotFoundError
 from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
+from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 
 router = APIRouter(tags=["episodes"])
 

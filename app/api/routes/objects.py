@@ -40,7 +40,7 @@ from app.store.blobs import BlobStore
 from app.store.labels import LabelRecord
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.names import checked_name
 
 router = APIRouter(route_class=UniqueKeysRoute)
 LABELS: list[str | Enum] = ["labels"]

@@ -12,10 +12,10 @@ from app.perception.strict import WHOLE, Meters, Number, Truth
 from app.pipeline.episode import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import plain_text
-from roboprompt_client.arrays import unit_quaternions
-from roboprompt_client.camera import MAX_DEPTH_SCALE_M, MAX_PX, MIN_DEPTH_SCALE_M, Camera
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types.arrays import unit_quaternions
+from roboprompt_client.types.camera import MAX_DEPTH_SCALE_M, MAX_PX, MIN_DEPTH_SCALE_M, Camera
+from roboprompt_client.types.poses import Pose
 
 MAX_EXTRA_BYTES = 65_536
 Position = tuple[Meters, Meters, Meters]

@@ -19,7 +19,7 @@ from app.datasets.lerobot.files import INFO, Info, Place, path_of, read_info, re
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, rgb_png
-from roboprompt_client.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
 # FFmpeg tells a container by its content, and some name other files or addresses to play: those are left out.
 VIDEO_OPTIONS = {"format_whitelist": "mov,matroska,avi", "protocol_whitelist": "file"}

@@ -20,7 +20,7 @@ from app.evaluation.scores import NOTHING, Result, results_of
 from app.pipeline.spans import Span, prompt_spans
 from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 Shown = dict[str, Any]  # what a template shows
 

@@ -14,9 +14,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from app.drawing import Canvas, Color, RgbImage
 from app.evaluation.report.charts import THEMES, Draw
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 TILE_WIDTH_PX = 320
 CAPTION_HEIGHT_PX = 26

@@ -27,7 +27,7 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import Workspace
 from app.sim.outcomes import SceneView
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_TOKENS = 1024  # of a program; the longest of oracle_programs.txt has about 900
 TIMEOUT_S = 300.0

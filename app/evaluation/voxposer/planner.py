@@ -20,8 +20,8 @@ from scipy.signal import savgol_filter
 from app.evaluation.failures import ProgramRefusedError
 from app.evaluation.voxposer.sandbox import Scene
 from app.evaluation.voxposer.voxels import SIZE
-from roboprompt_client.arrays import Array, unit_quaternions
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array, unit_quaternions
+from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_ACTIONS = 100  # the way over value maps has more corners than a list of keyframes has rows
 TARGET_WEIGHT, OBSTACLE_WEIGHT = 2.0, 1.0

@@ -15,8 +15,8 @@ import app
 from app.evaluation.failures import ProgramRefusedError
 from app.evaluation.voxposer.voxels import SIZE, Voxels
 from app.pipeline.workspace import Workspace
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_VOXELS = 400  # of an object that a program may see one by one
 SPACING_M = 0.005  # of an object's points

@@ -21,9 +21,9 @@ from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import yaw_rad
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 EXAMPLE = 'its size and color, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
 FULL_TURN_RAD = 2 * np.pi

@@ -17,7 +17,7 @@ from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import quantiles
 from app.perception.cuboid.shape import SX, SY, SZ, YAW, Reals, X, Y, Z, ray_distances_m, surface_distances_m
 from app.perception.cuboid.view import View
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 FAST = np.float32  # of distances while candidates are improved: 0.1 um of a meter
 OUTLINE_SIGMA_PX = 0.6  # an edge between two pixels, from rounding to whole pixels and from blur

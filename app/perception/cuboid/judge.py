@@ -10,9 +10,9 @@ from app.perception.cuboid.pieces import SQUARE, Piece, window
 from app.perception.cuboid.shape import YAW, outline_points_m, surface_distances_m
 from app.perception.cuboid.view import View
 from app.perception.sightings import Sighting
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
 
 SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
 DEPTH_SIGMAS = 3.0

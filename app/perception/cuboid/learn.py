@@ -17,8 +17,8 @@ from app.perception.cuboid.model import SHAPES, ColorModel, CuboidModel, Rank, S
 from app.perception.frame_checks import check_rgbd
 from app.perception.object_model import ObjectModelError
 from app.pipeline.errors import NoPoseError
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 
 MAX_MEAN_ANGLE_DEG = 20.0
 STEADY = 0.8  # of the scenes agree on the rank: in the others two are equally near

@@ -15,8 +15,8 @@ from app.perception.cuboid.shape import SX, YAW
 from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
 
 MIN_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0

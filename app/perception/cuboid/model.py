@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel
 from app.perception.strict import WHOLE, Meters, Number
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.names import checked_name
 
 Degrees = Annotated[Number, Field(ge=0, le=360)]
 Share = Annotated[Number, Field(ge=0, le=1)]

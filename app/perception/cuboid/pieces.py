@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.model import ColorModel, Shape
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 HsvImage = npt.NDArray[np.uint8]  # (H, W, 3)
 HUE_STEPS_PER_DEG = 256 / 360  # OpenCV's HSV_FULL

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.model import Shape
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 Reals = npt.NDArray[np.floating[Any]]
 X, Y, Z, YAW, SX, SY, SZ = range(7)

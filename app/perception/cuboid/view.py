@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner, quantiles
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 DEPTH_SIGMA_FLOOR_M = 0.001
 INDEPENDENT_PIXELS = 12  # neighboring depths err alike: so many count as one

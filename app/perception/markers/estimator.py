@@ -18,8 +18,8 @@ from app.perception.markers.model import MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, face_points_m, find_markers
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
-from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 # From the first value, which takes nothing away, to the second, which takes everything. Chosen by what a 5 cm cube's
 # grasp forgives; on renderings with a D400's noise a marker of 20 px has 0.04 px, 0.7 mm and 0.6 degrees.

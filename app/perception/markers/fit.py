@@ -14,9 +14,9 @@ from scipy.optimize import least_squares
 
 from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera
 
 DEPTH_PATCH_PX = 25  # neighboring pixels err alike: so many count as one measurement
 OUTLIER_SIGMAS = 4.0

@@ -10,8 +10,8 @@ from pydantic import Field
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
 from app.perception.strict import WHOLE, Meters, Truth
 from roboprompt_client.calibration.board import DICTIONARIES, marker_dictionary
-from roboprompt_client.camera import ROTATION_MATRIX_TOLERANCE
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import ROTATION_MATRIX_TOLERANCE
 
 _RIGID = "four rows of a rigid transform from the marker's axes to the object's, lengths in meters"
 Row = tuple[Meters, Meters, Meters, Meters]

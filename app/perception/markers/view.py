@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.markers.model import Marker
-from roboprompt_client.arrays import Array
 from roboprompt_client.calibration.board import marker_dictionary
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 ROUNDS = 2
 SAMPLES = 16  # a side

@@ -12,7 +12,7 @@ from app.perception.registered.geometry import VOXEL_M, Index
 from app.perception.registered.hypotheses import MAX_RISE_M
 from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 GAPS_M = (0.008, 0.016, 0.032, 0.064)  # between two parts
 NEIGHBOR_CELLS = 1.75  # from a cell to the 26 around it

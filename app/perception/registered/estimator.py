@@ -16,10 +16,10 @@ from app.perception.registered.template import Template
 from app.perception.registered.view import View
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
 SAME_SURFACE_M = 0.02  # a pixel whose depth differs by more shows something before or behind a point

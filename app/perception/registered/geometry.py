@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 Index = npt.NDArray[np.intp]
 Bools = npt.NDArray[np.bool_]

@@ -13,7 +13,7 @@ from app.perception.registered.geometry import Index, Poses, about_z
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import score
 from app.perception.registered.template import LAB_AS_M, Template
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 FEW, SOME, MANY, MOST = 110, 160, 250, 800  # points of the scene, from the first look to the last
 COARSE_M = (0.05, 0.04, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02)

@@ -17,7 +17,7 @@ from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
 from app.perception.registered.view import free_views
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.types.camera import RgbdFrame
 
 FEWEST_POINTS = 40
 FREE_MARGIN_M = 0.06  # around the object, within which its views say what is free

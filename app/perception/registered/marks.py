@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 from app.perception.registered.candidates import parts_of
 from app.perception.registered.geometry import VOXEL_M, Bools, Index
 from app.perception.registered.scene import ABOVE_TABLE_M, Scene, to_lab
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
 
 NEAR_CLICK_M = 0.015  # from the clicked pixel to a point above the table
 SEARCH_PX = 4  # around the click for a pixel with depth

@@ -9,9 +9,9 @@ import numpy as np
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.registered.geometry import Bools, Index, normals_of, thinned
 from app.perception.registered.view import FARTHEST_M, RgbImage, View
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
 
 ABOVE_TABLE_M = (0.006, 0.6)
 POINTS_WIDTH_PX = 400  # of the grid of pixels that become points

@@ -11,7 +11,7 @@ import numpy as np
 from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import Template
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 NEAR_M = 0.009  # agrees with a depth
 BEHIND_M = 0.013  # farther than a point by this much: the point is seen through

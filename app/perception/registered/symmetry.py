@@ -10,7 +10,7 @@ from app.perception.registered.geometry import Index, Poses, about_z, thinned, u
 from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses, registered
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 NUM_TURNS = 24  # in which a round object is completed
 NUM_STEPS = 10  # of the robust fit of an axis

@@ -17,9 +17,9 @@ from scipy.spatial import cKDTree
 from app.perception.registered.geometry import VOXEL_M, Index
 from app.perception.registered.scene import to_lab
 from app.perception.registered.view import View
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera
 
 MARGIN_M = 0.03  # around the points, within which the nearest one is known
 DEPTH_UNIT_M = 1e-4  # of depths in the file: up to 6.5 m

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.registered.geometry import Bools, Index
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX = 800  # wider images are reduced by a whole factor
 FLYING_STEP_M = 0.02  # between neighbors: a pixel there lies on neither side

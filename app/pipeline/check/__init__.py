@@ -13,7 +13,7 @@ from app.pipeline.keyframes import manner_of
 from app.pipeline.keyframes.resting import path_left_m, paths_left_m
 from app.pipeline.plans import Demonstration, PlanRow, Recording, by_plan, demonstrated, plan_rows, shown_together
 from app.pipeline.plans.rows import robust_center
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 
 def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.findings import Finding, Severity
 from app.pipeline.keyframes import Manner, Rule
 from app.pipeline.representation.anchors import M_PER_RAD
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 

@@ -13,8 +13,8 @@ from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.keyframes.resting import LEFT_M, leave_path
 from app.pipeline.plans import Recording
 from app.pipeline.representation.anchors import object_rotation, tilted_objects
-from roboprompt_client.arrays import Array
-from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.types.arrays import Array
 
 MISSED_M = 0.02  # twice what the rules that follow a path allow
 MANY_ROWS = 20

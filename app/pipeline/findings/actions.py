@@ -15,8 +15,8 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING, UNSUPPORTED
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_LISTED = 4  # numbers of actions that a sentence lists
 NEARER, NEARER_M = 0.5, 0.03  # than every demonstrated hand: times its distance, and by this at least

@@ -16,8 +16,8 @@ from app.pipeline.findings.rules import ARRANGED, CHANGED_PLACES, PARTED, SIDES
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 RIGID_M = 0.01  # what varies by less is the same in all demonstrations
 FEWEST = 3  # demonstrations that tell what is the same from chance

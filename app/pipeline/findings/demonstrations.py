@@ -22,7 +22,7 @@ from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import acting_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
 LISTED = 3  # ids that a sentence names

@@ -10,8 +10,8 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.rules import Rule
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
 
 # The first words of verbs, see `app.pipeline.order.verbs`
 PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})

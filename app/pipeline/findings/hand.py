@@ -15,9 +15,10 @@ from app.pipeline.keyframes.motion import Switch
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.plans.rows import WAY_SHARE
 from app.pipeline.representation.anchors import M_PER_RAD
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.trajectory import Trajectory
 
 NEVER_M = 1.0  # from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object

@@ -20,7 +20,7 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")

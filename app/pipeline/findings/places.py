@@ -11,9 +11,9 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.arrangement import RigidPair, Side, outside_m, rigid_pairs, sides
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 UP = (0.0, 0.0, 1.0)
 HAND = "the end effector"

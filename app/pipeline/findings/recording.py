@@ -12,7 +12,7 @@ from app.pipeline.findings.hand import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
-from roboprompt_client.arrays import Array, positions_array
+from roboprompt_client.types.arrays import Array, positions_array
 
 MOVING_M = 0.005  # between two frames
 JUMP_M = 0.05

@@ -20,7 +20,7 @@ from app.pipeline.findings.places import (
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 UNSURE_CONFIDENCE = 0.7  # of a pose that deserves a look without a reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too

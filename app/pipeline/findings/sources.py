@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import OTHER_SOURCE
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 SAME_M, SAME_DEG = 0.015, 15.0  # between a pose that was given and one that was found where both mean the same
 REPEATED_M = 0.001  # a given pose so near to a demonstration's is that demonstration's

@@ -12,9 +12,9 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS, ShownScenes
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import Pose
 
 TILT_DEG = 5.0  # between the hand's axes, within which it is as it was; flanges are often turned about it
 ALONG_M, ACROSS_M = 0.04, 0.015  # a flange is farther from fingertips, and hands that are elsewhere are also beside

@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
 MAX_AWAY_M = 3.0  # of an object from all places where the hand was

@@ -13,8 +13,8 @@ from app.pipeline.plans import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import acting_rows, plan_rows
-from roboprompt_client import quaternions
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.poses import EndEffectorAction
 
 IN_PLACE_M = 0.03  # a hand that goes less far only turns
 TWISTS_DEG = 60.0  # between two ways: they turn what they hold otherwise; right demonstrations differ by up to 9

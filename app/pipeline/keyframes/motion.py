@@ -10,8 +10,8 @@ import numpy as np
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.path import TOLERANCE_M, HandPath
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
 
 BLIP_S = 0.1  # fingers need longer to close on something
 # The hand is slowest where it grasps or lets go. Fingers that are recorded a moment before (a command) or after (they

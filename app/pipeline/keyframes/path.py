@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
 
 TOLERANCE_M = 0.01
 TOLERANCE_DEG = 15.0

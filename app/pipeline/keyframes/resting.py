@@ -13,8 +13,8 @@ import numpy.typing as npt
 from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, off_line_m
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, merged
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 Manner = Literal["rests", "hesitates", "flows"]
 

@@ -19,7 +19,7 @@ from app.pipeline.order.words import (
     tokens_of,
 )
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.names import checked_name
 
 _NOUNS = GENERIC_NOUNS.union(*NOUN_KINDS)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 MARGIN_M = 0.02  # poses from images are that uncertain; what differs by less counts as equal
 CLEARLY_NEARER = 1.5  # the second nearest must be so many times as far

@@ -21,8 +21,8 @@ from app.pipeline.representation.anchors import (
     relative_action,
     tilted_objects,
 )
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 TWO_WAYS_M = 0.04  # clusters that are less far apart are one way
 GAP = 4.0  # between two clusters, in standard deviations within them

@@ -23,7 +23,7 @@ from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyframes than a phase gets
 ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations

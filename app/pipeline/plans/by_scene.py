@@ -15,9 +15,9 @@ import numpy as np
 from app.pipeline.episode import Demonstration, rotation_of
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.rows import plan_rows
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 PARTED_SHARE = 0.8  # of the demonstrations are where their plan is
 COMPARED = 3  # demonstrations of a plan are enough to see how it acts

@@ -18,8 +18,8 @@ from app.pipeline.findings.rules import (
 )
 from app.pipeline.plans import shown_together
 from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
-from roboprompt_client.motion_limits import MAX_ACTIONS
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_WARMED = 4  # plans whose prompts a model reads beforehand
 FEW = 3  # demonstrations, from which on it is known what a row follows

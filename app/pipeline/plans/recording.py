@@ -11,7 +11,7 @@ from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_
 from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.keyframes.rule import waypoints
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
 CLEARLY = 2.0  # if all others are so many times as far

@@ -12,7 +12,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.plans.recording import GRASPED_M
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 HUBER = 1.5  # in robust standard deviations: what is farther from the center counts less
 ITERATIONS = 5

@@ -10,9 +10,9 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_pose, asked_anchor, tilted_objects
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_STRUNG = 64  # combinations of the plans of several clauses
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.support import PlacedPlan
-from roboprompt_client import quaternions
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])  # about z
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # wrist angles are counted from a hand that points down, x forward

@@ -20,7 +20,7 @@ from app.pipeline.workspace import (
     object_bins,
     undiscretize_actions,
 )
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 _FENCED = re.compile(r"```(?:json)?\s*(.*?)```", re.DOTALL)
 _LIST_START = re.compile(r"\[\s*(?=\[)")

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_integers
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 MM_PER_M = 1000
 LEVER_MM = 100

@@ -18,7 +18,7 @@ from app.pipeline.representation.anchors import (
     mixed_frames,
     relative_poses,
 )
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
 CONTRADICTED_M = 0.03  # a frame in which a row spreads by this much more than in the other is not that of the row

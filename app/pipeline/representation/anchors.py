@@ -16,8 +16,8 @@ from scipy.special import betaincinv
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.order.order import Order
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 Frame = Literal["w", "o", "ow", "wo", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
@@ -171,8 +171,7 @@ def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset
     certain = min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
     world_m, own_m = scatters_m(group, own, tilted)
     by_world, by_own = much_less(world_m, own_m, certain), much_less(own_m, world_m, certain)
-    hand_stays = world_m[1] < TURNED_M  # no noise of poses turns the hand in the world
-    rows = np.stack([by_own[0] & by_world[1] & hand_stays, by_world[0] & by_own[1]])
+    rows = np.stack([by_own[0] & by_world[1], by_world[0] & by_own[1]])
     found = zip(MIXED_FRAMES, rows, strict=True)
     return {in_frame(own, frame): np.flatnonzero(which).tolist() for frame, which in found if which.any()}
 

@@ -5,7 +5,7 @@ from typing import ClassVar, Protocol
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.order import Order
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 # The actions of the rows of one reply from index `first` (from 0) on; raises ReplyParseError for one that is not valid.
 Decoder = Callable[[int, Sequence[str]], list[EndEffectorAction]]

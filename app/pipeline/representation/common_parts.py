@@ -21,7 +21,7 @@ from app.pipeline.order.lexicon import noun_of, phrase_of
 from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES, Anchor, Frame, relative_poses
 from app.pipeline.representation.object_rows import OFFSET_UNIT_M
 from app.pipeline.workspace import rotation_bins
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 ALIKE_M, ALIKE_DEG = 0.015, 10.0  # within which demonstrations show one action
 ENOUGH = 3  # demonstrations have a part, or all of fewer: two may lie alike by chance

@@ -50,7 +50,7 @@ from app.pipeline.representation.object_rows import (
     shortened,
 )
 from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, yaw_bin
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MAX_REPEATED = 3

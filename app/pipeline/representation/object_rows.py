@@ -15,7 +15,7 @@ from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import Anchor, AnchorPose, relative_action
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 LETTERS = string.ascii_uppercase
 Integers = npt.NDArray[np.int_]

@@ -29,7 +29,7 @@ from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.common_parts import Part, Step, find_steps, kind_of
 from app.pipeline.representation.object_rows import actions_at
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 NEAR_M = 0.10  # beside each other, seen from above; of other kinds: on, in or at it
 _STEP = re.compile(r"(\d{1,3})\. (.+)", re.ASCII)

@@ -32,7 +32,7 @@ from app.services.predict.warm import PrefixWarmer
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
-from roboprompt_client.wording import checked_instruction
+from roboprompt_client.types.names import checked_instruction
 
 SHOWN_AFTER_S = 0.5  # shorter ones are never written down
 GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more

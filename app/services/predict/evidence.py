@@ -11,14 +11,13 @@ from app.pipeline.episode import Demonstration
 from app.services.predict.demonstrations import Demonstrations, in_all
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
-from roboprompt_client import quaternions
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 
 @dataclass(frozen=True)

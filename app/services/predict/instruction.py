@@ -24,7 +24,7 @@ from app.pipeline.prompt import Prompt
 from app.services.predict.known import Known
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_TASKS = 256  # whose words are kept: a task of 100 instructions takes 1 MB
 SYSTEM = (

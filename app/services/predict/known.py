@@ -19,8 +19,7 @@ from app.services.task_settings import TaskSettings
 from app.store import predictions
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose, Pose
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from app.store import tasks
 from app.store.records import TaskState
 from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
-from roboprompt_client.motion_guard import MotionGuard
-from roboprompt_client.motion_limits import MotionLimits
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.guard import MotionGuard
+from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_LIMITS = 64  # of so many tasks they are kept
 

@@ -17,7 +17,7 @@ from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 
 @dataclass(frozen=True, eq=False)

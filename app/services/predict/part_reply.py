@@ -15,7 +15,7 @@ from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, discretize_
 from app.services.measures import timed
 from app.services.predict.question import Question
 from app.store.values import JsonObject
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 
 # What bins alone may do: half a bin where a demonstration was written, half where the reply is read; of rotations,
 # three Euler angles together.

@@ -21,8 +21,9 @@ from app.services.predict.prefix import Prefix
 from app.services.predict.request import MAX_ACTIONS_ASKED, PredictOptions
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
-from roboprompt_client.motion_guard import MotionGuard
-from roboprompt_client.motion_limits import MotionLimits, Pose
+from roboprompt_client.motion.guard import MotionGuard
+from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.types.poses import Pose
 
 MAX_TASKS = 64  # whose demonstrated wrist angles are kept
 Plans = Mapping[str, tuple[PlacedPlan, ...] | None]  # by instruction of a part; None where they are unknown

@@ -21,8 +21,7 @@ from app.services.predict.known import Known
 from app.services.predict.placed import Plans, place_plans
 from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictRequest
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 SEEDS = 2**31  # the most that every backend takes
 LISTED = 3  # instructions that a sentence names

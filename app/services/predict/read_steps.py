@@ -20,7 +20,7 @@ from app.store import episodes, tasks
 from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_instruction
+from roboprompt_client.types.names import checked_instruction
 
 MAX_SCENES = 16  # whose words are kept
 NEEDS_TASK = ("after", "episode_ids")  # options that are about one task's episodes

@@ -19,7 +19,7 @@ from app.store.store import Store
 from app.store.values import JsonObject
 from app.store.visibility import present
 from roboprompt_client.errors import UnsafeActionError
-from roboprompt_client.motion_guard import MotionGuard, action_from_json
+from roboprompt_client.motion.guard import MotionGuard, action_from_json
 
 SCOPE = idempotency.PREDICT
 MAX_WAIT_S = 60.0  # for a request with the same key

@@ -15,10 +15,11 @@ from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation import KAT_FORMAT
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
-from roboprompt_client.arrays import settle
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
+from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.types.arrays import settle
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import Pose
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5

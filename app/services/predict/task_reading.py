@@ -24,9 +24,9 @@ from app.services.predict.request import Selection
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
 

@@ -24,7 +24,7 @@ from app.store import episodes, tasks
 from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types.poses import Pose
 
 MAX_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MAX_ASKED = 10  # of them that an LLM is asked about, some seconds each

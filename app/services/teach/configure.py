@@ -14,7 +14,7 @@ from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.names import checked_name
 
 MAX_AT_ONCE = 200  # some seconds
 

@@ -20,7 +20,7 @@ from app.services.teach.room import FIRST, remaining, uploaded
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
-from roboprompt_client.wording import checked_instruction
+from roboprompt_client.types.names import checked_instruction
 
 
 def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> EpisodeRecord:

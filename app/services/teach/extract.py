@@ -15,9 +15,9 @@ from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from app.store.values import KeyframeRecord, ObjectRecord
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
 
 @dataclass(frozen=True, eq=False)

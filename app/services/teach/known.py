@@ -30,8 +30,8 @@ from app.services.teach.room import FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
 from app.store.values import JsonObject
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_COMPARED = 30  # demonstrations that an upload is held against
 

@@ -17,8 +17,8 @@ from app.store import episodes, labels, tasks
 from app.store.labels import LabelRecord
 from app.store.store import Store
 from app.store.values import CameraRecord
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.camera import RgbdFrame
 
 MAX_LABELS = 100  # of a task
 MAX_VIEWS_KEPT = 2  # decoded, for the next click on the same pictures

@@ -21,7 +21,7 @@ from app.store.labels import LabelRecord
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_VIEWS = 10  # labeled, that an object is learned from
 

@@ -16,7 +16,7 @@ from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from app.services.setting_parts import WorkspaceSettings
 from app.store.records import DemonstrationRecord
 from app.store.values import KeyframeRecord, ObjectRecord
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 FIRST = 3  # demonstrations that say how large the task is; fewer say little
 MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span

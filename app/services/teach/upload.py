@@ -28,10 +28,10 @@ from app.store.errors import ConflictError, NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
-from roboprompt_client.arrays import settle
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.arrays import settle
+from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
 SCOPE = idempotency.UPLOAD

@@ -20,13 +20,13 @@ from app.sim.outcomes import RecordedDemonstration, RolloutResult
 from app.sim.tasks import ALL_TASKS, make_task
 from app.sim.tasks.base import NOT_SOLVED
 from app.sim.world import BASE_POSITION_M
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.errors import MotionError
 from roboprompt_client.recording.recorder import Recorder
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.poses import EndEffectorAction
 
 DYNAMICS = 0.3  # of the arm's own limits; a simulated arm endangers no person
 END_S = 5.0

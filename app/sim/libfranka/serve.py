@@ -19,7 +19,7 @@ from franky_sim.base_simulator import InnerRobotState
 from app.sim import panda
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, SimTask
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 ENDED = ""
 STEP_S = 0.001  # libfranka's

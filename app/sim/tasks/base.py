@@ -16,8 +16,8 @@ from app.sim import panda
 from app.sim.moves import Move, nearest_yaw_rad, tool_down
 from app.sim.scene import NO_TURN, Part, about_z
 from app.sim.world import OBJECT_CONTACT, base_spec, place_arm
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 SETTLE_S = 0.3
 FINAL_HOLD_S = 0.5  # things come to rest before the outcome is judged

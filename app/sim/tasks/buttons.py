@@ -10,7 +10,7 @@ from app.sim.moves import LOOSE_M, UP, Move, push, tool_down
 from app.sim.scene import scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 COLORS = ("red", "yellow", "green", "blue")
 BASE_RADIUS_M, BASE_HEIGHT_M = 0.036, 0.034

@@ -16,7 +16,7 @@ from app.sim.scene import about_z
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.cubes import BLOCK_HALF_M, BlockTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 HALF_SIZE_M, MASS_KG = 0.025, 0.09
 CARRIER_KG = 50.0  # so heavy that the cube does not slow it between two steps

@@ -8,7 +8,7 @@ from app.sim.moves import UP, Move, pick, place, tool_down
 from app.sim.scene import about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 HALF_SIZE_M = 0.025
 BLOCK_HALF_M = 0.022

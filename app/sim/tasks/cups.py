@@ -7,7 +7,7 @@ from app.sim.moves import UP, Move, move_to, pick, place, tool_down
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 # A cup, around the point on its axis where it is grasped; its handle is on the side of x
 CUP_RADIUS_M, CUP_WALL_M, CUP_HEIGHT_M, GRASP_HEIGHT_M = 0.033, 0.003, 0.080, 0.066

@@ -10,7 +10,7 @@ from app.sim.moves import UP, Move, move_to, pick, place, tool_down
 from app.sim.scene import BOARD_M, Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 DRAWERS = ("bottom", "middle", "top")
 HALF_DEPTH_M, HALF_WIDTH_M, STOREY_M = 0.10, 0.12, 0.085

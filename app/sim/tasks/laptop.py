@@ -9,7 +9,7 @@ from app.sim.moves import LOOSE_M, UP, Move, move_to, push
 from app.sim.scene import NO_TURN, Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 HALF_DEPTH_M, HALF_WIDTH_M, HALF_THICKNESS_M = 0.11, 0.15, 0.011
 FEET_M = 0.003

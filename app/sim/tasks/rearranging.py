@@ -10,7 +10,7 @@ from app.sim.moves import UP, Move, pick, place, tool_down
 from app.sim.scene import about_z, scatter
 from app.sim.tasks.cubes import BLOCK_HALF_M, MAX_OFFSET_M, BlockTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 KINDS = {kind: tuple(f"{number} {kind} block" for number in ("first", "second", "third")) for kind in ("red", "blue")}
 BLOCKS = KINDS["red"] + KINDS["blue"]

@@ -7,7 +7,7 @@ from app.sim.moves import UP, Move, move_to, pick, tool_down
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 # The broom, around the point of its handle where it is grasped; it sweeps along x, its brush in front of the handle
 GRASP_HEIGHT_M = 0.13

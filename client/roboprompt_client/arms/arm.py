@@ -9,20 +9,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arms.tolerance import Tolerance, problem_ahead
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.cameras.rig import SETTLE_S, Rig
 from roboprompt_client.errors import InvalidInputError, MotionError, NotConfirmedError, UnsafeActionError
-from roboprompt_client.live import OnLost
-from roboprompt_client.motion_guard import MotionGuard
-from roboprompt_client.motion_limits import MotionLimits, Pose
+from roboprompt_client.motion.guard import MotionGuard
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.runs.live import OnLost
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 ConfirmViewpoint = Callable[[int, Pose], bool]
 Steer = Callable[[Array, Array], str]

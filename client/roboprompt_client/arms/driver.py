@@ -8,10 +8,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
-from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array, finite_array, settle, unit_quaternions
+from roboprompt_client.types.poses import Pose
 
 CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, meters'
 STEERED_S = 0.15  # that a velocity holds: what commands the arm may hang, or be cut off

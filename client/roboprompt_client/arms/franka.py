@@ -15,9 +15,9 @@ import numpy as np
 
 from roboprompt_client.arms.driver import STEERED_S, ArmState
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
+from roboprompt_client.types.arrays import Array
 
 DYNAMICS = 0.05
 GRIPPER_M_S, GRASP_N = 0.05, 20.0

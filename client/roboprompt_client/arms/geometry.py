@@ -6,11 +6,11 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import pose_matrix
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
 
 # The end effector (4, 4) in the base frame for joints (J,), and the Jacobian (6, J) of its linear and angular velocity
 Forward = Callable[[Array], tuple[Array, Array]]

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import STEERED_S, ArmState, require_reach, straight_way
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
 
 POSITION, ROTATION = ("ee.x", "ee.y", "ee.z"), ("ee.wx", "ee.wy", "ee.wz")
 GRIPPER, JOINT = "ee.gripper_pos", ".pos"

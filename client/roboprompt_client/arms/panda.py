@@ -10,8 +10,8 @@ import numpy as np
 
 from roboprompt_client.arms.driver import pose_matrix
 from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.types.arrays import Array
 
 _A_M = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
 _D_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)

@@ -7,11 +7,11 @@ import numpy as np
 
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Geometry, Nearest
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
-from roboprompt_client.motion_guard import enters
-from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.guard import enters
+from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 COLUMNS = ("action", "position, m", "from base", "gripper", "reach", "nearest joint limit", "in the way")
 

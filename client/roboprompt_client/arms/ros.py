@@ -15,8 +15,8 @@ import numpy as np
 
 from roboprompt_client.arms.driver import STEERED_S, ArmState, require_reach, straight_way
 from roboprompt_client.arms.rosbridge import Message, Rosbridge
-from roboprompt_client.arrays import Array, finite_array, unit_quaternions
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.types.arrays import Array, finite_array, unit_quaternions
 
 RATE_HZ, SETTLE_S = 20.0, 0.5
 SPEED_M_S, TURN_RAD_S = 0.1, 0.5

@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from roboprompt_client.arms.driver import STEERED_S, ArmState
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError, UnsafeActionError
-from roboprompt_client.motion_guard import MotionGuard
-from roboprompt_client.motion_limits import Box, MotionLimits, checked_bound
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.guard import MotionGuard
+from roboprompt_client.motion.limits import Box, MotionLimits, checked_bound
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 BRAKING_S = 0.25
 AHEAD_S = STEERED_S + BRAKING_S  # what is passed before the hand rests

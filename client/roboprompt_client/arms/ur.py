@@ -4,11 +4,11 @@ import time
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import STEERED_S, ArmState
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
 
 SPEED_M_S, ACCELERATION_M_S2 = 0.1, 0.3
 STOP_M_S2 = 2.0

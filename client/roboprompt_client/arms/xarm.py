@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import STEERED_S, ArmState
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
 
 SPEED_MM_S, ACCELERATION_MM_S2 = 100.0, 500.0
 MM = 1000.0

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 
 DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
 MAX_SQUARES = 100  # a side

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from roboprompt_client.arrays import Array
 from roboprompt_client.calibration.board import find_board, rms_length
 from roboprompt_client.cameras.picture import Intrinsics
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra
+from roboprompt_client.types.arrays import Array
 
 MIN_POSES = 6  # of the hand at which a camera saw the board
 MIN_TURN_DEG = 20.0  # between two of them, about two axes: without it a camera's place does not follow

@@ -7,12 +7,12 @@ from hashlib import blake2b
 
 import numpy as np
 
-from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.picture import CameraDriver, Picture
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import Pose
 
 MAX_UNKNOWN_DEPTH = 0.5  # share of the pixels
 MAX_SKEW_S = 0.25  # of a camera's clock against this computer's

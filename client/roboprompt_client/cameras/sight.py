@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.cameras.table import FlatSurface, find_flat_surface
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.extras import import_extra
-from roboprompt_client.quaternions import to_matrix, yaw_rad
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.quaternions import to_matrix, yaw_rad
 
 MAX_TILT_DEG, MAX_APART_M = 1.0, 0.006  # of the table; a calibrated camera's is within 0.3 degrees and 2 mm
 TABLE_DEG = 40.0  # what is steeper is a wall

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arrays import Array, positions_array
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import CameraError, InvalidInputError
+from roboprompt_client.types.arrays import Array, positions_array
+from roboprompt_client.types.camera import RgbdFrame
 
 GRID_ROWS = 30  # of pixels that are looked at
 NUM_TRIALS = 60

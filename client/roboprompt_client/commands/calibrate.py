@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.picture import Intrinsics
 from roboprompt_client.cameras.rig import SETTLE_S, MountedCamera, check_rest
 from roboprompt_client.cell import read_cell, write_cell
@@ -19,7 +17,9 @@ from roboprompt_client.commands.look import CELL, AddCommand, seeing_arm
 from roboprompt_client.commands.terminal import ask, ask_yes, in_columns, say
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import Pose
 
 if TYPE_CHECKING:  # OpenCV and scipy are extras
     from roboprompt_client.calibration.board import CharucoBoard

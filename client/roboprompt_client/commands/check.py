@@ -10,16 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
-from roboprompt_client.arrays import Array, finite_array
 from roboprompt_client.cell import open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.look import AddCommand
 from roboprompt_client.commands.terminal import ask_yes, say
 from roboprompt_client.errors import MotionError, RoboPromptError
-from roboprompt_client.motion_limits import Pose
 from roboprompt_client.robot import Robot
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array, finite_array
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 from roboprompt_client.version import VERSION
 
 LIFT_M, TURN_RAD = 0.03, math.radians(10)

@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arms.panda import LIMITS_RAD
-from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.cell import open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.terminal import ask, ask_yes, say
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.robot import observation_from_file
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.names import checked_name
 
 ADDRESSED = ("franka", "ur", "xarm")  # a LeRobot arm is made by a function, and one of ROS has topics
 MARGIN_M = 0.01  # around the corners that were touched: a hand on the table is not below it

@@ -8,7 +8,6 @@ from typing import Any
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.cameras.sight import Sight, sight_page
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.cell import MAX_VIEWPOINTS, open_robot, read_cell, write_cell
@@ -16,6 +15,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.terminal import Person, ask, ask_yes, in_columns, say
 from roboprompt_client.errors import CameraError, InvalidInputError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.robot import Robot
+from roboprompt_client.types.camera import RgbdFrame
 
 AddCommand = Callable[[str, str, Callable[[RoboPromptClient, Namespace], int]], ArgumentParser]
 CELL = "a cell's JSON file with cameras"

@@ -17,19 +17,9 @@ from roboprompt_client.commands.terminal import Person, ask, ask_yes, say
 from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recording.recorder import RATE_HZ, HasState, Progress, Recorder
 from roboprompt_client.recording.spool import JOURNAL, Sent, Spool
-from roboprompt_client.recording.teleop import (
-    END,
-    MOVES,
-    SPEED_M_S,
-    TICK_S,
-    TURN_RAD_S,
-    Read,
-    Said,
-    keyboard,
-    opened,
-)
+from roboprompt_client.recording.teleop import END, MOVES, SPEED_M_S, TICK_S, TURN_RAD_S, Read, Said, keyboard, opened
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 SPOOL = Path("recordings")
 KEYS = "o: open the gripper   c: close it   x: discard   Enter: keep"

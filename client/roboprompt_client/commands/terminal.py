@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.preview import COLUMNS, Previewed
-from roboprompt_client.motion_limits import MotionLimits, Pose
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Robot
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 YES, NO = ("y", "yes"), ("n", "no")
 

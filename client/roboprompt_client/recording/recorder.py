@@ -11,10 +11,10 @@ from typing import BinaryIO, NamedTuple, Protocol
 import numpy as np
 
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
 MIN_RATE_HZ = 20.0

@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.encoding import Part, request_parts, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.http.encoding import Part, request_parts, scene_json
 from roboprompt_client.recording.recorder import create_private, trajectory_from_journal
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
 WAITS_S = (1.0, 2.0, 4.0, 8.0)

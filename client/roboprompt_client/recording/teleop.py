@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 
 try:
     import termios

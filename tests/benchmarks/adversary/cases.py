@@ -3,8 +3,7 @@
 import numpy as np
 
 from benchmarks.adversary.case import Case, Recording
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose, Pose
 from tests.episodes import pick_trajectory
 
 NUMBER = 10

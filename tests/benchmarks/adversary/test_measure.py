@@ -12,7 +12,7 @@ from benchmarks.adversary.measure import Bench, Outcome, ending_of
 from benchmarks.adversary.run import Run
 from benchmarks.adversary.table import shown, summary, tables
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 from tests.benchmarks.adversary.cases import picks, poses, recording
 from tests.e2e.processes import running_server
 

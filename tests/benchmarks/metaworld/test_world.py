@@ -26,7 +26,7 @@ from app.executors import call
 from benchmarks.metaworld import world
 from benchmarks.metaworld.world import AFTER_SUCCESS_STEPS, GRIP_STEPS, MOVE_STEPS, MetaWorld, gripper_open
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 from tests.benchmarks.metaworld.button_simulation import HOME_M, ButtonSimulation
 from tests.e2e.processes import running_server
 from tests.evaluation.test_run import InlineExecutor

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.robosuite import expert, people, world
 from benchmarks.robosuite.scene import OPEN, TASKS, gripper_open
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 HOME_M, HOME = np.array([-0.1, 0.0, 1.0]), Rotation.from_euler("z", np.pi / 2) * expert.DOWN
 STEP_M = 0.02

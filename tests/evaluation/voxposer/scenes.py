@@ -4,7 +4,7 @@ import numpy as np
 
 from app.evaluation.voxposer.sandbox import Scene
 from app.pipeline.workspace import Workspace
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 DOWN_XYZW = np.array([1.0, 0.0, 0.0, 0.0])
 START = EndEffectorAction(np.array([0.0, 0.0, 1.2]), DOWN_XYZW, gripper_open=True)

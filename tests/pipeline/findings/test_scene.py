@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Query
 from app.pipeline.findings.scene import ShownPlaces, ShownScenes, estimated_error_m, scene_findings
 from app.pipeline.noise import disturbed
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 STACK = "stack the red cube on the blue cube"

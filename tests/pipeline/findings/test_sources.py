@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.sources import Compared
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.poses import ObjectPose
 
 
 def pose(x_m=0.0, yaw_deg=None):

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.findings.hand import Kept, RecordedHand
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.start import frame_findings, start_findings
-from roboprompt_client.motion_limits import Pose
+from roboprompt_client.types.poses import Pose
 from tests.pipeline.findings.test_implausible import changed, put
 from tests.pipeline.scenes import action, demonstration, pose
 

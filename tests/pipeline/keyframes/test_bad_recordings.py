@@ -8,7 +8,7 @@ import pytest
 from app.pipeline.findings.recording import recording_findings
 from app.pipeline.keyframes import RULES, KeyframeRule, Motion, find_keyframes, manner_of, waypoints
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import flowing
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from app.pipeline.keyframes import RULES, KeyframeRule, Motion, find_keyframes, manner_of, merged, waypoints
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import ScriptedMotion, flowing, pick_and_place, resting
 from .test_published import trajectory

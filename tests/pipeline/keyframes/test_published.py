@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.keyframes import Motion, authors, merged, uniform
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 SPEEDS_RAD_S = {"m": 0.5, ".": 0.0}
 

@@ -12,7 +12,7 @@ from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import Motion, waypoints
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, HandPath, fewest_waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, WIDER, at_frames, at_tips
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import DOWN, ScriptedMotion, arrival_s, flowing, pick_and_place, resting
 

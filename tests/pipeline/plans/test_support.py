@@ -9,7 +9,7 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.plans import agreeing, aligned_by_plan, by_plan
 from app.pipeline.plans.support import Support, SupportGuard
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of
 
 from ..gbnf import matches

@@ -12,7 +12,7 @@ from app.pipeline.reply import ReplyReader
 from app.pipeline.representation import REPRESENTATIONS, action_tokens, fit_codec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of, parse_reply, schema_of
 
 from ..gbnf import matches

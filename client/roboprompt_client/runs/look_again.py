@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
-from roboprompt_client.leading import Leading
-from roboprompt_client.reanchoring import MOVED, Moved, has_moved, reanchored
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.reanchoring import MOVED, Moved, has_moved, reanchored
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 Poses = Mapping[str, ObjectPose]
 Check = Callable[[tuple[EndEffectorAction, ...]], None]

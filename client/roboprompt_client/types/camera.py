@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array, bounded_array, positions_array, settle
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.wording import checked_name
+from roboprompt_client.types.arrays import Array, bounded_array, positions_array, settle
+from roboprompt_client.types.names import checked_name
 
 ROTATION_MATRIX_TOLERANCE = 1e-3
 MAX_PX = 1e6  # of a focal length or an optical center

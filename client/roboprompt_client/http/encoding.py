@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.npy import packed_array
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import object_json
+from roboprompt_client.types.camera import RgbdFrame, camera_json
+from roboprompt_client.types.npy import packed_array
+from roboprompt_client.types.poses import object_json
 
 Part = tuple[str, bytes, str]
 JPEG_QUALITY = 95

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import UnsafeActionError
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.types import quaternions as rotations
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 OBJECT_FRAMES = ("w", "o", "ow", "wo")
 FRAMES = (*OBJECT_FRAMES, "world", "start")

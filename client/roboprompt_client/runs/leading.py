@@ -10,9 +10,9 @@ from time import monotonic
 
 import numpy as np
 
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, ObjectLostError
-from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 MIN_LOOK_INTERVAL_S = 0.2  # between two observations: an estimator's noise of 1 cm would be 5 cm/s
 MAX_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends at rest

@@ -7,7 +7,7 @@ from numbers import Real
 from typing import Any, NamedTuple
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.types.poses import Pose
 
 HAND_RADIUS_M = 0.05
 MAX_ACTIONS = 25  # of one prediction: the steps that an episode may take (RoboPrompt, section IV-B)
@@ -19,18 +19,6 @@ class Box(NamedTuple):
 
     min_m: tuple[float, ...]
     max_m: tuple[float, ...]
-
-
-class Pose(NamedTuple):
-    """Where the end effector is: (3) m and (4) xyzw, in the world frame."""
-
-    position_m: tuple[float, ...]
-    quaternion_xyzw: tuple[float, ...]
-
-    @classmethod
-    def of(cls, action: EndEffectorAction) -> "Pose":
-        """The pose that an action goes to."""
-        return cls(tuple(action.position_m.tolist()), tuple(action.quaternion_xyzw.tolist()))
 
 
 @dataclass(frozen=True)

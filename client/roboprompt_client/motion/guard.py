@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arrays import QUATERNION_NORM_TOLERANCE
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
-from roboprompt_client.motion_limits import MAX_ACTIONS, Box, MotionLimits, Pose
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.motion.limits import MAX_ACTIONS, Box, MotionLimits
+from roboprompt_client.types.arrays import QUATERNION_NORM_TOLERANCE
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 POSITION_ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
 ANGLE_ROUNDING_DEG = 1e-6

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array, bounded_array, finite_array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.npy import array_from_npy
-from roboprompt_client.trajectory import MAX_RAD, MAX_S, Trajectory
+from roboprompt_client.types.arrays import Array, bounded_array, finite_array
+from roboprompt_client.types.npy import array_from_npy
+from roboprompt_client.types.trajectory import MAX_RAD, MAX_S, Trajectory
 
 REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
 _FIELDS = {  # in the file's order

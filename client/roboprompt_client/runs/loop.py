@@ -24,12 +24,12 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     ServiceUnreachableError,
 )
-from roboprompt_client.leading import Leading
-from roboprompt_client.look_again import Follower, ObjectFinder
-from roboprompt_client.motion_guard import MotionGuard
-from roboprompt_client.motion_limits import MAX_ACTIONS, MotionLimits
+from roboprompt_client.motion.guard import MotionGuard
+from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.look_again import Follower, ObjectFinder
+from roboprompt_client.types.poses import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits], None]
 OnOutcome = Callable[[PredictedActions], Outcome | None]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array
+from roboprompt_client.types.arrays import Array
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 SMALL_RAD = 1e-8  # below it a rotation's axis is lost in rounding, and sin(x) is x

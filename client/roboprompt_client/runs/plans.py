@@ -8,9 +8,9 @@ from typing import Any
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import NotConfirmedError, StepFailedError
-from roboprompt_client.loop import OnOutcome, run_task
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.runs.loop import OnOutcome, run_task
+from roboprompt_client.types.poses import EndEffectorAction
 
 ConfirmSteps = Callable[[Sequence[PlannedStep]], bool]
 log = logging.getLogger(__name__)

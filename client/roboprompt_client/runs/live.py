@@ -22,9 +22,9 @@ from roboprompt_client.errors import (
     ServiceUnreachableError,
     StoppedError,
 )
-from roboprompt_client.loop import CarryingOut
 from roboprompt_client.robot import Robot
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.runs.loop import CarryingOut
+from roboprompt_client.types.poses import EndEffectorAction
 
 log = logging.getLogger(__name__)
 OnLost = Literal["continue", "stop"]

@@ -1,0 +1,101 @@
+"""Where the end effector is (`Pose`), where it shall go (`EndEffectorAction`), and where objects are (`ObjectPose`)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy.typing as npt
+
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array, finite_array, positions_array, settle, unit_quaternions
+from roboprompt_client.types.names import checked_name
+
+
+@dataclass(frozen=True, eq=False)
+class EndEffectorAction:
+    """An end-effector target: position (3,) m, quaternion (4,) xyzw, both in the world frame, and the gripper."""
+
+    position_m: Array
+    quaternion_xyzw: Array
+    gripper_open: bool
+
+    def __post_init__(self) -> None:
+        settle(self, position_m=finite_array("action.position", self.position_m, (3,)))
+        unit = unit_quaternions("action.quaternion_xyzw", self.quaternion_xyzw, (4,))
+        settle(self, quaternion_xyzw=unit)
+
+    @classmethod
+    def many(
+        cls, positions_m: npt.ArrayLike, quaternions_xyzw: npt.ArrayLike, gripper_open: Sequence[bool]
+    ) -> list["EndEffectorAction"]:
+        """N actions from (N, 3) and (N, 4), checked together: numpy takes as long for one as for all."""
+        positions = finite_array("actions.position", positions_m, (None, 3))
+        quaternions = unit_quaternions("actions.quaternion_xyzw", quaternions_xyzw, (None, 4))
+        return [cls._checked(*fields) for fields in zip(positions, quaternions, gripper_open, strict=True)]
+
+    @classmethod
+    def _checked(cls, position_m: Array, quaternion_xyzw: Array, gripper_open: bool) -> "EndEffectorAction":
+        action = object.__new__(cls)
+        settle(action, position_m=position_m, quaternion_xyzw=quaternion_xyzw, gripper_open=gripper_open)
+        return action
+
+
+class Pose(NamedTuple):
+    """Where the end effector is: (3) m and (4) xyzw, in the world frame."""
+
+    position_m: tuple[float, ...]
+    quaternion_xyzw: tuple[float, ...]
+
+    @classmethod
+    def of(cls, action: EndEffectorAction) -> "Pose":
+        """The pose that an action goes to."""
+        return cls(tuple(action.position_m.tolist()), tuple(action.quaternion_xyzw.tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectPose:
+    """An object's estimated pose in the world frame.
+
+    Attributes:
+        position_m: (3,).
+        quaternion_xyzw: (4,), or None where the estimator gives no rotation.
+        estimator: which estimator found it.
+        cameras: the cameras that saw it.
+        confidence: 0..1, as the estimator judges its own result.
+        reason: what lowered the confidence or deserves a look, in words; empty if nothing.
+    """
+
+    name: str
+    position_m: Array
+    quaternion_xyzw: Array | None = None
+    estimator: str = "given"
+    cameras: tuple[str, ...] = ()
+    confidence: float = 1.0
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"objects[{checked_name('objects.name', self.name)}]"
+        settle(self, position_m=positions_array(f"{where}.position", self.position_m, (3,)))
+        if self.quaternion_xyzw is not None:
+            unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))
+            settle(self, quaternion_xyzw=unit)
+        if not 0 <= self.confidence <= 1:
+            raise InvalidInputError(f"{where}.confidence", f"is {self.confidence}", "a number in 0..1")
+
+
+def object_json(pose: ObjectPose) -> dict[str, Any]:
+    """An object with the pose that the robot knows, as a request has it."""
+    quaternion = None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist()
+    return {"name": pose.name, "position": pose.position_m.tolist(), "quaternion_xyzw": quaternion}
+
+
+def object_from_json(item: Mapping[str, Any]) -> ObjectPose:
+    """An object as an answer or a file has it: `name`, `position`, and the other members where they are known.
+
+    Raises:
+        InvalidInputError: for what ObjectPose refuses.
+        KeyError, TypeError, AttributeError: for a document of another form.
+    """
+    names = ("quaternion_xyzw", "estimator", "confidence", "reason")
+    known = {name: item[name] for name in names if item.get(name) is not None}
+    return ObjectPose(item["name"], item["position"], cameras=tuple(item.get("cameras") or ()), **known)
