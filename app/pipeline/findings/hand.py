@@ -25,6 +25,7 @@ NEVER_M = 1.0  # from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 END_S = 0.2  # within which a hand that is on its way gets on
+DIPS_M = 0.03  # less up and down is no way to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -85,9 +86,14 @@ class Act(NamedTuple):
     moved_m: float
 
     @property
+    def nearest(self) -> str:
+        """The name of the nearest object."""
+        return min(self.away_m, key=self.away_m.__getitem__)
+
+    @property
     def nearest_m(self) -> float:
-        """The distance of the nearest object."""
-        return min(self.away_m.values())
+        """Its distance."""
+        return self.away_m[self.nearest]
 
     @property
     def at_object(self) -> bool:
@@ -109,6 +115,7 @@ class RecordedHand:
         end_speed_m_s: at the last frame; a hand that trembles at one place has none.
         nearest_m: the least distance from any object.
         still_comes: whether it has that distance in the last frame alone: it is on its way to the object.
+        dips: whether it goes down to its lowest place and up again, as where it acts.
         may_hold: the objects so near to its first pose that it may hold them from the start.
         reversals: how often it reverses its direction of motion.
     """
@@ -122,6 +129,7 @@ class RecordedHand:
     end_speed_m_s: float
     nearest_m: float
     still_comes: bool
+    dips: bool
     may_hold: frozenset[str]
     reversals: Reversals
 
@@ -149,6 +157,7 @@ class RecordedHand:
             min(float(motion.hand_speeds_m_s[-1]), _gets_on_m_s(motion)),
             float(away_m.min()),
             nearest == len(trajectory) - 1,
+            min(trajectory.positions_m[[0, -1], 2]) - trajectory.positions_m[:, 2].min() > DIPS_M,
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
             Reversals.of(trajectory.positions_m),
         )

@@ -162,7 +162,7 @@ PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not
 
 IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", danger=0.34)
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.21)
-ARRIVES = Rule("broken-off", "the same, of hands that carry something to one place seen from an object", warning=0.01)
+STOPS_COMPLETE = Rule("broken-off", "the same, where the ends agree and all has been done", warning=0.01)
 BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
 DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
 FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)

@@ -193,6 +193,8 @@ def _apart(
     turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
     off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
     place_m, hand_m = np.where(much_less(other_m, off_m, APART_SHARES), off_m, 0.0).tolist()
+    if row.anchors[0].frame == "ow":  # no noise of poses turns the hand in the world: it follows something else
+        hand_m = max(hand_m, float(world_m[1]))
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 

@@ -1,8 +1,7 @@
-"""Demonstrations of one plan agree on a row where they scatter around one value: then all show its center.
+"""Agreement of demonstrations: rows that scatter around one value are replaced by their robust mean.
 
-A row that depends on something else in the scene, or that is done in several ways, stays as it was shown: two ways are
-never averaged. One demonstration whose hand is turned otherwise where the gripper acts does not scatter either: it is a
-way of its own.
+Rows that depend on something else in the scene, or are done in several ways, stay as recorded: two ways are never
+averaged. A single demonstration whose hand is turned otherwise where the gripper acts is a way of its own, too.
 """
 
 import math
@@ -25,28 +24,27 @@ from app.pipeline.representation.anchors import (
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
-TWO_WAYS_M = 0.04  # ways that differ by less are one
-GAP = 4.0  # between two ways, in standard deviations within them
-GAP_OF_FEW = 10.0  # the same of fewer than MANY_DEMONSTRATIONS demonstrations: few lie apart by chance
+TWO_WAYS_M = 0.04  # clusters that are less far apart are one way
+GAP = 4.0  # between two clusters, in standard deviations within them
+GAP_OF_FEW = 10.0  # the same of fewer than MANY_DEMONSTRATIONS demonstrations, which more often lie apart by chance
 MANY_DEMONSTRATIONS = 6
 FEWEST_OF_A_WAY = 2
 SHARE_OF_A_WAY = 0.3
-EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
-NEGLIGIBLE_M = 0.02  # scatter within which it does not matter
-FEWEST_OF_A_LONE = 4  # demonstrations: two that agree against one may do so by chance
-LONE_DEG = 60.0  # from all others
-ALIKE_DEG = 20.0  # the others are turned alike
-FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
+EXPLAINED = 0.5  # of the residual: where the scene leaves less of it, the row depends on the scene
+NEGLIGIBLE_M = 0.02  # scatter that needs no explanation
+FEWEST_OF_A_LONE = 4  # demonstrations; of three, two may agree by chance
+LONE_DEG = 60.0  # a rotation that is farther from all others is an outlier,
+ALIKE_DEG = 20.0  # if the others are within this of their mean
+FAR_APART_M = 0.03  # two demonstrations that differ by more may be two ways
 
 
 def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
-    """The demonstrations of one plan with each row that they agree on at its center.
+    """Return the demonstrations of one plan, with the robust mean in each row that they agree on.
 
-    Where the hand acts here in some demonstrations and there in others, rows that differ as far are not among them:
-    half-way it does nothing of use.
+    Rows that act in different places stay as recorded: the hand would do nothing useful half-way between.
 
     Args:
-        group: demonstrations with equally many actions that ask for the same.
+        group: with equally many actions and the same form of instruction.
     """
     if len(group) == 1 or not group[0].actions:
         return tuple(group)
@@ -58,15 +56,15 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
         undecided = set()
     for k, row in enumerate(rows):
         shown = [demonstration.actions[k] for demonstration in group]
-        columns.append(_centerd(group, row, tilted) if k not in undecided and agrees(group, row) else shown)
+        columns.append(_at_center(group, row, tilted) if k not in undecided and agrees(group, row) else shown)
     return tuple(
         replace(demonstration, actions=tuple(actions))
         for demonstration, actions in zip(group, zip(*columns, strict=True), strict=True)
     )
 
 
-def _centerd(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
-    """The center of a row as each demonstration's scene has it."""
+def _at_center(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
+    """Return the center of a row, placed in each demonstration's scene."""
     actions = []
     for demonstration, anchor in zip(group, row.anchors, strict=True):
         position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.center_m, row.mean_rotation)
@@ -75,7 +73,7 @@ def _centerd(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str
 
 
 def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
-    """Whether the row's scatter is around one value."""
+    """Return whether the row scatters around one value."""
     if len(group) == 2:
         off_m = float(np.linalg.norm(row.offsets_m[0] - row.offsets_m[1]))
         turn_m = M_PER_RAD * float((row.rotations[0].inv() * row.rotations[1]).magnitude())
@@ -84,7 +82,7 @@ def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
 
 
 def other_way(group: Sequence[Demonstration]) -> list[int]:
-    """The places of demonstrations of one plan that do it in another way than the others; none where there is one."""
+    """Return the indices of demonstrations that do it in another way than the others; empty if there is one way."""
     if (lone := lone_way(group)) is not None:
         return [lone]
     ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), ())
@@ -92,10 +90,10 @@ def other_way(group: Sequence[Demonstration]) -> list[int]:
 
 
 def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
-    """(N,) bool: which demonstrations do the row the one way and which the other; None if there is one way.
+    """Return (N,) bool, which of two clusters each demonstration is in; None if there is one cluster.
 
-    Along the direction in which the row varies most, two ways leave a gap that is wide compared with the scatter on
-    either side of it.
+    The poses are projected onto their first principal component. Two clusters leave a gap there that is wide compared
+    with the standard deviation on either side of it.
     """
     turns_m = M_PER_RAD * (row.mean_rotation.inv() * row.rotations).as_rotvec()
     poses_m = np.concatenate([row.offsets_m - row.center_m, turns_m], axis=1)
@@ -118,9 +116,9 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
 
 
 def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
-    """Whether a row's offset follows from where other things are: the others predict a demonstration that is left out.
+    """Return whether a row's offset depends on where other objects are, e.g. half-way between two of them.
 
-    A row of this kind has no anchor that explains it, e.g. half-way between two objects.
+    Then a linear regression on an object's place halves the leave-one-out error.
     """
     if row.scatter_m < NEGLIGIBLE_M or len(group) < 6:
         return False
@@ -133,14 +131,14 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
 
 
 def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
-    """(3,) where an object (by its place in the order of mention) is, seen from an anchor."""
+    """Return an object's position (3,) relative to an anchor; `place` is its index in the order of mention."""
     origin = anchor_pose(anchor, demonstration, tilted_objects([demonstration]))
     seen_m, _ = origin.seen(demonstration.ordered_objects[place].position_m, NOT_TURNED)
     return seen_m
 
 
 def _left_out_m(inputs: Array, offsets_m: Array) -> float:
-    """The median error of each offset by a linear map that was fitted to the others."""
+    """Return the median leave-one-out error of a linear regression from inputs (N, D) to offsets (N, 3)."""
     number = len(offsets_m)
     design = np.concatenate([np.ones((number, 1)), inputs], axis=1)
     hat = design @ np.linalg.pinv(design)
@@ -149,7 +147,7 @@ def _left_out_m(inputs: Array, offsets_m: Array) -> float:
 
 
 def lone_way(group: Sequence[Demonstration]) -> int | None:
-    """The place of a demonstration whose hand is turned otherwise than all others' where the gripper acts.
+    """Return the index of the one demonstration whose hand is turned otherwise where the gripper switches, or None.
 
     Args:
         group: demonstrations of one plan, with equally many actions.
@@ -163,7 +161,7 @@ def lone_way(group: Sequence[Demonstration]) -> int | None:
 
 
 def _odd(group: Sequence[Demonstration], k: int) -> int | None:
-    """Whose hand is turned farthest from the others' in the world, if it is so from each of them."""
+    """Return the index of the hand that is turned farthest from the others in row `k`; None within `LONE_DEG`."""
     hands = Rotation.from_quat([demonstration.actions[k].quaternion_xyzw for demonstration in group])
     apart_deg = np.degrees([(hand.inv() * hands).magnitude() for hand in hands])
     np.fill_diagonal(apart_deg, np.inf)
@@ -172,6 +170,7 @@ def _odd(group: Sequence[Demonstration], k: int) -> int | None:
 
 
 def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int]) -> bool:
+    """Return whether the others' rotations agree in an acting row and this demonstration's is far from their mean."""
     others = [demonstration for k, demonstration in enumerate(group) if k != place]
     rows, tilted = plan_rows(others), tilted_objects(group)
     return any(
@@ -181,6 +180,6 @@ def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int])
 
 
 def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]) -> float:
-    """How far its hand is turned from where the others have it."""
+    """Return the angle between its hand in row `k` and the mean rotation of the row."""
     _, hand = relative_action(demonstration, k, row.anchors[0], tilted)
     return float(np.degrees((row.mean_rotation.inv() * hand).magnitude()))

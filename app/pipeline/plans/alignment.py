@@ -1,8 +1,8 @@
-"""The same number of keyframes in every demonstration of one plan, each at the place that it has in the others.
+"""Alignment of demonstrations: all of one plan get the same number of keyframes, at corresponding places.
 
-Demonstrations with the same sequence of grasps and releases are cut into phases at these; a phase has as many keyframes
-in all of them, chosen so that the path stays close to straight motion and rows of different demonstrations lie close
-together relative to what they follow. Each way of doing a thing is a plan, aligned by itself.
+Demonstrations with the same sequence of grasps and releases are cut into phases at these. In each phase all get equally
+many keyframes. Dynamic programming chooses them, so that paths stay close to straight motion between keyframes, and
+keyframes of the same number close together relative to their anchors. Each way of doing a task is a plan of its own.
 """
 
 import math
@@ -25,28 +25,28 @@ from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
 from roboprompt_client.types.arrays import Array
 
-PATH_KEPT_SHARE = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
-ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
-TOGETHER_WEIGHT = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
-CLEARLY_LESS = 0.8  # of the scatter: keyframes that began elsewhere are taken instead
-MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not count more
+PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyframes than a phase gets
+ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
+TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
+CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
+MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cost no more
 
 Distances = Callable[[HandPath, int], Array]
-"""(N,) how far each pose of a path is from where others have the keyframe of that number, in tolerances."""
+"""From a path and a keyframe's number: (N,) distances of its poses from that keyframe of others, in tolerances."""
 
 
 def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
-    """The demonstrations, those of one plan with equally many actions; `plan` says which are of one plan.
+    """Return the demonstrations with `plan` set; those of one plan have equally many actions.
 
     Args:
-        group: recordings that ask for the same.
+        group: recordings with the same form of instruction.
     """
     by_signature: dict[tuple[bool, ...], list[int]] = defaultdict(list)
     for place, recording in enumerate(group):
         by_signature[recording.signature].append(place)
     plans = [places for alike in by_signature.values() for places in _by_grasped(group, alike)]
     found: dict[int, Demonstration] = {}
-    for plan, places in enumerate(plans):  # which grows by the other ways that are found
+    for plan, places in enumerate(plans):  # the loop appends to `plans` what turns out to be another way
         while other := other_way(demonstrations := _of_one_signature([group[place] for place in places])):
             plans.append([places[k] for k in other])
             places = [place for k, place in enumerate(places) if k not in other]
@@ -55,9 +55,10 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
 
 
 def _by_grasped(group: Sequence[Recording], places: Sequence[int]) -> list[list[int]]:
-    """Recordings that grasp the same objects in the same order together; what is not clear fits any.
+    """Return the recordings (by index) in groups that grasp the same objects in the same order.
 
-    Those that are clear come first, so that one that is not does not bring two orders together.
+    A grasp of an unknown object matches any. Recordings with the fewest of these come first, so that an ambiguous
+    recording does not merge two different orders.
     """
     orders: list[tuple[list[int | None], list[int]]] = []
     for place in sorted(places, key=lambda place: group[place].grasped.count(None)):
@@ -77,7 +78,11 @@ def _same_order(one: Sequence[int | None], other: Sequence[int | None]) -> bool:
 
 
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
-    """With the keyframes of the recordings' rule; where these lose their paths, with as many as the paths need."""
+    """Return demonstrations with equally many actions, from recordings with the same gripper switches.
+
+    Recordings at rest keep the keyframes of their rule, unless motion between these leaves the recorded paths; then, as
+    for all others, the paths determine how many keyframes each phase has.
+    """
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
     found = _with_numbers(members, _numbers([member.counts for member in members], most_frequent=resting), resting)
     on_path = _numbers([member.counts_on_path for member in members], most_frequent=False)
@@ -88,10 +93,10 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
 
 
 def _without_vague(found: "_Alignment") -> list[Demonstration]:
-    """The demonstrations without vague rows.
+    """Return the demonstrations without vague rows.
 
-    Where rows are vague, keyframes of one number may be different stages of the task: then it is tried again, from the
-    keyframes of one demonstration.
+    Rows may be vague because keyframes of one number belong to different stages of the task. Then the alignment is
+    repeated, initialized with the keyframes of one demonstration.
     """
     if found.vague and sum((other := _after_one(found)).scatter_m) < CLEARLY_LESS * sum(found.scatter_m):
         found = other
@@ -104,8 +109,9 @@ class _Alignment:
     """Recordings with equally many keyframes.
 
     Attributes:
+        members: the N recordings.
         numbers: of keyframes in each phase.
-        keyframes: of each recording.
+        keyframes: [recording][row].
     """
 
     members: Sequence[Recording]
@@ -114,24 +120,25 @@ class _Alignment:
 
     @cached_property
     def demonstrations(self) -> list[Demonstration]:
-        """With the actions of the keyframes."""
+        """The demonstrations, with an action for each keyframe."""
         return [member.with_keyframes(own) for member, own in zip(self.members, self.keyframes, strict=True)]
 
     @cached_property
     def rows(self) -> tuple[PlanRow, ...]:
-        """Of the demonstrations."""
+        """What each row is relative to, and how it scatters over the demonstrations."""
         return plan_rows(self.demonstrations)
 
     @cached_property
     def scatter_m(self) -> list[float]:
-        """Of each row, rotations as meters."""
+        """The median residual of each row; rotations count as meters."""
         return [float(np.median(row.off_m + M_PER_RAD * np.radians(row.off_deg))) for row in self.rows]
 
     @cached_property
     def vague(self) -> frozenset[int]:
-        """Rows without which the others tell better where the hand goes.
+        """The rows that scatter more than straight motion between their neighbors would deviate from the paths.
 
-        Mostly such a row is on the way from one thing to another and follows neither. Those that end a phase stay.
+        Mostly such a row is half-way between two objects and has a constant offset from neither. The last row of a
+        phase is never vague.
         """
         phases = [phase for phase, number in enumerate(self.numbers) for _ in range(number)]
         kept, left_m = list(range(len(phases))), np.zeros(len(self.members))
@@ -141,10 +148,12 @@ class _Alignment:
         return frozenset(range(len(phases))) - frozenset(kept)
 
     def _vaguest(self, kept: Sequence[int], phases: Sequence[int], left_m: Array) -> tuple[int, Array] | None:
-        """Of the rows that are kept the one that can best be missed, and how far the paths are left without it.
+        """Return the kept row whose removal gains most, and the deviation (N,) from each path without it.
+
+        None if no removal gains anything.
 
         Args:
-            left_m: (N,) how far the paths are left without those that are not kept.
+            left_m: (N,) the deviation from each path without the rows that were removed before.
         """
         found, least_m = None, 0.0
         for before, k, after in zip([-1, *kept[:-1]], kept, kept[1:], strict=False):  # -1: the first frame
@@ -158,7 +167,7 @@ class _Alignment:
         return found
 
     def _bends_m(self, phase: int, before: int, after: int) -> Array:
-        """(N,) how far each path is from straight motion from one keyframe to another of the phase."""
+        """Return the deviation (N,) of each path from straight motion between two keyframes of a phase."""
         bends_m = []
         for member, own in zip(self.members, self.keyframes, strict=True):
             path, start = member.paths[phase], own[before].frame if before >= 0 else 0
@@ -168,10 +177,10 @@ class _Alignment:
 
 
 def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_found: bool) -> _Alignment:
-    """With so many keyframes in each phase.
+    """Return the recordings aligned with these numbers of keyframes in the phases.
 
     Args:
-        as_found: whether recordings that rest at so many keep their own.
+        as_found: whether recordings at rest that have these numbers keep their own keyframes.
     """
     keep = [
         as_found and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
@@ -185,7 +194,7 @@ def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_fou
 
 
 def _after_one(found: _Alignment) -> _Alignment:
-    """Aligned from where the demonstration has its keyframes whose path needs most nearly as many."""
+    """Return the alignment initialized with the keyframes of one demonstration: whose own numbers are nearest."""
     off = [sum(abs(one - other) for one, other in zip(m.counts, found.numbers, strict=True)) for m in found.members]
     first = int(np.argmin(off))
     shown, keyframes = found.members[first], found.keyframes[first]
@@ -194,10 +203,10 @@ def _after_one(found: _Alignment) -> _Alignment:
 
 
 def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
-    """With keyframes chosen where the others have them.
+    """Return the alignment after `ROUNDS` of choosing each recording's keyframes near those of the others.
 
     Args:
-        keep: which recordings keep theirs.
+        keep: (N,) which recordings keep theirs.
     """
     for _ in range(ROUNDS if len(keep) > 1 and not all(keep) else 0):
         chosen = [
@@ -209,7 +218,7 @@ def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
 
 
 def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:
-    """How many keyframes each phase gets, as many as a reply may have in all."""
+    """Return how many keyframes each phase gets, in all at most as many as a reply may have."""
     if most_frequent:
         return Counter(counts).most_common(1)[0][0]
     numbers = [math.ceil(np.quantile(column, PATH_KEPT_SHARE)) for column in zip(*counts, strict=True)]
@@ -219,14 +228,14 @@ def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple
 
 
 def _chosen(recording: Recording, numbers: Sequence[int], distances: Distances | None) -> list[Keyframe]:
-    """Keyframes as many as wanted in each phase.
+    """Return the best keyframes of one recording, with these numbers in the phases.
 
     Args:
-        distances: from the others, to lie near to them; None: its own path alone decides.
+        distances: from the other demonstrations, a second cost; None: only the deviation from the path counts.
     """
     found: list[Keyframe] = []
     for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
-        if number == 1:  # its end: no other pose is weighed
+        if number == 1:  # the end of the phase
             found += at_frames(phase, [phase.last])
             continue
         costs = None
@@ -241,7 +250,7 @@ def _chosen(recording: Recording, numbers: Sequence[int], distances: Distances |
 
 
 def _off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: HandPath, k: int) -> Array:
-    """`Distances` from the rows of demonstrations, among which the recording has this place."""
+    """Return `Distances` from the centers of rows, in which the recording has index `place`."""
     demonstration, row = recording.demonstration, rows[k]
     origin = anchor_pose(row.anchors[place], demonstration, tilted_objects([demonstration]))
     trajectory = recording.motion.trajectory
@@ -254,7 +263,7 @@ def _off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: H
 
 
 def _off_one(recording: Recording, shown: Recording, keyframes: Sequence[Keyframe], path: HandPath, k: int) -> Array:
-    """`Distances` from the keyframes of one demonstration, seen from the world or the object where they are least."""
+    """Return `Distances` from the keyframes of one demonstration, each the least over the world and all objects."""
     places_m = recording.motion.trajectory.positions_m[path.frames]
     shown_m = shown.motion.trajectory.positions_m[keyframes[k].frame]
     objects = zip(recording.demonstration.ordered_objects, shown.demonstration.ordered_objects, strict=True)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.plans.recording import GRASPED_M
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
 from roboprompt_client.types.arrays import Array
@@ -229,14 +230,25 @@ def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
 
 
 def _switches(plan: Sequence[PlanRow]) -> list[int]:
-    """The rows in which the gripper acts: people close an empty hand on the way, wherever they are.
+    """Return the rows in which the gripper acts.
 
-    That is so where it switches only once, and the hand comes to something later that it keeps to more closely.
+    People also close an empty hand on the way, wherever it is: then it switches only once, away from objects, and comes
+    later to something that it keeps to more closely.
     """
     switches = [k for k in range(1, len(plan)) if plan[k - 1].grippers != plan[k].grippers]
     if len(switches) > 1:
         return switches
-    return [k for k in switches if not any(row.scatter_m < CLOSER * plan[k].scatter_m for row in plan[k + 1 :])]
+    return [
+        k
+        for k in switches
+        if _at_object(plan[k]) or not any(row.scatter_m < CLOSER * plan[k].scatter_m for row in plan[k + 1 :])
+    ]
+
+
+def _at_object(row: PlanRow) -> bool:
+    """Return whether most hands are near enough to grasp the object that the row follows."""
+    away_m = np.linalg.norm(row.offsets_m, axis=1)
+    return bool(row.anchors[0].object_name) and float(np.median(away_m)) <= GRASPED_M
 
 
 def _tips(plan: Sequence[PlanRow]) -> list[int]:

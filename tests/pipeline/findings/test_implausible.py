@@ -154,6 +154,48 @@ def test_a_hand_that_still_moves_where_it_carries_something_to_has_arrived(last,
     assert [item.severity for item in found if item.code == "broken-off"] == [severity]
 
 
+def moved(way_m, words):
+    """Open hands that go from home by these places, seen from a button, and still move in the last frame."""
+
+    def record(seed):
+        random = np.random.default_rng(seed)
+        button_m = random.uniform((-0.2, -0.35, 0.8), (0.3, 0.35, 0.8))
+        places_m = [HOME_M, *(button_m + place_m for place_m in way_m)]
+        steps_m = np.linalg.norm(np.diff(places_m, axis=0), axis=1)
+        times_s = [0.0, *np.cumsum(steps_m / 0.2)]
+        knots = tuple((float(t), tuple(place)) for t, place in zip(times_s, places_m, strict=True))
+        return recording(ScriptedMotion(knots, rest_s=0.0), (pose("button", button_m, 0),), instruction=words)
+
+    return record
+
+
+def cut(share):
+    return lambda item: frames(slice(0, round(share * len(item.motion))))(item)
+
+
+@pytest.mark.parametrize(
+    ("way_m", "words", "share", "severity"),
+    [
+        ([(0.2, 0, 0.15), (0.2, 0, 0), (0, 0, 0.1)], "pull the button up", 0.95, "warning"),  # down and up again
+        ([(0, 0, 0.15), (0, 0, 0.09), (0.3, 0, 0.09)], "slide the button", 0.95, "warning"),  # past it, 9 cm above
+        ([(0, 0, 0.3), (0, 0, 0.07)], "reach the button", 0.95, "warning"),
+        ([(0, 0, 0.3), (0, 0, 0.07)], "touch the button", 0.95, "danger"),
+        ([(0, 0, 0.3), (0, 0, 0.07)], "reach the button", 0.5, "danger"),
+    ],
+)
+def test_hands_that_have_acted_and_end_in_one_place_have_done_all(way_m, words, share, severity):
+    known = taught([cut(share)(moved(way_m, words)(seed)) for seed in range(10)])
+    found = known.findings(known.demonstrations[0].order)
+    assert [item.severity for item in found if item.code == "broken-off"] == [severity]
+
+
+@pytest.mark.parametrize(("number", "severity"), [(10, "warning"), (5, "danger")])
+def test_a_moving_hand_at_the_height_of_the_plate_may_keep_what_it_puts_there_if_all_do(number, severity):
+    known = taught([frames(slice(0, 195) if seed < number else slice(None))(put(seed)) for seed in range(10)])
+    found = known.findings(known.demonstrations[0].order)
+    assert [item.severity for item in found if item.code == "broken-off"] == [severity]
+
+
 def test_a_hand_that_is_cut_off_while_it_comes_near():
     assert "broken-off" in dangers(
         [always(True)(frames(slice(0, 75))(put(seed, "touch the cube"))) for seed in range(4)]

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.scatter import not_shown_findings, scatter_findings
+from app.pipeline.plans import plan_rows
 from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 
@@ -95,6 +96,14 @@ def beside(off_m, number, *, place_turns=True, hand_turns=False, turned_deg=40, 
         ]
         group.append(demonstration(INSTRUCTION, (pose("cube", (0.03 * k, 0, 0.8), turned_deg * k),), rows))
     return group
+
+
+@pytest.mark.parametrize(("noise_deg", "severities"), [(2.0, []), (12.0, ["danger"])])
+def test_a_hand_that_does_not_keep_its_rotation_in_the_world_follows_something_else(noise_deg, severities):
+    """Its place turns with the cube, and seen from there its rotation scatters even more."""
+    group = beside(0.05, 10, noise_deg=noise_deg)
+    assert plan_rows(group)[1].anchors[0].frame == "ow"
+    assert [finding.severity for finding in found(group)] == severities
 
 
 TURN_APART = [{"place_turns": True, "hand_turns": False}, {"place_turns": False, "hand_turns": True}]

@@ -1,0 +1,160 @@
+"""Where recordings start and end: they break off, stop as soon as everything is done, or run backwards in time."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.elsewhere import role_of
+from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.rules import Rule
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+
+# The first words of verbs, see `app.pipeline.order.verbs`
+PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
+TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
+HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed
+PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
+REACHING = frozenset({"reach", "approach"})  # done once the hand is near
+MOVES_M_S = 0.05
+STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
+ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
+FEWEST = 4  # recordings that show what their ends share other than by chance
+ODD_SHARE = 0.2  # of the recordings may differ from the others
+ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of starts that are several
+COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
+LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an object is not put to it
+
+TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
+KEEPS_HOLD = "the hand closes and never opens again, though the instruction says to put something down."
+CUT_OFF = "the hand is still on its way in the last frame: record until it has done everything and rests."
+
+Fault = tuple[Rule, str]
+"""A rule and the message of its finding."""
+Shown = tuple[Demonstration, RecordedHand]
+Seen = Mapping[tuple[str, str], Array]
+"""A place (3,) relative to objects, by role and axes: the world's (`w`) or the object's own (`o`)."""
+
+
+def end_faults(pairs: Sequence[Shown]) -> list[Fault | None]:
+    """Return for each demonstration whether its recording breaks off.
+
+    Recordings of which the last frames show that everything is done, though hands still move, are only a warning.
+
+    Args:
+        pairs: demonstrations that ask for the same, with their hands.
+    """
+    messages = [_end_fault(*pair) for pair in pairs]
+    found: list[Fault | None] = [(rules.BROKEN_OFF, message) if message else None for message in messages]
+    all_hold = all(hand.ends_holding for _, hand in pairs)
+    for holds in (True, False):
+        places = [k for k, (_, hand) in enumerate(pairs) if hand.ends_holding == holds]
+        for k in places if _end_complete([pairs[k] for k in places]) else ():
+            if messages[k] == CUT_OFF or (messages[k] == KEEPS_HOLD and all_hold and _still_puts(*pairs[k])):
+                found[k] = rules.STOPS_COMPLETE, str(messages[k])
+    return found
+
+
+def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
+    verb = demonstration.order.clauses[0].verb
+    if verb in PUTTING and hand.ends_holding and not any(act.opens for act in hand.acts):
+        return KEEPS_HOLD
+    if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
+        return TAKES_NOWHERE
+    carries = hand.ends_holding and verb not in TAKING
+    comes = hand.nearest_m > ACTED_M or (hand.still_comes and not hand.acts)
+    return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or comes) else None
+
+
+def _end_complete(pairs: Sequence[Shown]) -> bool:
+    """Return whether hands that still move in their last frames have done everything there.
+
+    Their ends are then one place seen from an object, though paths and durations differ, and most hands have acted
+    before. Recordings that are broken off on the way from one object to another end in one place seen from neither.
+
+    Args:
+        pairs: all end with something in the hand, or all without.
+    """
+    if len(pairs) < FEWEST:
+        return False
+    spreads_m = _spreads_m([_seen_by_role(demonstration, hand.end_m) for demonstration, hand in pairs])
+    counts = Counter(role_of(shown, hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
+    held = {role for role, number in counts.items() if number > ODD_SHARE * len(pairs)}
+    others_m = [spread_m for (role, _), spread_m in spreads_m.items() if role not in held]
+    if min(others_m, default=np.inf) >= COMPLETE_M:
+        return False
+    if held:  # what is carried was taken elsewhere
+        return all(spreads_m[role, "w"] > PLACES_M for role in held)
+    return 2 * sum(_has_acted(*pair) for pair in pairs) > len(pairs)
+
+
+def _has_acted(demonstration: Demonstration, hand: RecordedHand) -> bool:
+    """Return whether a hand that holds nothing came to an object and went on, or the words only ask to come there."""
+    reaches = not REACHING.isdisjoint(demonstration.order.form.split())
+    return hand.nearest_m < AT_OBJECT_M and (reaches or hand.dips or not hand.still_comes)
+
+
+def _still_puts(demonstration: Demonstration, hand: RecordedHand) -> bool:
+    """Return whether what a moving hand carries is at the height of another object in the last frame."""
+    held = demonstration.object(hand.acts[-1].nearest)
+    carried_to_m = held.position_m[2] + hand.end_m[2] - hand.acts_at_m[0][2]
+    heights_m = [pose.position_m[2] for pose in demonstration.objects if pose is not held]
+    return hand.end_speed_m_s > MOVES_M_S and any(abs(height_m - carried_to_m) < LEVEL_M for height_m in heights_m)
+
+
+def backwards_findings(pairs: Sequence[Shown]) -> Iterator[Finding]:
+    """Yield a finding where recordings seem to run backwards in time, since robots start in one place.
+
+    They end in one place and start where an object is, or some end where others start.
+    """
+    if len(pairs) < FEWEST:
+        return
+    starts_m, ends_m = np.array([hand.start.position_m for _, hand in pairs]), np.array([h.end_m for _, h in pairs])
+    number = _end_where_others_start(starts_m, ends_m)
+    if number > ODD_SHARE * len(pairs):
+        message = f"{number} of {len(pairs)} recordings end where others start, and start elsewhere: backwards in time?"
+        yield rules.BACKWARDS.finding(message, "demonstrations")
+        return
+    if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
+        return
+    spreads_m = _spreads_m([_seen_by_role(demonstration, hand.start.position_m) for demonstration, hand in pairs])
+    if min(spreads_m.values(), default=np.inf) < ONE_PLACE_M:
+        message = (
+            "The recordings end with the hand in one place, and start with it where an object implies: do they run"
+            " backwards in time?"
+        )
+        yield rules.BACKWARDS.finding(message, "demonstrations")
+
+
+def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
+    """Return how many recordings end where most others start, and start elsewhere themselves."""
+    near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
+    home_m = starts_m[near.sum(axis=1).argmax()]
+    away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
+    several = (away_m < ONE_PLACE_M).sum() > ODD_SHARE * len(starts_m)
+    return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
+
+
+def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Seen:
+    """Return a place (3,) relative to each object."""
+    found: dict[tuple[str, str], Array] = {}
+    for pose in demonstration.objects:
+        role, way_m = role_of(demonstration, pose.name), place_m - pose.position_m
+        found[role, "w"] = way_m
+        if pose.quaternion_xyzw is not None:
+            found[role, "o"] = quaternions.rotated(quaternions.inverse(pose.quaternion_xyzw), way_m)
+    return found
+
+
+def _spreads_m(seen_m: Sequence[Seen]) -> dict[tuple[str, str], float]:
+    """Return how far places scatter relative to each object that all demonstrations have."""
+    shared = set(seen_m[0]).intersection(*seen_m)
+    return {key: _spread_m(np.array([seen[key] for seen in seen_m])) for key in shared}
+
+
+def _spread_m(places_m: Array) -> float:
+    """Return the distance from their median within which 80 % of the places (N, 3) lie."""
+    return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), 0.8))
