@@ -73,12 +73,12 @@ def upload(http, task, position_m, **more):
 
 
 def refused(response, field, words="", status=422):
-    """The only error of a refusal: it names the field, and its message has the words."""
+    """The only error of a refusal: it names the field, and its message or what is valid has the words."""
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     (error,) = response.json()["errors"]
     assert error["field"] == field
-    assert words in error["message"]
+    assert words in f"{error['message']} {error['valid']}"
     return error
 
 
