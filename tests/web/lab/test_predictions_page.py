@@ -59,7 +59,7 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
     page.wait_for_url(f"**/ui/predictions/{seeded['failure']}")
     found = page.get_by_role("region", name="Findings")
     assert "cube is 24 cm outside of the demonstrated range along y" in found.inner_text()
-    assert "from 0.000 to 0.060 m" in found.inner_text()
+    assert "which is 0.000 to 0.060 m" in found.inner_text()
     found.get_by_role("link").first.click()
     row = page.get_by_role("region", name="Object poses").get_by_role("row", name="cube")
     assert "30.0 cm" in row.inner_text()
