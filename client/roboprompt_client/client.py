@@ -147,7 +147,8 @@ class AsyncRoboPromptClient:
     """`RoboPromptClient` for asyncio: the same methods, to be awaited. Use it with `async with`, or await `close`.
 
     Args:
-        url, api_key: as for `RoboPromptClient`.
+        url: as for `RoboPromptClient`.
+        api_key: as for `RoboPromptClient`.
         connection: an httpx.AsyncClient to use instead of a new one.
     """
 
