@@ -87,7 +87,8 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
         robot.confirm_viewpoint = Person(robot).confirm_viewpoint
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
-        _record_one(robot, spool, arguments)
+        asked = (arguments.task, arguments.instruction, arguments.objects, arguments.rate_hz)
+        _record_one(robot, spool, *asked, guide=arguments.guide, teleop=arguments.teleop)
         failed |= _send_all(client, spool)
     return failed
 
@@ -98,23 +99,31 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
         return
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
-    how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None}
-    _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
+    _record_one(robot, spool, task, instruction, None, RATE_HZ, guide=guide, teleop=None)
     _send_all(client, spool)
 
 
-def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
+def _record_one(
+    robot: Robot,
+    spool: Spool,
+    task: str,
+    instruction: str,
+    objects: Path | None,
+    rate_hz: float,
+    *,
+    guide: bool,
+    teleop: str | None,
+) -> None:
     """Record one demonstration; an interrupted one stays in the spool."""
     try:
-        seen = _seen(robot, arguments.objects)
+        seen = _seen(robot, objects)
     except CameraError as error:
         say(str(error))
         return
-    folder = spool.new(arguments.task, arguments.instruction, seen)
+    folder = spool.new(task, instruction, seen)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
     try:
-        how = {"guide": arguments.guide, "teleop": arguments.teleop}
-        trajectory = record_live(arm, folder / JOURNAL, arguments.rate_hz, **how)
+        trajectory = record_live(arm, folder / JOURNAL, rate_hz, guide=guide, teleop=teleop)
     except (MotionError, InvalidInputError) as error:
         if (folder / JOURNAL).exists():
             say(f"{error}; the recording until then is kept in {folder}")
