@@ -1,6 +1,8 @@
-"""A parallel gripper turned by half a turn about its approach grasps alike: which turn the demonstrated wrist had.
+"""The half turn of a parallel gripper: turned by 180 degrees about its approach axis, it grasps in the same way.
 
-The approach is the hand's z axis, and the position of an action lies on it between the fingers.
+The approach axis is the hand's z axis; the position of an action lies on it, between the fingers. `folded` makes the
+turns of demonstrations equal. `WristRange` measures how far actions leave the demonstrated wrist angles, by which the
+service chooses a turn for the observed scene. The paper leaves the turn as recorded.
 """
 
 import math
@@ -18,32 +20,31 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])  # about z
-UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # wrist angles are counted from a hand that points down, x forward
-ALONG_APPROACH = 0.7  # the cosine of 45 degrees: hands that come to their grasps so come along their z axis
-FOLDED_DEG, FOLDED_SHARE = 25.0, 0.5  # the mean angle between folded grasps, at most, and its share of the unfolded one
-CLEARLY_DEG = 1.0  # a turn must be better by this: nothing turns on rounding
+ALONG_APPROACH = 0.7  # least cosine (45 degrees) between a hand's motion to a grasp and its z axis
+FOLDED_DEG, FOLDED_SHARE = 25.0, 0.5  # largest mean angle between folded grasps, and its share of the unfolded one
+CLEARLY_DEG = 1.0  # a turn must be better by this, so that rounding does not decide
 
 
 def half_turned(action: EndEffectorAction) -> EndEffectorAction:
-    """The action with the hand turned by 180 degrees about its approach."""
+    """Return the action with the hand turned by 180 degrees about its approach axis."""
     return replace(action, quaternion_xyzw=quaternions.product(action.quaternion_xyzw, HALF_TURN))
 
 
 def half_turned_plan(plan: PlacedPlan) -> PlacedPlan:
-    """The plan with every hand turned so."""
+    """Return the plan with the hand turned by 180 degrees in every row."""
     return tuple(replace(row, action=half_turned(row.action)) for row in plan)
 
 
 class WristRange:
-    """The wrist angles that demonstrations have: the twist of the hand about its approach.
+    """The range of demonstrated wrist angles: the hand's rotation about its approach axis.
 
     Args:
-        base_m: (3,) of an arm whose first joint is vertical: angles are counted from the direction in which the hand is
-            seen from there, as such an arm turns along; None: from the world's axes.
+        base_m: (3,) the base of an arm whose first joint is vertical. Angles are then relative to the direction from
+            the base to the hand, because such an arm turns with it. None: they are relative to the world's axes.
 
     Attributes:
-        approaches: whether hands come to their grasps along their z axis; otherwise no turn is like another.
+        approaches: whether hands reach their grasps along their z axis; otherwise a half turn changes the grasp.
     """
 
     def __init__(self, demonstrations: Sequence[Demonstration], base_m: Array | None = None) -> None:
@@ -57,7 +58,7 @@ class WristRange:
         self.approaches = bool(along) and float(np.median(along)) >= ALONG_APPROACH
 
     def beyond_deg(self, actions: Iterable[EndEffectorAction]) -> float:
-        """How far the farthest of some actions lies beyond the demonstrated angles; 0 within."""
+        """Return the largest distance of the actions' wrist angles from the demonstrated range; 0 inside it."""
         return max((self._beyond_deg(action) for action in actions), default=0.0)
 
     def _beyond_deg(self, action: EndEffectorAction) -> float:
@@ -74,7 +75,7 @@ class WristRange:
 
 
 def _along_approach(demonstration: Demonstration) -> list[float]:
-    """At each switch of the gripper, the cosine between the way of the hand to it and its z axis."""
+    """Return, for each gripper switch, the cosine between the hand's motion to it and the hand's z axis."""
     found = []
     for k in demonstration.switches:
         way_m = demonstration.actions[k].position_m - demonstration.actions[k - 1].position_m
@@ -135,7 +136,7 @@ def _turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
 
 def _frames(demonstrations: Sequence[Demonstration]) -> Iterable[Sequence[Array]]:
     """Yield the rotations (4,) of the world, and of each object with a known rotation, in every demonstration."""
-    yield [UNTURNED] * len(demonstrations)
+    yield [quaternions.IDENTITY] * len(demonstrations)
     for place in range(len(demonstrations[0].ordered_objects)):
         known = [item.ordered_objects[place].quaternion_xyzw for item in demonstrations]
         rotations = [quaternion for quaternion in known if quaternion is not None]
