@@ -132,6 +132,9 @@ async def _run_jobs(services: Services) -> None:
         except RoboPromptError as error:
             logger.warning("jobs: %s", error)
             worked = False
+        except Exception:  # e.g. no memory: other jobs must not wait for a restart
+            logger.exception("jobs")
+            worked = False
         if not worked:
             await services.run_jobs.wait(JOB_POLL_S)
 

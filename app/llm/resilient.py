@@ -1,12 +1,11 @@
-"""What every request passes through on its way to a backend, drawn from the outside in.
+"""Deadline, queue, retries and circuit breaker around a backend's model. The calls, outermost first:
 
-    stream -> within_deadline     the only deadline; nothing outside it but a recording (`recorded`)
-      _tries                      a place (`Places`), then one try after the other, with waits between
-        _try                      the circuit (`Circuit`) learns how it goes; a reply that is wanted whole is
-                                  one piece, its Completion
-          the backend's stream
+ResilientModel.stream -> within_deadline   ends the request at its deadline
+  _tries                                   waits for a free place (`Places`), then tries, with backoff between tries
+    _try                                   tells the circuit breaker (`Circuit`) whether the provider answered
+      the backend's stream
 
-A model is asked again where that may help, and no more often than its provider bears.
+A request is sent again only where that may help, and no more often than the provider's limits allow.
 """
 
 import asyncio

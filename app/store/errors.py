@@ -64,6 +64,7 @@ _REMEDIES = {
     ("full", "no space left", "quota", "too large"): "free space on the service's disk, then send the request again",
     ("read-only", "readonly", "permission denied"): "make the service's data writable, then send the request again",
     ("locked", "lock timeout", "in use"): "send the request again",
+    ("disk i/o error",): "see whether the service's disk is full, read-only or failing, then send the request again",
 }
 
 

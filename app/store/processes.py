@@ -20,6 +20,8 @@ from typing import Self
 from app.store.errors import disk_errors
 from app.store.private import FOLDER_MODE, private_opener
 
+WRITTEN_WITHIN_S = 60.0  # an older note that cannot be read never will be
+
 
 class Turn:
     """A turn that is held; `with` ends it, and so does dropping the object."""
@@ -32,7 +34,8 @@ class Turn:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._path.unlink(missing_ok=True)  # before it is unlocked: who has it open finds that it is not there
+        with suppress(OSError):  # of a disk that became read-only; `Turns.sweep` removes the file later
+            self._path.unlink()  # before it is unlocked: another process that has it open finds that it is gone
         self._close()
 
 
@@ -43,8 +46,17 @@ class Turns:
         self._folder = folder
 
     def take(self, name: str) -> Turn | None:
-        """The turn of that name, or None while it is held elsewhere; raises StoreUnavailableError."""
-        path = self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest()
+        """Return the turn of that name, or None while it is held elsewhere; raises StoreUnavailableError."""
+        return self._take(self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest())
+
+    def sweep(self) -> None:
+        """Remove the files of turns that killed processes held; raises StoreUnavailableError."""
+        for path in self._folder.glob("*"):
+            if (turn := self._take(path)) is not None:
+                with turn:
+                    pass
+
+    def _take(self, path: Path) -> Turn | None:
         with disk_errors("turns of requests"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
             descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
@@ -80,17 +92,15 @@ class UnderWayNotes:
 
     def begin(self, note: UnderWay) -> None:
         """Let others see it; raises StoreUnavailableError."""
-        path = self._path(note.id)
-        unfinished = path.with_suffix(".tmp")
         with disk_errors("note of a prediction under way"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
-            with open(unfinished, "w", opener=private_opener) as file:
+            with open(self._path(note.id), "w", opener=private_opener) as file:
                 json.dump(asdict(note), file)
-            unfinished.rename(path)
 
     def end(self, note_id: str) -> None:
-        """Forget it, if it is there."""
-        self._path(note_id).unlink(missing_ok=True)
+        """Delete the note if there is one; on a read-only disk it stays until another process deletes it."""
+        with suppress(OSError):
+            self._path(note_id).unlink()
 
     def all(self) -> tuple[UnderWay, ...]:
         """Return the unfinished predictions, oldest first; delete notes past their deadline."""
@@ -99,13 +109,20 @@ class UnderWayNotes:
     def _living(self, now_s: float) -> Iterator[UnderWay]:
         for path in self._folder.glob("*.json"):
             try:
-                note = UnderWay(**json.loads(path.read_text()))
+                note = UnderWay(**json.loads(path.read_bytes()))
             except FileNotFoundError:
                 continue  # it ended just now
-            if note.deadline_s < now_s:
-                self.end(note.id)
-            else:
+            except (ValueError, TypeError):  # it is being written, or its writer was killed meanwhile
+                note = None
+            if note is not None and note.deadline_s >= now_s:
                 yield note
+            elif note is not None or self._is_old(path, now_s):
+                self.end(path.stem)
+
+    def _is_old(self, path: Path, now_s: float) -> bool:
+        with suppress(OSError):
+            return path.stat().st_mtime < now_s - WRITTEN_WITHIN_S
+        return False
 
     def _path(self, note_id: str) -> Path:
         return self._folder / f"{note_id}.json"

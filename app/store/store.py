@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from datetime import timedelta
 from pathlib import Path
-from typing import Self
+from typing import Self, TextIO
 
 from sqlalchemy import Connection, Text, cast, select
 
@@ -25,8 +25,8 @@ SWEEP_GRACE = timedelta(hours=1)
 class Store:
     """Episodes, tasks and predictions. Safe for concurrent use; synchronous: call it in a thread.
 
-    Queries are functions in `tasks`, `episodes`, `predictions` and `idempotency`; each takes the connection of `read()`
-    or `write()`, so that a use case puts several of them into one transaction::
+    The modules beside this one hold the queries. Each takes the connection of `read()` or `write()`, so that one
+    transaction can hold several of them::
 
         with store.write() as connection:
             task = tasks.get_or_create(connection, name, settings)
@@ -103,11 +103,11 @@ class Store:
                 fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return 0
-            note.seek(0)
-            if time.time() - float(note.read() or 0) < SWEEP_GRACE.total_seconds():
+            if 0 <= time.time() - _written_s(note) < SWEEP_GRACE.total_seconds():
                 return 0
             first()
             removed = self.sweep()
+            self.turns.sweep()
             note.truncate(0)
             note.write(str(time.time()))
             return removed
@@ -115,6 +115,15 @@ class Store:
     def close(self) -> None:
         """Close every connection."""
         self._database.close()
+
+
+def _written_s(note: TextIO) -> float:
+    """Return the time that the note holds, or 0 if it has none or a crash damaged it."""
+    note.seek(0)
+    try:
+        return float(note.read())
+    except ValueError:
+        return 0.0
 
 
 def _open_blobs(url: str | None, data_dir: Path) -> BlobStore:

@@ -218,3 +218,15 @@ def test_refused_settings_make_no_job(services):
         begin(services, {"object_models": {"bowl": {"estimator": "cuboid", "size_m": [1, 1, 1], "color": "red"}}})
     with services.store.read() as connection:
         assert jobs.list_page(connection).items == ()
+
+
+def test_an_unexpected_error_fails_the_job_and_the_next_goes_on(services):
+    def broken(_records, _wanted):
+        raise KeyError("a mistake of ours")
+
+    job = begin(services)
+    assert RunJobs(services.store, LEASE, extract=broken).run_next()
+    assert job_of(services, job).status == "failed"
+    again = begin(services)
+    assert RunJobs(services.store, LEASE).run_next()
+    assert job_of(services, again).status == "done"

@@ -1,4 +1,6 @@
+import errno
 import gc
+import os
 import subprocess
 import sys
 import time
@@ -95,3 +97,34 @@ def test_notes_in_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreUnavailableError, match="under way"):
         UnderWayNotes(tmp_path / "file").begin(note("a"))
+
+
+def test_files_of_killed_holders_are_swept_and_those_of_living_ones_stay(tmp_path):
+    turns = Turns(tmp_path)
+    (tmp_path / "left by a killed process").touch()
+    with turns.take("a") as held:
+        turns.sweep()
+        assert list(tmp_path.iterdir()) == [held._path]
+
+
+def test_half_a_note_hides_no_other_and_goes(tmp_path):
+    notes = UnderWayNotes(tmp_path)
+    notes.begin(living := note("living"))
+    (tmp_path / "young.json").write_text('{"id": "you')
+    (old := tmp_path / "old.json").write_text("\0\0")
+    os.utime(old, (0, 0))
+    assert notes.all() == (living,)
+    assert {path.name for path in tmp_path.iterdir()} == {"living.json", "young.json"}
+
+
+def test_a_note_that_cannot_be_deleted_is_not_shown(tmp_path, monkeypatch):
+    notes = UnderWayNotes(tmp_path)
+    notes.begin(note("dead", left_s=-1))
+
+    def read_only(*_arguments, **_options):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "unlink", read_only)
+    assert notes.all() == ()
+    with Turns(tmp_path / "turns").take("a"):
+        pass

@@ -89,3 +89,13 @@ def test_killed_before_the_commit_leaves_only_orphans(tmp_path):
     assert store.sweep(AT_ONCE) == 1
     assert all(len(store.blobs.read(line[2])) == 2000 for line in lines[:5])
     store.close()
+
+
+@pytest.mark.parametrize("damaged", ["\0" * 17, "17a", "99999999999.0"])
+def test_a_damaged_note_of_the_last_sweep_does_not_end_sweeping(store, tmp_path, damaged):
+    folder = store._data_dir
+    (folder / ".swept").write_text(damaged)
+    begun = []
+    store.sweep_once(lambda: begun.append(1))
+    store.sweep_once(lambda: begun.append(2))
+    assert begun == [1]

@@ -17,7 +17,7 @@ from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
-from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError, RoboPromptError
 
 ExtractBatch = Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]
 BATCH = 20
@@ -90,11 +90,20 @@ class RunJobs:
                 if not self._extract_batch(job) and self._finish(job):
                     return
         except (InvalidInputError, CorruptDataError) as error:
-            with self._store.write() as connection:
-                jobs.fail(connection, job, str(error))
+            self._fail(job, str(error))
+            return
+        except (jobs.LostClaimError, RoboPromptError, MemoryError):
+            raise
+        except Exception:  # a retry would meet it again
+            logger.exception("job %s", job.id)
+            self._fail(job, "an unexpected error; the service's log has the details")
             return
         with self._store.write() as connection:
             jobs.release(connection, job)
+
+    def _fail(self, job: JobRecord, error: str) -> None:
+        with self._store.write() as connection:
+            jobs.fail(connection, job, error)
 
     def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
         """As they will be: what else has been set meanwhile stays.
