@@ -1,7 +1,4 @@
-"""`roboprompt demo`: teach the service tasks on a simulated arm, then test what it learned.
-
-`roboprompt films` shows what the simulated tasks look like, `roboprompt film` the whole method at work.
-"""
+"""`roboprompt demo`: teach the service tasks on a simulated arm, then test what it learned."""
 
 import json
 import shlex
@@ -31,7 +28,6 @@ def demo(
     episodes: Annotated[int, typer.Option(min=1, help="unseen scenes a task")] = 10,
     demos: Annotated[int, typer.Option(min=1, help="demonstrations a task")] = 10,
     model: Annotated[str | None, typer.Option(help="a name from GET /models; default: the service's")] = None,
-    representation: Annotated[str | None, typer.Option(help="default: what suits the model")] = None,
     poses: Annotated[
         Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
     ] = "given",
@@ -57,7 +53,7 @@ def demo(
     from app.evaluation.sweeps import methods_beside
     from app.sim.world import BASE_POSITION_M
 
-    _check_names(task, representation, model)
+    _check_names(task, model)
     _check_robot(robot)
     folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if (data := folder / "data").exists():
@@ -66,7 +62,7 @@ def demo(
         )
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
-    methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
+    methods = with_poses(methods_beside(model)[: None if compare else 1], poses)
     arm = {"arm": "panda", "robot_base": BASE_POSITION_M}
     world = Panda(robot=robot)
     plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, world, images=True, settings=arm)
@@ -88,14 +84,11 @@ def _to_type(*arguments: str) -> str:
     return shlex.join([*started, *arguments])
 
 
-def _check_names(tasks: list[str] | None, representation: str | None, model: str | None) -> None:
+def _check_names(tasks: list[str] | None, model: str | None) -> None:
     """Refuse unknown names before anything is started."""
-    from app.pipeline.representation import REPRESENTATIONS
     from app.sim.tasks import TASKS as SIMULATED
 
     check_names("--task", tasks or (), SIMULATED)
-    if representation is not None:
-        check_names("--representation", [representation], REPRESENTATIONS)
     check_models([] if model is None else [model])
 
 

@@ -78,7 +78,6 @@ class EvaluateOptions:
     ] = None
     out: Annotated[Path | None, Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None
     url: Annotated[str | None, Option(help="of a running service, instead of one of its own")] = None
-    at_once: Annotated[int, Option(min=1, help="predictions asked for at a time")] = 1
     report: Annotated[bool, Option(help="a page with prompt, reply and pictures of failures")] = True
     as_json: Annotated[bool, Option("--json", help="one JSON object as the last line")] = False
 

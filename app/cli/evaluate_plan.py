@@ -54,7 +54,6 @@ def _plan(asked: EvaluateOptions) -> Plan:
         asked.demos,
         asked.command,
         world,
-        predictions_at_once=asked.at_once,
         first_test_seed=world.first_test_seed if asked.seed is None else asked.seed,
         settings=_settings(asked),
     )

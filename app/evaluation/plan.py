@@ -23,7 +23,6 @@ class Plan:
         command: for the report.
         world: where demonstrations are recorded and actions carried out.
         images: whether demonstrations are uploaded with their images; recording takes a few times longer.
-        predictions_at_once: requests that the service is asked at a time.
         first_test_seed: unseen scenes are drawn from this seed on.
         settings: of every task at the service, unless a method says otherwise.
     """
@@ -35,7 +34,6 @@ class Plan:
     command: str
     world: World = PANDA
     images: bool = False
-    predictions_at_once: int = 1
     first_test_seed: int = PANDA.first_test_seed
     settings: Mapping[str, Any] = field(default_factory=dict)
 

@@ -5,7 +5,6 @@ A demo is a run of which only the report is kept.
 
 import secrets
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -153,8 +152,7 @@ class Run:
             ServiceLostError: after the trials that have begun are finished.
         """
         remaining = self.plan.remaining(self.ledger)
-        asking = threading.Semaphore(self.plan.predictions_at_once)
-        runner = TrialRunner(self.client, self.executor, self.plan.world, asking)
+        runner = TrialRunner(self.client, self.executor, self.plan.world)
         total = sum(1 for _ in self.plan.trials())
         bar = self.progress.add_task("trials", total=total, completed=total - len(remaining))
         unreachable = 0
@@ -170,7 +168,7 @@ class Run:
             if unreachable >= MAX_UNREACHABLE:
                 raise ServiceLostError(str(future.exception()))
 
-        in_threads(run, remaining, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
+        in_threads(run, remaining, self.executor.workers + 2, on_done)
 
     def _run_trial(self, runner: TrialRunner, planned: PlannedTrial, lesson: Lesson | Exception) -> None:
         digest = self.plan.digest(planned.method)

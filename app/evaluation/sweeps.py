@@ -5,7 +5,6 @@ To add a sweep, add an entry.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from app.evaluation.methods import Method, with_models
 from app.sim.tasks import COMPOSITION_TASKS, MOVING_TASKS, TASKS
@@ -74,17 +73,15 @@ def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str
     return tuple(found.values())
 
 
-def methods_beside(model: str | None, representation: str | None) -> tuple[Method, ...]:
-    """The method asked for, and methods to compare it with: the paper's format, a regression, the expert's replay.
+def methods_beside(model: str | None) -> tuple[Method, ...]:
+    """Return the model's method, and methods to compare it with: the paper's format, a regression, the expert's replay.
 
     Args:
         model: a name from `GET /models`; None: the service's default, which is not asked in the paper's format as well:
             that is beyond a model so small (0 of 20, docs/results/formats), and would take most of the time.
-        representation: None: what suits the model.
     """
-    given: dict[str, Any] = {"model": model, "representation": representation}
-    options = {name: value for name, value in given.items() if value is not None}
-    label = ", ".join([model or "default LLM", representation or "its representation"])
+    options = {} if model is None else {"model": model}
+    label = f"{model or 'default LLM'}, its representation"
     # As a yardstick, see REGRESSION; nor did the paper ask twice.
     paper = Method("the same LLM, paper's format", {**options, **PAPER, "unsupported": "allow"})
     return Method(label, options), *([paper] if model else []), REGRESSION, REPLAY

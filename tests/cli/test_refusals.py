@@ -39,7 +39,6 @@ def _no_work(monkeypatch):
         (["demo", "--task", "foo"], "'foo' is not one of push_button, stack_cube"),
         (["demo", "--model", "gpt-5"], "there is no model 'gpt-5'; there are embedded/gemma-3-270m"),
         (["demo", "--model", "openai/gpt-4o"], "needs a key: set ROBOPROMPT_OPENAI_API_KEY"),
-        (["demo", "--representation", "words"], "'words' is not one of absolute, object_frame"),
         (["demo", "--robot", "ur5"], "'ur5' is not one of 'simulated', 'franka'"),
         (["eval", "--model", "nearest", "--model", "gpt-5"], "there is no model 'gpt-5'"),
         (["serve", "--port", "99999"], "99999 is not a port (valid: 1 to 65535)"),

@@ -85,11 +85,11 @@ def test_models():
 
 
 def test_the_method_asked_for_comes_first():
-    first, *others = methods_beside("a", None)
+    first, *others = methods_beside("a")
     assert first == Method("a, its representation", {"model": "a"})
     assert [other.source for other in others] == ["service", "service", "expert replay"]
     assert [other.options.get("unsupported") for other in others] == ["allow", "allow", None]
-    assert [method.label for method in methods_beside(None, None)[1:]] == [method.label for method in others[1:]]
+    assert [method.label for method in methods_beside(None)[1:]] == [method.label for method in others[1:]]
 
 
 def test_vision_is_for_those_that_ask_the_service():
