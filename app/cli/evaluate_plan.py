@@ -15,7 +15,6 @@ from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepRun
 from app.evaluation.sweeps import SWEEPS, chosen
 from app.evaluation.world import World, world_named
-from app.settings import Settings
 from app.sim.shift import can_shift
 from roboprompt_client.errors import InvalidInputError
 
@@ -24,9 +23,7 @@ T = TypeVar("T")
 
 def sweep_of(asked: EvaluateOptions) -> SweepRun:
     """A sweep of `app.evaluation.sweeps`."""
-    plan = _plan(asked)
-    llm = Settings() if any(method.source == "voxposer" for method in plan.methods) else None
-    return SweepRun(asked.sweep_name, plan, asked.folder, asked.url, asked.report, llm)
+    return SweepRun(asked.sweep_name, _plan(asked), asked.folder, asked.url, asked.report)
 
 
 def _refuse(given: Mapping[str, object], why: str) -> None:

@@ -37,7 +37,3 @@ class LedgerDamagedError(EvaluationError):
 
 class UnknownWorldError(EvaluationError):
     """A world that is not there, or whose environment is missing."""
-
-
-class ProgramRefusedError(EvaluationError):
-    """A baseline's program that is not allowed, fails, or asks for nothing that can be planned; never repaired."""

@@ -17,11 +17,9 @@ Source = Literal[
     "expert",
     "robot loop",
     "own keyframes",
-    "voxposer",
-    "voxposer oracle",
 ]
 OF_THE_SERVICE = frozenset[Source]({"service", "robot loop"})
-OF_THE_PANDA = frozenset[Source]({"robot loop", "expert replay", "voxposer oracle"})
+OF_THE_PANDA = frozenset[Source]({"robot loop", "expert replay"})
 
 
 @dataclass(frozen=True)
@@ -67,19 +65,9 @@ class Method:
         return self.source in OF_THE_SERVICE
 
     @property
-    def asks_model(self) -> bool:
-        """Whether an LLM is asked, through the service or directly."""
-        return self.asks_service or self.source == "voxposer"
-
-    @property
     def is_yardstick(self) -> bool:
         """Whether it is a baseline without an LLM."""
-        return not self.asks_model or self.options.get("model") in YARDSTICKS
-
-    @property
-    def sees_poses(self) -> bool:
-        """Whether the actions depend on observed object poses."""
-        return self.asks_model or self.source == "voxposer oracle"
+        return not self.asks_service or self.options.get("model") in YARDSTICKS
 
     @property
     def needs_panda(self) -> bool:
@@ -110,7 +98,7 @@ def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> t
             why = f"is {scale:g}, but {method.label!r} has a noise of {method.noise:g} of its own"
             raise InvalidInputError("noise", why, "another sweep, or --method with methods that set none")
         size = method.noise if scale is None else scale
-        noisy.append(replace(method, noise=size, noise_on=on) if method.sees_poses and size else method)
+        noisy.append(replace(method, noise=size, noise_on=on) if method.asks_service and size else method)
     return tuple(noisy)
 
 
@@ -150,7 +138,7 @@ def with_models(methods: Iterable[Method], models: Sequence[str]) -> tuple[Metho
     """
     crossed: list[Method] = []
     for method in methods:
-        if not method.asks_model or "model" in method.options or not models:
+        if not method.asks_service or "model" in method.options or not models:
             crossed.append(method)
             continue
         for model in models:

@@ -103,7 +103,7 @@ def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str
     default = next(model["name"] for model in models if model["default"])
     for planned in plan.trials():
         outcome, method = plan.outcome(ledger, planned), planned.method
-        if not method.asks_model or "model" in method.options or not isinstance(outcome, Trial):
+        if not method.asks_service or "model" in method.options or not isinstance(outcome, Trial):
             continue
         used = (outcome.answer or {"model": default})["model"]
         if used != default:

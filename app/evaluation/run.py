@@ -27,7 +27,6 @@ from app.evaluation.results import Crash, Evaluation
 from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELED_SEED, LABELED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import PlannedTrial, TrialRunner
-from app.evaluation.voxposer.ask import Models
 from app.evaluation.world import World
 from app.executors import Executor, LocalExecutor
 from app.sim.outcomes import RecordedDemonstration
@@ -81,7 +80,6 @@ class Run:
 
     Args:
         shared: whether others use the service as well; task names then contain an id of this session.
-        models: for methods that ask an LLM without the service.
     """
 
     plan: Plan
@@ -91,7 +89,6 @@ class Run:
     progress: Progress
     shared: bool = False
     timing: Timing = field(default_factory=Timing)
-    models: Models | None = None
     _session: str = field(default_factory=lambda: secrets.token_hex(3))
 
     def __call__(self) -> Evaluation:
@@ -157,7 +154,7 @@ class Run:
         """
         remaining = self.plan.remaining(self.ledger)
         asking = threading.Semaphore(self.plan.predictions_at_once)
-        runner = TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
+        runner = TrialRunner(self.client, self.executor, self.plan.world, asking)
         total = sum(1 for _ in self.plan.trials())
         bar = self.progress.add_task("trials", total=total, completed=total - len(remaining))
         unreachable = 0

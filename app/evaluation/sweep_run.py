@@ -1,6 +1,6 @@
 """Runs a sweep and writes its folder: results, table, record of the run and report."""
 
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,7 @@ from app.evaluation.run_record import RunRecord
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
-from app.evaluation.voxposer.ask import Models
 from app.executors import Executor
-from app.llm.llm_settings import LlmSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +47,6 @@ class SweepRun:
     Attributes:
         url: of a running service; None: start one.
         wants_report: whether to write the report, which takes a while.
-        llm: settings of LLMs that methods ask without the service; None: no method does.
     """
 
     sweep: str
@@ -57,7 +54,6 @@ class SweepRun:
     folder: Path
     url: str | None = None
     wants_report: bool = True
-    llm: LlmSettings | None = None
 
     def __call__(self, progress: Progress) -> SweepResult:
         """Run the trials that the folder does not have yet. Ctrl-C ends the session and leaves the folder valid.
@@ -101,11 +97,8 @@ class SweepRun:
         return ""
 
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
-        with ExitStack() as stack:
-            warm_up = self.plan.asks_default_model
-            client = stack.enter_context(service(self.url, warm_up=warm_up))
-            models = None if self.llm is None else stack.enter_context(Models(self.llm))
-            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing, models)()
+        with service(self.url, warm_up=self.plan.asks_default_model) as client:
+            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
 
     def write_results(self, evaluation: Evaluation) -> None:
         """Write the table of the results so far."""

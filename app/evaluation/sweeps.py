@@ -20,9 +20,6 @@ COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
 OWN_KEYFRAMES = Method("own keyframes", source="own keyframes")
 REPLAY = Method("expert replay", source="expert replay")
 EXPERT = Method("expert", source="expert")
-# The baseline after VoxPoser: programs that a model writes, and with people's programs its planner alone
-VOXPOSER = Method("voxposer", source="voxposer")
-VOXPOSER_ORACLE = Method("voxposer oracle", source="voxposer oracle")
 
 # What a method can be called beside the labels of a sweep
 SIMPLE_NAMES: Mapping[str, Method] = {
@@ -31,8 +28,6 @@ SIMPLE_NAMES: Mapping[str, Method] = {
     "regression": REGRESSION,
     "replay": REPLAY,
     "expert": EXPERT,
-    "voxposer": VOXPOSER,
-    "voxposer-oracle": VOXPOSER_ORACLE,
 }
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
 DEMONSTRATIONS = (1, 2, 5, 10, 15)

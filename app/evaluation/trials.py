@@ -6,9 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from app.evaluation.failures import ProgramRefusedError
 from app.evaluation.methods import Method, Source
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.panda import Actions, binned_keyframes
@@ -16,16 +13,12 @@ from app.evaluation.paper import disturbed
 from app.evaluation.results import Trial
 from app.evaluation.robot_loops import USELESS_REPLY, run_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
-from app.evaluation.voxposer.ask import Models, ask_for_program, oracle_actions, program_actions
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
-from app.pipeline.geometry import canonical_pose
-from app.pipeline.workspace import Workspace
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
-from roboprompt_client.types.poses import ObjectPose
 
 # Problem types that mean that the instruction was not understood.
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
@@ -50,14 +43,12 @@ class TrialRunner:
 
     Attributes:
         asking: limits how many threads ask the LLM at once.
-        models: for methods that ask an LLM without the service; None if no method does.
     """
 
     client: RoboPromptClient
     executor: Executor
     world: World = PANDA
     asking: threading.Semaphore = field(default_factory=threading.Semaphore)
-    models: Models | None = None
 
     def run(self, planned: PlannedTrial, lesson: Lesson) -> Trial:
         """Run a trial of a method that was taught `lesson`.
@@ -99,16 +90,11 @@ def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
 
 
 def _observation(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Observation:
-    """Return what the robot sends of the scene: poses, or images only."""
+    """Return what the robot sends of the scene: poses with the method's noise, or images only."""
     if planned.method.poses == "vision":
         photographed = call(runner.executor, runner.world.view, planned.task, planned.seed, True)
         return images_only(photographed.frames, scene.objects)
-    return Observation(_observed(planned, scene))
-
-
-def _observed(planned: PlannedTrial, scene: SceneView) -> tuple[ObjectPose, ...]:
-    """Return the objects' poses with the method's noise."""
-    return disturbed(scene.objects, planned.method.noise, planned.seed)
+    return Observation(disturbed(scene.objects, planned.method.noise, planned.seed))
 
 
 def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
@@ -120,7 +106,7 @@ def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> di
 
 
 def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Run the robot's own loop in a worker: it asks before every action, or once and may look again."""
+    """Run the robot's own loop in a worker: it asks once, and may look again while it moves."""
     with runner.asking:
         return call(runner.executor, run_loop, runner.client.url, lesson.name, planned.seed, planned.method, scene)
 
@@ -149,43 +135,10 @@ def _perform_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, 
     return Trial(*planned.key, scene, execution=execution, execute_s=seconds, actions=actions)
 
 
-def _ask_for_program(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Ask for a program after VoxPoser; a refused program is a failure, kept with prompt and reply."""
-    assert runner.models is not None
-    symmetry, box = runner.world.tasks[planned.task], runner.client.get(f"/tasks/{lesson.name}")["workspace"]
-    objects = tuple(canonical_pose(pose, symmetry.get(pose.name)) for pose in _observed(planned, scene))
-    with runner.asking:
-        model = planned.method.options.get("model")
-        completion, answer = ask_for_program(runner.models, model, objects, scene.instruction)
-    trial = Trial(*planned.key, scene, answer=answer)
-    workspace = Workspace(np.array(box["min"]), np.array(box["max"]))
-    return _planned(runner, trial, program_actions, completion, replace(scene, objects=objects), workspace)
-
-
-def _plan_oracle(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Plan a program that a person wrote, with VoxPoser's planner; a refused program is a failure."""
-    seen = replace(scene, objects=_observed(planned, scene))
-    return _planned(runner, Trial(*planned.key, scene), oracle_actions, seen)
-
-
-def _planned(runner: TrialRunner, trial: Trial, plan: Callable[..., Actions], *arguments: object) -> Trial:
-    """Return the trial after planning a program and carrying out the plan."""
-    started_s = time.perf_counter()
-    if trial.answer is not None:
-        started_s -= trial.answer["timings_ms"]["total"] / 1000
-    try:
-        actions = call(runner.executor, plan, *arguments)
-    except ProgramRefusedError as error:
-        return replace(trial, error=str(error), predict_s=time.perf_counter() - started_s)
-    return runner.execute(replace(trial, predict_s=time.perf_counter() - started_s), actions)
-
-
 SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView], Trial]] = {
     "service": _ask_service,
     "robot loop": _ask_and_act,
     "own keyframes": _replay_own,
     "expert replay": _replay_expert,
     "expert": _perform_expert,
-    "voxposer": _ask_for_program,
-    "voxposer oracle": _plan_oracle,
 }

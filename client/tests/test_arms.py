@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,6 +105,16 @@ def test_a_gripper_that_does_not_move_is_noticed(arm, body):
     body.jammed = True
     with pytest.raises(MotionError, match=r"to open, but measures 0\.0 of 80\.0 mm"):
         arm.execute(to())
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+def test_a_width_that_is_not_a_number_is_an_error(driver, monkeypatch, is_open):
+    if driver.state().gripper_width_m is None:
+        return  # such an arm only knows its last command
+    arm, measured = Arm(driver), driver.state
+    monkeypatch.setattr(driver, "state", lambda: replace(measured(), gripper_width_m=float("nan")))
+    with pytest.raises(MotionError, match="width is nan m"):
+        arm.execute(to(gripper_open=is_open))
 
 
 def test_a_connection_that_is_cut_in_a_motion_is_a_motion_error(arm, body, monkeypatch):

@@ -113,13 +113,6 @@ def test_methods_by_name():
     assert chosen(main, ["nearest", COPY.label, "nearest"], ()) == (COPY,)
 
 
-def test_the_baseline_after_voxposer_by_name():
-    main = SWEEPS["main"].with_models(())
-    asked, oracle = chosen(main, ["voxposer", "voxposer-oracle"], ["a"])
-    assert (asked.source, asked.options, asked.asks_service) == ("voxposer", {"model": "a"}, False)
-    assert (oracle.source, oracle.asks_model, oracle.sees_poses) == ("voxposer oracle", False, True)
-
-
 def test_simple_names_are_known_to_every_sweep():
     formats = SWEEPS["formats"].with_models(())
     assert [method.label for method in chosen(formats, ["KAT", "default"], ())] == ["KAT", "default"]

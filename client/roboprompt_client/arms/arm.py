@@ -176,7 +176,7 @@ class Arm:
             self._refuse_if_stopped()
             width_m = self.driver.state().gripper_width_m
             if width_m is not None and before_m is not None:
-                self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
+                self._open_width_m = max(self._open_width_m or 0.0, width_m, before_m)  # NaN is never the largest
                 self._tolerance.check_gripper(width_m, self._open_width_m, is_open=action.gripper_open)
 
     def go_to(self, pose: Pose) -> None:

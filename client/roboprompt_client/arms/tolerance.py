@@ -1,5 +1,6 @@
 """When a motion counts as done, when contact ends it, and whether a steered hand may go on."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
@@ -61,6 +62,8 @@ class Tolerance:
 
     def check_gripper(self, width_m: float, open_width_m: float, *, is_open: bool) -> None:
         """Raise MotionError if the fingers, `open_width_m` apart when open, did not do as commanded."""
+        if not math.isfinite(width_m):
+            raise MotionError(f"the gripper's width is {width_m} m: whether it did as commanded is not known")
         if is_open and width_m < open_width_m - self.width_m:
             of_mm = f"{1000 * width_m:.1f} of {1000 * open_width_m:.1f} mm"
             raise MotionError(f"the gripper was to open, but measures {of_mm}")

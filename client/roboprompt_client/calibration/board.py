@@ -18,7 +18,7 @@ DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("
 MAX_SQUARES = 100  # per side
 MIN_LENGTH_M = 1e-4
 PRINT_DPI = 300
-METRES_PER_INCH = 0.0254
+METERS_PER_INCH = 0.0254
 SUBPIX_UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 MIN_CORNERS = 8
 RIVAL_RAD = np.radians(3.0)  # poses that differ by less count as the same
@@ -103,7 +103,7 @@ class CharucoBoard:
 
     def picture(self) -> npt.NDArray[np.uint8]:
         """Return (H, W) gray values with a margin of half a square, to be printed at `PRINT_DPI` without scaling."""
-        square_px = round(self.square_m / METRES_PER_INCH * PRINT_DPI)
+        square_px = round(self.square_m / METERS_PER_INCH * PRINT_DPI)
         rim_px = square_px // 2
         size_px = self.columns * square_px + 2 * rim_px, self.rows * square_px + 2 * rim_px
         return np.asarray(self._opencv().generateImage(size_px, marginSize=rim_px), np.uint8)

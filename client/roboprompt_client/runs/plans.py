@@ -10,7 +10,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import NotConfirmedError, StepFailedError
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.runs.loop import OnOutcome, run_task
-from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 ConfirmSteps = Callable[[Sequence[PlannedStep]], bool]
 log = logging.getLogger(__name__)
@@ -84,6 +84,11 @@ class _OnlyObjects:
 
     robot: Robot
     names: Collection[str]
+
+    @property
+    def viewpoints(self) -> Sequence[Pose]:
+        """The robot's own: `run_task` refuses to look again with an arm that moves in order to look."""
+        return getattr(self.robot, "viewpoints", ())
 
     def observe(self) -> Observation:
         seen = self.robot.observe()
