@@ -35,7 +35,7 @@ def test_a_research_3_s_file_says_what_our_geometry_says(geometry):
 def test_what_it_cannot_reach_is_refused(geometry):
     with pytest.raises(MotionError, match=r"joint \d would come to|out of reach"):
         geometry.way(BARE.ready_rad, np.array([1.2, 0, 0.4]), DOWN)
-    with pytest.raises(MotionError, match="says 6 joints, its URDF has 7"):
+    with pytest.raises(MotionError, match="reports 6 joints, its URDF has 7"):
         geometry.way(np.zeros(6), np.array([0.4, 0, 0.4]), DOWN)
 
 
