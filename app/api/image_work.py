@@ -6,7 +6,6 @@ between two images it checks that the client still waits. Cameras and image part
 
 import asyncio
 import os
-from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -105,37 +104,25 @@ async def _while_wanted(request: Request, call: Callable[[], Awaitable[T]]) -> T
 
 
 class _Room:
-    """So much of something; who asks first is served first."""
+    """A number of pixels that requests share, in the order in which they ask."""
 
     def __init__(self) -> None:
         self._used = 0
-        self._waiting: deque[tuple[int, int, asyncio.Event]] = deque()
+        self._turn = asyncio.Lock()  # is acquired in the order of asking, so that large requests are not overtaken
+        self._freed = asyncio.Event()
 
     async def take(self, amount: int, of: int) -> None:
-        """Wait until `amount` of `of` is free."""
-        place = (amount, of, asyncio.Event())
-        self._waiting.append(place)
-        self._admit()
-        try:
-            await place[2].wait()
-        except BaseException:
-            if place[2].is_set():
-                self.give_back(amount)
-            else:
-                self._waiting.remove(place)
-                self._admit()
-            raise
+        """Wait until `amount` of `of` is free, and take it."""
+        async with self._turn:
+            while self._used + amount > of:
+                self._freed.clear()
+                await self._freed.wait()
+            self._used += amount
 
     def give_back(self, amount: int) -> None:
         """Let others have it."""
         self._used -= amount
-        self._admit()
-
-    def _admit(self) -> None:
-        while self._waiting and self._used + self._waiting[0][0] <= self._waiting[0][1]:
-            amount, _, admitted = self._waiting.popleft()
-            self._used += amount
-            admitted.set()
+        self._freed.set()
 
 
 def split_images(cameras: Sequence[CameraIn], parts: Mapping[str, bytes]) -> dict[str, ImageBytes]:

@@ -17,31 +17,28 @@ from starlette.requests import ClientDisconnect
 from app.llm.base import (
     LanguageModelError,
     ModelBusyError,
-    ModelResponseError,
     ModelTimeoutError,
     ModelUnavailableError,
     UnknownModelError,
 )
 from app.perception.remote import (
     PoseServerError,
-    PoseServerReplyError,
     PoseServerTimeoutError,
     PoseServerUnavailableError,
 )
 from app.pipeline.errors import (
     ObjectNotVisibleError,
     ObjectSetError,
+    ReplyParseError,
     SceneOutOfBoundsError,
     UncertainPoseError,
     UnfamiliarInstructionError,
     UngroundedInstructionError,
+    UnsupportedActionError,
 )
 from app.services.errors import (
     NoDemonstrationsError,
     RefusedReplyError,
-    UnparsableReplyError,
-    UnsafeReplyError,
-    UnsupportedReplyError,
 )
 from app.store.errors import (
     ConflictError,
@@ -52,7 +49,7 @@ from app.store.errors import (
     StoreError,
     StoreUnavailableError,
 )
-from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.errors import InvalidInputError, RoboPromptError, UnsafeActionError
 
 MEDIA_TYPE = "application/problem+json"
 CONTENT: dict[str, Any] = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}  # in the OpenAPI document
@@ -84,17 +81,15 @@ KINDS: Mapping[type[Exception], Kind] = {
     UnfamiliarInstructionError: Kind(422, "unfamiliar-instruction", "The instruction is unlike what was taught"),
     PoseServerUnavailableError: Kind(503, "pose-server-unavailable", "The pose server cannot be reached"),
     PoseServerTimeoutError: Kind(504, "pose-server-timeout", "The pose server did not answer in time"),
-    PoseServerReplyError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
     PoseServerError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
     NoDemonstrationsError: Kind(409, "no-demonstrations", "The task has no demonstrations"),
-    UnparsableReplyError: Kind(502, "unparsable-reply", "The model's reply is not a list of valid actions"),
-    UnsafeReplyError: Kind(502, "unsafe-action", "The model's reply breaks a bound of motion"),
-    UnsupportedReplyError: Kind(502, "unsupported", "The demonstrations do not support the reply"),
+    ReplyParseError: Kind(502, "unparsable-reply", "The model's reply is not a list of valid actions"),
+    UnsafeActionError: Kind(502, "unsafe-action", "The model's reply breaks a bound of motion"),
+    UnsupportedActionError: Kind(502, "unsupported", "The demonstrations do not support the reply"),
     UnknownModelError: Kind(422, "unknown-model", "There is no such model"),
     ModelUnavailableError: Kind(503, "model-unavailable", "The model cannot be used here"),
     ModelBusyError: Kind(503, "model-busy", "The model has too many requests under way"),
     ModelTimeoutError: Kind(504, "model-timeout", "The LLM did not answer in time"),
-    ModelResponseError: Kind(502, "model-error", "The LLM answered with an error"),
     LanguageModelError: Kind(502, "model-error", "The LLM answered with an error"),
     NotFoundError: Kind(404, "not-found", "Not found"),
     ForbiddenError: Kind(403, "forbidden", "This is not allowed"),
@@ -199,7 +194,8 @@ def store_problem(error: StoreError) -> JSONResponse:
 
 
 def _own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
-    kind = next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)
+    named = error.cause if isinstance(error, RefusedReplyError) else error
+    kind = next(KINDS[cls] for cls in type(named).__mro__ if cls in KINDS)
     if kind.status >= 500:
         logger.warning("%s %s: %s: %s", request.method, request.url.path, type(error).__name__, error)
     reply: dict[str, object] = {}
@@ -207,7 +203,7 @@ def _own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
         reply = {"reply_text": error.reply_text, "prediction_id": error.prediction_id}
     wait_s = getattr(error, "retry_after_s", None) or 1.0
     headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
-    return problem(kind, str(error), _own_entries(error), headers, **reply)
+    return problem(kind, str(error), _own_entries(named), headers, **reply)
 
 
 def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
@@ -219,10 +215,10 @@ def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
             return [_entry("model", str(error))]
         case ForbiddenTaskError():
             return [_entry("task", str(error), ", ".join(error.allowed))]
-        case UnsafeReplyError():
-            return [_entry(error.action.field, error.action.message, error.action.bound)]
-        case UnsupportedReplyError():
-            return [_entry(error.action.field, error.action.message, error.action.expected)]
+        case UnsafeActionError():
+            return [_entry(error.field, error.message, error.bound)]
+        case UnsupportedActionError():
+            return [_entry(error.field, error.message, error.expected)]
         case _:
             return []
 

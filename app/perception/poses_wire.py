@@ -7,7 +7,7 @@ A request is multipart/form-data: the part `metadata`, a JSON document with `obj
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -22,20 +22,6 @@ from roboprompt_client.types.poses import ObjectPose
 Part = tuple[str, bytes, str]
 _MAX_UINT16 = np.iinfo(np.uint16).max
 MAX_REASON_CHARS = 300
-
-
-@dataclass(frozen=True)
-class PoseQuestion:
-    """An object to find.
-
-    Attributes:
-        mask_ids: the ids of its pixels in the mask images.
-        model: whatever the server needs to know about it.
-    """
-
-    name: str
-    mask_ids: tuple[int, ...] = ()
-    model: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +44,13 @@ class PoseAnswer:
     cameras: tuple[str, ...]
 
 
-def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
-    """Return a request's parts (file name, content, media type). Lossless, but depth is rounded to `depth_scale`."""
-    metadata = {"objects": [asdict(item) for item in questions], "cameras": [camera_json(f.camera) for f in frames]}
+def request_parts(objects: Sequence[Mapping[str, Any]], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
+    """Return a request's parts (file name, content, media type). Lossless, but depth is rounded to `depth_scale`.
+
+    Args:
+        objects: each to find: its `name`, `mask_ids` (of its pixels in mask images) and `model`, as JSON.
+    """
+    metadata = {"objects": list(objects), "cameras": [camera_json(frame.camera) for frame in frames]}
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
         name = frame.camera.name

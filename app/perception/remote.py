@@ -14,7 +14,7 @@ import httpx
 
 from app.perception.base import ObjectQuery, model_of
 from app.perception.models import RemoteModel
-from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
+from app.perception.poses_wire import Part, PoseAnswer, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import NoPoseError, ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
@@ -176,8 +176,8 @@ async def _ask_all(servers: Mapping[PoseServer, Sequence[Asked]], frames: Sequen
 
 
 async def _ask(server: PoseServer, asked: Sequence[Asked], frames: Sequence[RgbdFrame]) -> list[ObjectPose]:
-    questions = [PoseQuestion(query.name, query.mask_ids, model.model) for query, model in asked]
-    reply = await server.ask(request_parts(questions, frames))
+    objects = [{"name": query.name, "mask_ids": query.mask_ids, "model": model.model} for query, model in asked]
+    reply = await server.ask(request_parts(objects, frames))
     names, cameras = [query.name for query, _ in asked], [frame.camera.name for frame in frames]
     try:
         answers = answers_from_json(reply, names, cameras)

@@ -1,9 +1,11 @@
-"""What a use case can refuse beyond the method's and the store's own errors; a branch of `app.pipeline.errors`."""
+"""Errors of use cases, beside those of the method (`app.pipeline.errors`) and of the store."""
 
 from datetime import datetime
 
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from roboprompt_client.errors import RoboPromptError, UnsafeActionError
+
+RefusedReply = ReplyParseError | UnsafeActionError | UnsupportedActionError
 
 
 class ServiceError(RoboPromptError):
@@ -11,10 +13,7 @@ class ServiceError(RoboPromptError):
 
     ├── ExpiredKeyError         the key was right and has expired
     ├── NoDemonstrationsError   the task has no episode yet
-    └── RefusedReplyError       what the LLM replied is recorded, and not passed on
-        ├── UnparsableReplyError    it is not a list of valid actions
-        ├── UnsafeReplyError        one of its actions is beyond a bound of motion
-        └── UnsupportedReplyError   one of its actions is unlike what was demonstrated
+    └── RefusedReplyError       an LLM's reply is recorded, and not passed on; `cause` says why
     """
 
 
@@ -40,37 +39,16 @@ class NoDemonstrationsError(ServiceError):
 
 
 class RefusedReplyError(ServiceError):
-    """What an LLM replied is not passed on.
+    """An LLM's reply is recorded, and not passed on.
 
     Args:
+        cause: the error of the reply: it cannot be parsed, breaks a limit of motion, or is not supported.
         reply_text: as the LLM gave it.
         prediction_id: under which the reply is recorded.
     """
 
-    def __init__(self, message: str, reply_text: str, prediction_id: str) -> None:
-        super().__init__(message)
+    def __init__(self, cause: RefusedReply, reply_text: str, prediction_id: str) -> None:
+        super().__init__(str(cause))
+        self.cause = cause
         self.reply_text = reply_text
         self.prediction_id = prediction_id
-
-
-class UnparsableReplyError(RefusedReplyError):
-    """The LLM's reply is not a list of valid actions: `error` says why."""
-
-    def __init__(self, error: ReplyParseError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(error.message, reply_text, prediction_id)
-
-
-class UnsafeReplyError(RefusedReplyError):
-    """The LLM's reply asks for an action beyond a bound of motion: `action` says which and why."""
-
-    def __init__(self, action: UnsafeActionError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(str(action), reply_text, prediction_id)
-        self.action = action
-
-
-class UnsupportedReplyError(RefusedReplyError):
-    """The LLM's reply asks for an action that the demonstrations do not support: `action` says which and why."""
-
-    def __init__(self, action: UnsupportedActionError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(str(action), reply_text, prediction_id)
-        self.action = action

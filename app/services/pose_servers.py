@@ -1,7 +1,6 @@
-"""Pose servers: which of them may be sent images, and this service as one of them.
+"""Pose servers: the ones that images may be sent to, and this service as one (`POST /poses`).
 
-Who may configure a task must not thereby reach every address from here. `POST /poses` offers objects' poses to other
-instances, apart from any task.
+Without the list, whoever may configure a task could let this service send requests to any address of its network.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,9 +9,8 @@ from typing import Any
 import httpx
 
 from app.perception.base import ObjectQuery
-from app.perception.models import RemoteModel, model_from_json
-from app.perception.object_model import ObjectModel, ObjectModelError
-from app.perception.poses_wire import PoseQuestion
+from app.perception.models import RemoteModel
+from app.perception.object_model import ObjectModelError
 from app.perception.registry import estimate_poses
 from app.pipeline.prompt import check_object_names
 from app.services.scene_images import with_templates
@@ -37,7 +35,7 @@ class PoseServers:
         self._prefixes = tuple(map(httpx.URL, prefixes))
 
     def check(self, object_models: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse models whose server is none of them; models of other estimators pass.
+        """Refuse models of other servers; models of other estimators pass.
 
         Raises:
             InvalidInputError: naming the object, the address and the setting that would allow it.
@@ -55,42 +53,29 @@ class PoseServers:
 
 
 def _below(url: httpx.URL, prefix: httpx.URL) -> bool:
-    """Whether `url` is `prefix` or continues its path, on the same server."""
-    if (url.scheme, url.host, _port(url)) != (prefix.scheme, prefix.host, _port(prefix)):
+    """Return whether `url` is `prefix` or continues its path, on the same server."""
+    if (url.scheme, url.host, url.port) != (prefix.scheme, prefix.host, prefix.port):
         return False
     folder = prefix.path.rstrip("/") + "/"
     return ".." not in url.path and (url.path == prefix.path or url.path.startswith(folder))
 
 
-def _port(url: httpx.URL) -> int | None:
-    return url.port or {"http": 80, "https": 443}.get(url.scheme)
-
-
-def find_poses(
-    questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame], blobs: BlobStore
-) -> tuple[ObjectPose, ...]:
-    """One pose per question, in their order; objects without a model are found by their masks.
+def find_poses(queries: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], blobs: BlobStore) -> tuple[ObjectPose, ...]:
+    """Return one pose for each object, in their order; objects without a model are found by their masks.
 
     Args:
-        blobs: where the templates of registered objects are.
+        blobs: have the templates of registered objects.
 
     Raises:
-        as PoseEstimator.estimate; InvalidInputError for a model that is not valid, or is for a further server.
+        as PoseEstimator.estimate; InvalidInputError for an object that has neither model nor mask ids, or whose model
+            is for another server.
     """
-    names = [question.name for question in questions]
+    names = [query.name for query in queries]
     check_object_names(names, list(dict.fromkeys(names)))
-    queries = [ObjectQuery(item.name, mask_ids=item.mask_ids, model=_model(item)) for item in questions]
-    return estimate_poses("masks", with_templates(queries, blobs), frames)
-
-
-def _model(question: PoseQuestion) -> ObjectModel | None:
-    where = f"objects[{question.name}].model"
-    if question.model is None:
-        if not question.mask_ids:
+    for query in queries:
+        where = f"objects[{query.name}].model"
+        if query.model is None and not query.mask_ids:
             raise InvalidInputError(where, "is missing", REMEDY)
-        return None
-    model = model_from_json(question.name, question.model, where)
-    if isinstance(model, RemoteModel):
-        # a server that asked on could be sent round in circles
-        raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks, registered")
-    return model
+        if isinstance(query.model, RemoteModel):  # servers that ask each other would never end
+            raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks, registered")
+    return estimate_poses("masks", with_templates(queries, blobs), frames)

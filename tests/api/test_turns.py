@@ -7,7 +7,7 @@ import anyio
 import pytest
 
 from app.api.body import Body
-from app.api.image_work import ImageWork
+from app.api.image_work import ImageWork, _Room
 from app.api.routes import episodes, objects
 from app.api.schemas.objects import LearnLabelsBody
 from app.api.schemas.requests import EpisodeEdit
@@ -55,6 +55,35 @@ def test_no_more_trajectories_are_unpacked_than_episodes_are_taken_in(services, 
 
     asyncio.run(uploads())
     assert services.turns == [1]
+
+
+def test_requests_with_images_get_room_in_the_order_in_which_they_ask():
+    """A large request is not overtaken by small ones, and one that leaves lets the next one in."""
+
+    async def ask():
+        room, served = _Room(), []
+
+        async def take(name, amount):
+            await room.take(amount, 10)
+            served.append(name)
+
+        await room.take(8, 10)
+        async with asyncio.TaskGroup() as group:
+            for name, amount in (("large", 10), ("leaves", 9), ("small", 1), ("also small", 1)):
+                waiting = group.create_task(take(name, amount))
+                if name == "leaves":
+                    leaving = waiting
+            await asyncio.sleep(0.01)
+            leaving.cancel()
+            await asyncio.sleep(0.01)
+            assert served == []
+            room.give_back(8)
+            await asyncio.sleep(0.01)
+            assert served == ["large"]
+            room.give_back(10)
+        return served
+
+    assert asyncio.run(ask()) == ["large", "small", "also small"]
 
 
 def given(value):

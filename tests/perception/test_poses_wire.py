@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.perception.images import ImageBytes, decode_frame
-from app.perception.poses_wire import PoseQuestion, answers_from_json, poses_document, request_parts
+from app.perception.poses_wire import answers_from_json, poses_document, request_parts
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
@@ -31,15 +31,15 @@ def test_images_arrive_as_they_were_sent(ids):
 
 
 def test_metadata_says_what_is_asked():
-    questions = [PoseQuestion("red cube", (3, 4)), PoseQuestion("mug", model={"mesh": "mug.obj"})]
-    bare = RgbdFrame(Camera("left", 600, 600, 320, 240, np.eye(4)))
-    parts = request_parts(questions, [frame(None), bare])
-    assert set(parts) == {"metadata", "rgb_front", "depth_front"}
-    document = json.loads(parts["metadata"][1])
-    assert document["objects"] == [
+    objects = [
         {"name": "red cube", "mask_ids": [3, 4], "model": None},
         {"name": "mug", "mask_ids": [], "model": {"mesh": "mug.obj"}},
     ]
+    bare = RgbdFrame(Camera("left", 600, 600, 320, 240, np.eye(4)))
+    parts = request_parts(objects, [frame(None), bare])
+    assert set(parts) == {"metadata", "rgb_front", "depth_front"}
+    document = json.loads(parts["metadata"][1])
+    assert document["objects"] == objects
     front, left = document["cameras"]
     assert front == {
         "name": "front",

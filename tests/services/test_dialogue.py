@@ -9,7 +9,8 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
-from app.services.errors import UnparsableReplyError, UnsupportedReplyError
+from app.pipeline.errors import ReplyParseError, UnsupportedActionError
+from app.services.errors import RefusedReplyError
 from app.services.measures import timings_of_its_own
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.record import Prediction
@@ -88,9 +89,9 @@ def test_only_the_second_try_of_a_clause_is_sampled(taught):
 
 def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):
     services = taught(RELATIVE, FAR, FAR)
-    with pytest.raises(UnsupportedReplyError) as caught:
+    with pytest.raises(RefusedReplyError) as caught:
         ask(services, TWICE)
-    assert caught.value.action.field == "actions[4]"
+    assert caught.value.cause.field == "actions[4]"
     (record,) = recorded(services.store)
     assert (record.status, record.actions) == ("unsupported", None)
 
@@ -125,7 +126,7 @@ def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taug
     services = taught(FAR, RELATIVE)
     items, error = streamed(services)
     assert [type(item) for item in items] == [PredictedAction]
-    assert isinstance(error, UnsupportedReplyError)
+    assert isinstance(error.cause, UnsupportedActionError)
     assert FAR.startswith(recorded(services.store)[0].reply_text)
 
 
@@ -155,7 +156,7 @@ def test_a_reply_that_goes_wrong_in_the_middle_ends_there(taught):
     services = taught(RELATIVE.replace("3 A", "5 A") + "; ; ;")
     items, error = streamed(services)
     assert [type(item) for item in items] == [PredictedAction] * 2
-    assert isinstance(error, UnparsableReplyError)
+    assert isinstance(error.cause, ReplyParseError)
     (record,) = recorded(services.store)
     assert (record.id, record.status, record.actions) == (error.prediction_id, "parse_error", None)
     assert record.reply_text.startswith(" 1 A w")
@@ -181,7 +182,7 @@ def test_the_text_comes_in_pieces_if_it_is_wished(taught):
 
 def test_pieces_of_a_reply_that_goes_wrong_come_before_the_error(taught):
     items, error = streamed(taught("no list of actions"), REQUEST.with_options(stream_text=True))
-    assert isinstance(error, UnparsableReplyError)
+    assert isinstance(error.cause, ReplyParseError)
     assert "".join(item.text for item in items) == error.reply_text == "no list of actions"
 
 

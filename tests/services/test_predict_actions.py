@@ -7,7 +7,7 @@ from app.llm.base import ModelTimeoutError, ModelUnavailableError
 from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
-from app.services.errors import UnparsableReplyError
+from app.services.errors import RefusedReplyError
 from app.services.predict import task_reading
 from app.services.predict.demonstrations import recordings_of
 from app.services.predict.request import PredictOptions, PredictRequest
@@ -49,7 +49,7 @@ def test_actions_are_decoded_and_recorded(store, taught):
 
 @pytest.mark.parametrize("reply", ["no", "[[1, 2]]", ONE_ACTION * 2, "[[500, 0, 0, 0, 0, 0, 0]]"])
 def test_what_does_not_parse_is_recorded_without_actions(store, taught, reply):
-    with pytest.raises(UnparsableReplyError) as caught:
+    with pytest.raises(RefusedReplyError) as caught:
         ask(taught(reply))
     (record,) = recorded(store)
     assert caught.value.prediction_id == record.id
@@ -58,7 +58,7 @@ def test_what_does_not_parse_is_recorded_without_actions(store, taught, reply):
 
 def test_a_reply_cut_off_between_actions_is_not_taken_for_a_whole_one(store, taught):
     services = taught("[[50, 50, 20, 0, 36, 36, 1]] " + "and so on " * 200)
-    with pytest.raises(UnparsableReplyError, match="cut off"):
+    with pytest.raises(RefusedReplyError, match="cut off"):
         ask(services, REQUEST.with_options(max_actions=1))
     assert recorded(store)[0].status == "parse_error"
 

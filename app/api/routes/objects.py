@@ -29,7 +29,7 @@ from app.api.schemas.objects import (
 )
 from app.perception.frame_checks import check_rgbd
 from app.perception.images import decode_mask
-from app.perception.poses_wire import PoseQuestion, poses_document
+from app.perception.poses_wire import poses_document
 from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
@@ -82,8 +82,7 @@ async def poses(request: Request, services: Wired) -> Response:
 def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
     asked = PosesBody.model_validate(body.document)
     frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
-    questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
-    return poses_document(find_poses(questions, frames, blobs))
+    return poses_document(find_poses([item.query() for item in asked.objects], frames, blobs))
 
 
 @router.get(

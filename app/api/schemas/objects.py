@@ -8,7 +8,8 @@ from pydantic import BeforeValidator, Field
 from app.api.schemas import examples
 from app.api.schemas.requests import CameraIn, Described, MaskId, Name, RequestModel
 from app.api.schemas.responses import PoseOut
-from app.perception.models import AsObjectModel
+from app.perception.base import ObjectQuery
+from app.perception.models import AsObjectModel, model_from_json
 from app.perception.registered.model import Symmetric
 from app.perception.strict import WHOLE, Number, Truth
 
@@ -46,6 +47,12 @@ class PoseQuestionIn(RequestModel):
     """ids of the object's pixels in mask_NAME"""
     model: Annotated[dict[str, Any], AsObjectModel()] | None = None
     """an object model, as in a task's `object_models`"""
+
+    def query(self) -> ObjectQuery:
+        """Return the object as a query for a pose estimator; raise InvalidInputError for an invalid model."""
+        where = f"objects[{self.name}].model"
+        model = None if self.model is None else model_from_json(self.name, self.model, where)
+        return ObjectQuery(self.name, mask_ids=self.mask_ids, model=model)
 
 
 class PosesBody(RequestModel):

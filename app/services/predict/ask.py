@@ -13,9 +13,9 @@ from uuid import uuid4
 
 import anyio.to_thread
 
-from app.llm.base import LanguageModelError, Reading, TextDelta
+from app.llm.base import Reading, TextDelta
 from app.llm.registry import ModelRegistry
-from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
+from app.pipeline.errors import InstructionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
 from app.services.predict.instruction import ask_meaning, understand
@@ -24,7 +24,7 @@ from app.services.predict.motion_check import CurrentLimits, MotionCheck
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.prefix import choose_prefix
 from app.services.predict.question import Question, write_question
-from app.services.predict.record import Prediction, PredictionRecorder
+from app.services.predict.record import FAILURES, Prediction, PredictionRecorder
 from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.samples import SampledReply
@@ -36,7 +36,6 @@ from roboprompt_client.types.names import checked_instruction
 
 SHOWN_AFTER_S = 0.5  # no note is written of shorter predictions
 GRACE_S = 5.0  # a note that a killed process leaves expires so long after its request's deadline
-FAILURES = (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError)
 Arriving = PredictedAction | TextDelta | Reading
 logger = logging.getLogger(__name__)
 _showing: set[asyncio.Task[None]] = set()  # the event loop itself holds its tasks weakly
@@ -111,9 +110,8 @@ class PredictActions:
 
         Raises:
             LanguageModelError: if the LLM did not answer; recorded.
-            UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
-            UnsupportedReplyError: if the demonstrations do not support an action; recorded, carries the reply.
-            UnsafeReplyError: if an action is beyond a bound of motion of the moment; recorded, carries the reply.
+            RefusedReplyError: if its reply is not a list of valid actions, the demonstrations do not support an action,
+                or an action breaks a present limit of motion; recorded, carries the reply.
         """
         motion = MotionCheck(self._current, question)
         async with self._asked(question) as reply:
@@ -151,7 +149,7 @@ class PredictActions:
                 with self._warmer.giving_way():
                     async with _watched(self._under_way, question):
                         yield reply
-            except FAILURES as error:
+            except tuple(FAILURES) as error:
                 if self._record is None:
                     raise
                 refused = await self._record.failed(reply, error)

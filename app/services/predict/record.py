@@ -1,15 +1,15 @@
 """Store the outcome of a question to an LLM: the prediction's row and images, and the service's metrics."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import anyio.to_thread
 
+from app.llm.base import LanguageModelError
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import MODEL_FAILED, UNPARSABLE, UNSAFE, UNSUPPORTED, Rule
-from app.services.errors import RefusedReplyError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.errors import RefusedReply, RefusedReplyError
 from app.services.measures import Metrics, note, timed, timings
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.question import Question
@@ -21,11 +21,12 @@ from app.store.store import Store
 from app.store.values import ObjectRecord
 from roboprompt_client.errors import RoboPromptError, UnsafeActionError
 
-FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
-    "parse_error": (UNPARSABLE, "reply", "The reply is not a list of valid actions"),
-    "unsafe_action": (UNSAFE, "actions", "An action breaks a bound of motion"),
-    "unsupported": (UNSUPPORTED, "actions", "The demonstrations do not support an action"),
-    "model_error": (MODEL_FAILED, "reply", "The LLM did not answer"),
+# Per class of error the status of the stored prediction, and the finding that says why there are no actions.
+FAILURES: Mapping[type[RoboPromptError], tuple[PredictionStatus, Rule, str, str]] = {
+    ReplyParseError: ("parse_error", UNPARSABLE, "reply", "The reply is not a list of valid actions"),
+    UnsafeActionError: ("unsafe_action", UNSAFE, "actions", "An action breaks a bound of motion"),
+    UnsupportedActionError: ("unsupported", UNSUPPORTED, "actions", "The demonstrations do not support an action"),
+    LanguageModelError: ("model_error", MODEL_FAILED, "reply", "The LLM did not answer"),
 }
 
 
@@ -64,10 +65,11 @@ class PredictionRecorder:
 
     async def failed(self, reply: Reply, error: RoboPromptError) -> RoboPromptError:
         """Store a refused reply, and count it; return the error to raise."""
-        status, message, refusal = _refusal(error)
-        draft = _draft(reply, status, message, (*_findings(reply), _failure(status, message)))
+        status, rule, where, what = next(row for kind, row in FAILURES.items() if isinstance(error, kind))
+        finding = rule.finding(f"{what}: {error}. The robot got no actions.", where)
+        draft = _draft(reply, status, str(error), (*_findings(reply), finding))
         id_ = await self._store_reply(reply, draft, None)
-        return error if refusal is None else refusal(reply.text or "", id_)
+        return RefusedReplyError(error, reply.text or "", id_) if isinstance(error, RefusedReply) else error
 
     async def _store_reply(self, reply: Reply, draft: PredictionDraft, motion: MotionCheck | None) -> str:
         request, current = reply.question.request, timings()
@@ -87,25 +89,8 @@ class PredictionRecorder:
         return id_
 
 
-def _refusal(error: RoboPromptError) -> tuple[PredictionStatus, str, Callable[[str, str], RefusedReplyError] | None]:
-    """Return a refused reply's status, its message, and a factory of the error; None where the LLM failed."""
-    if isinstance(error, ReplyParseError):
-        return "parse_error", error.message, partial(UnparsableReplyError, error)
-    if isinstance(error, UnsafeActionError):
-        return "unsafe_action", str(error), partial(UnsafeReplyError, error)
-    if isinstance(error, UnsupportedActionError):
-        return "unsupported", str(error), partial(UnsupportedReplyError, error)
-    return "model_error", str(error), None
-
-
 def _findings(reply: Reply) -> tuple[Finding, ...]:
     return (*reply.question.findings, *reply.findings)
-
-
-def _failure(status: PredictionStatus, error: str) -> Finding:
-    """Return the finding that says why there are no actions."""
-    rule, where, what = FAILURES[status]
-    return rule.finding(f"{what}: {error}. The robot got no actions.", where)
 
 
 def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: tuple[Finding, ...]) -> PredictionDraft:

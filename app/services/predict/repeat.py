@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 import anyio.to_thread
 from sqlalchemy import Connection
 
-from app.services.errors import UnsafeReplyError
+from app.services.errors import RefusedReplyError
 from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.request import PredictRequest
 from app.store import idempotency
@@ -62,7 +62,7 @@ class RepeatedPredictions:
 
         Raises:
             ConflictError: if the key came with other content.
-            UnsafeReplyError: if limits that were set since forbid one of the answer's actions.
+            RefusedReplyError: if limits that were set since forbid one of the answer's actions.
         """
 
         def find() -> JsonObject | None:
@@ -79,7 +79,7 @@ class RepeatedPredictions:
 
         Raises:
             ConflictError: if the key came with other content meanwhile.
-            UnsafeReplyError: as `answer_to`; nothing is remembered.
+            RefusedReplyError: as `answer_to`; nothing is remembered.
         """
 
         def save() -> JsonObject:
@@ -100,4 +100,4 @@ class RepeatedPredictions:
             for index, action in enumerate(answer["actions"]):
                 guard.check(action_from_json(index, action))
         except UnsafeActionError as error:
-            raise UnsafeReplyError(error, answer["reply_text"], answer["id"]) from error
+            raise RefusedReplyError(error, answer["reply_text"], answer["id"]) from error
