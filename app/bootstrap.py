@@ -121,6 +121,8 @@ async def _keep_house(keep_house: KeepHouse) -> None:
             await asyncio.to_thread(keep_house)
         except RoboPromptError as error:
             logger.warning("housekeeping: %s", error)
+        except Exception:  # the next hour's attempt must not wait for a restart
+            logger.exception("housekeeping")
         await asyncio.sleep(HOUSEKEEPING_S)
 
 

@@ -53,13 +53,15 @@ class KeepHouse:
             forgotten += sum(self._erase(beyond[at : at + BATCH]) for at in range(0, len(beyond), BATCH))
         if forgotten:
             logger.info("%d predictions were deleted, as the settings demand", forgotten)
-            with self.store.write() as connection:
-                audit.record(connection, "predictions.expired", "", {"predictions": forgotten}, actor="retention")
 
     def _older_than(self, moment: datetime) -> tuple[str, ...]:
         with self.store.read() as connection:
             return erasure.predictions_before(connection, moment, BATCH)
 
     def _erase(self, ids: tuple[str, ...]) -> int:
+        """Delete predictions, with their entry in the audit log; return how many."""
         with self.store.write() as connection:
-            return erasure.erase_predictions(connection, erasure.without_cases(connection, ids))
+            number = erasure.erase_predictions(connection, erasure.without_cases(connection, ids))
+            if number:
+                audit.record(connection, "predictions.expired", "", {"predictions": number}, actor="retention")
+        return number

@@ -74,3 +74,16 @@ def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store)
     (store._data_dir / ".swept").mkdir()
     with pytest.raises(StoreUnavailableError):
         KeepHouse(store, Retention())()
+
+
+def test_what_is_deleted_and_its_audit_entry_are_stored_together(store, monkeypatch):
+    record = predict(store, prediction_draft())
+    age(store, record, 3 * DAY)
+
+    def broken(*_, **__):
+        raise StoreUnavailableError("the disk is full")
+
+    monkeypatch.setattr(audit, "record", broken)
+    with pytest.raises(StoreUnavailableError):
+        KeepHouse(store, Retention(max_age=2 * DAY))()
+    assert kept(store) == [record.id]

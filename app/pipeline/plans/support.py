@@ -199,7 +199,7 @@ def _unsupported(index: int, action: EndEffectorAction, nearest: PlacedRow) -> U
         bound = f"within {100 * nearest.reach_m:.1f} cm of {expected}, seen from {of}"
         return UnsupportedActionError(index, f"is {100 * off_m:.1f} cm from where demonstrations go", bound)
     if off_deg > nearest.reach_deg:
-        bound = f"within {nearest.reach_deg:.0f} degrees, seen from {of}"
-        return UnsupportedActionError(index, f"is turned by {off_deg:.0f} degrees from the demonstrations", bound)
+        bound = f"within {nearest.reach_deg:.1f} degrees, seen from {of}"
+        return UnsupportedActionError(index, f"is turned by {off_deg:.1f} degrees from the demonstrations", bound)
     state = "open" if action.gripper_open else "closed"
     return UnsupportedActionError(index, f"has the gripper {state}", "the gripper as demonstrations have it there")
