@@ -2,4 +2,6 @@
 
 import { root } from "./api.js";
 
-window.SwaggerUIBundle({ url: `${root}/openapi.json`, dom_id: "#swagger-ui", deepLinking: true });
+const answer = await fetch(`${root}/openapi.json`);
+const text = (await answer.text()).replaceAll("](ui/", `](${root}/ui/`); // its links are relative to /docs
+window.SwaggerUIBundle({ spec: JSON.parse(text), dom_id: "#swagger-ui", deepLinking: true });

@@ -78,7 +78,7 @@ def test_an_action_turned_otherwise_is_refused(recorded):
     turned = (Rotation.from_euler("x", 60, degrees=True) * Rotation.from_quat(own.actions[1].quaternion_xyzw)).as_quat()
     error = refused(recorded, changed(own.actions, 1, quaternion_xyzw=turned), own.objects, start=own.start)
     assert error.field == "actions[1]"
-    assert "turned by 60 degrees" in str(error)
+    assert "turned by 60" in str(error)
 
 
 def test_a_gripper_the_other_way_is_refused(recorded):
