@@ -176,9 +176,8 @@ class ClauseParser:
             yield (NounPhrase(at, at + 1, None, "taught", plural=True),), at + 1
         both = self._text(at) == "both"
         for phrases, end in self._listed(at + both, forbidden):
-            singular = all(not phrase.plural for phrase in phrases[:-1])
-            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural) and not self._is_one_thing(phrases)
-            if (right_number or forbidden) and (not both or len(phrases) == 2):
+            is_clear = _has_right_number(phrases) and not self._is_one_thing(phrases)
+            if (is_clear or forbidden) and (not both or len(phrases) == 2):
                 yield phrases, end
 
     def _each(self, at: int) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
@@ -201,7 +200,12 @@ class ClauseParser:
                         yield left, after
 
     def _is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
-        """Return whether a list may name a single object: "the red and green button" may have two colors."""
+        """Return whether a list may name a single object.
+
+        "The red and green button" may have two colors, and "the cup next to the plate and the bowl" two neighbors.
+        """
+        if any(phrase.nested for phrase in phrases[:-1]):
+            return True
         first, last = phrases[0], phrases[-1]
         with_article = tuple(self._text(each.start) in vocabulary.DETERMINERS for each in (first, last))
         nouns = first.with_noun, last.with_noun
@@ -229,3 +233,10 @@ class ClauseParser:
         named = [phrase for phrase in found if phrase.name is not None]
         none = (each for each in self._phrases.unmatched if each.start == at and not each.candidates and not named)
         return (*named, *(NounPhrase(at, each.end, None, "name") for each in sorted(none)))
+
+
+def _has_right_number(phrases: Sequence[NounPhrase]) -> bool:
+    """Return whether each phrase names one object: the last one may share its plural noun with those before."""
+    *others, last = phrases
+    shares_noun = bool(others) and not any(phrase.with_noun for phrase in others)
+    return not any(phrase.plural for phrase in others) and (not last.plural or shares_noun)

@@ -22,6 +22,7 @@ class Description(NamedTuple):
         reach: "near" or "far" whose reference object is still to come.
         generic: whether it has "one" or "thing" as its noun.
         plural: whether its noun is in the plural.
+        nested: whether it ends with another noun phrase: "the cup next to the plate".
     """
 
     end: int
@@ -34,6 +35,7 @@ class Description(NamedTuple):
     reach: str | None = None
     generic: bool = False
     plural: bool = False
+    nested: bool = False
     means: frozenset[str] = frozenset({"name"})
 
     @property
@@ -56,14 +58,14 @@ class Description(NamedTuple):
         """Return the least certain of the means, one of `MEANS`."""
         return max(self.means, key=MEANS.index)
 
-    def with_pick(self, pick: Pick, end: int) -> "Description":
-        """Return it with a further relation."""
-        return self._replace(picks=(*self.picks, pick), means=self.means | {"relation"}, end=end)
+    def with_pick(self, pick: Pick, end: int, *, nested: bool = False) -> "Description":
+        """Return it with a further relation, which may end with another noun phrase."""
+        return self._replace(picks=(*self.picks, pick), means=self.means | {"relation"}, end=end, nested=nested)
 
     def reaching(self, other: str | None, end: int) -> "Description":
         """Return it with the pending `reach` measured from an object, or from the robot (None)."""
         pick = by_distance(other, self.place or 1, farthest=self.reach == "far")
-        return self._replace(reach=None, place=None).with_pick(pick, end)
+        return self._replace(reach=None, place=None).with_pick(pick, end, nested=other is not None)
 
     def counted_from(self, side: str, end: int) -> "Description":
         """Return it with the pending ordinal counted from a side."""

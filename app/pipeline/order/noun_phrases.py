@@ -26,6 +26,7 @@ class NounPhrase(NamedTuple):
         by: how it was matched, one of `descriptions.MEANS`.
         plural: whether its noun is in the plural, as the last one of "the red and the blue buttons".
         with_noun: whether it has a noun, unlike "the red" there.
+        nested: whether it ends with another noun phrase: "the cup next to the plate".
     """
 
     start: int
@@ -34,6 +35,7 @@ class NounPhrase(NamedTuple):
     by: str
     plural: bool = False
     with_noun: bool = True
+    nested: bool = False
 
 
 class Unmatched(NamedTuple):
@@ -113,7 +115,7 @@ class NounPhrases:
                 continue  # "turn left" is a direction, "the top and bottom" are things
             candidates = said.candidates(self._lexicon, self._layout)
             if len(candidates) == 1:
-                yield NounPhrase(start, said.end, candidates[0], said.by(), said.plural, said.has_noun)
+                yield NounPhrase(start, said.end, candidates[0], said.by(), said.plural, said.has_noun, said.nested)
             else:
                 self.unmatched.add(Unmatched(start, said.end, candidates))
 
@@ -131,13 +133,17 @@ class NounPhrases:
             yield from self._related(more)
         yield said
 
-    def _modified(self, before: Description) -> Iterator[Description]:
-        """Yield the description extended by the next word, once for each meaning of the word."""
+    def _modified(self, before: Description, *, is_predicate: bool = False) -> Iterator[Description]:
+        """Yield the description extended by the next word, once for each meaning of the word.
+
+        Args:
+            is_predicate: whether the word follows "that is", "which stands" etc.
+        """
         at, text = before.end, self._text(before.end)
         if not text:
             return
         means = before.means | ({"spelling"} if self.words[at].corrected else set())
-        said = before._replace(end=at + 1, means=means, plural=before.plural or self.words[at].plural)
+        said = before._replace(end=at + 1, means=means, plural=before.plural or self.words[at].plural, nested=False)
         yield from self._whole_names(at, said)
         loose = self._lexicon.loose
         for word in sorted({text, vocabulary.PLACES_IN_NAMES.get(text, text)} & loose - set(said.words)):
@@ -148,7 +154,7 @@ class NounPhrases:
         if text in loose:
             return
         yield from self._colored(at, said)
-        yield from self._placed(at, said)
+        yield from self._placed(at, said, is_predicate)
         if text in vocabulary.GENERIC_NOUNS:
             yield said._replace(generic=True)
         elif self._lexicon.kind_of(text):
@@ -172,10 +178,13 @@ class NounPhrases:
         elif text in vocabulary.COLORED and self._text(at - 1) in COLORS:
             yield said
 
-    def _placed(self, at: int, said: Description) -> Iterator[Description]:
+    def _placed(self, at: int, said: Description, is_predicate: bool) -> Iterator[Description]:
         text = self._text(at)
-        if (end := vocabulary.PLACES.end_at(self._texts, at)) is not None:
-            place = tuple(self._texts[at:end])
+        end = vocabulary.PLACES.end_at(self._texts, at)
+        place = tuple(self._texts[at:end])
+        # After the noun, "left" is a direction ("push the button left"); "leftmost" still describes the object.
+        is_direction = said.has_noun and not is_predicate and not vocabulary.PLACE_ADJECTIVES.isdisjoint(place)
+        if end is not None and not is_direction:
             yield said.with_pick(vocabulary.PICKS[place], end)
             for side in vocabulary.EDGES.intersection(place) & self._lexicon.loose:  # a name may say so as well
                 yield said._replace(end=end, words=(*said.words, side))
@@ -189,7 +198,7 @@ class NounPhrases:
     def _relations(self, said: Description) -> Iterator[Description]:
         introduced = vocabulary.BEING.end_at(self._texts, said.end)
         if introduced is not None:
-            for more in self._modified(said._replace(end=introduced)):
+            for more in self._modified(said._replace(end=introduced), is_predicate=True):
                 yield from self._described(more)
         start = said.end if introduced is None else introduced
         exactly = vocabulary.EXACTLY.end_at(self._texts, start)
@@ -225,19 +234,18 @@ class NounPhrases:
         for name, end in self._single(at):
             yield said.reaching(name, end)
 
-    def _single(self, at: int) -> Iterator[tuple[str, int]]:
-        for phrase in self.at(at):
-            if phrase.name is not None:
-                yield phrase.name, phrase.end
+    def _single(self, at: int) -> list[tuple[str, int]]:
+        """Return the name and the end of each noun phrase that begins there."""
+        return [(phrase.name, phrase.end) for phrase in self.at(at) if phrase.name is not None]
 
     def _beside(self, at: int, said: Description) -> Iterator[Description]:
         if (end := vocabulary.RELATIONS.end_at(self._texts, at)) is not None:
             side = vocabulary.SIDES_OF.get(tuple(self._texts[at:end]))
             for name, after in self._single(end):
-                yield said.with_pick(beyond(side, name) if side else next_to(name), after)
+                yield said.with_pick(beyond(side, name) if side else next_to(name), after, nested=True)
         for one, middle in self._single(at + 1) if self._text(at) == "between" else ():
             for other, after in self._single(middle + 1) if self._text(middle) == "and" else ():
-                yield said.with_pick(between(one, other), after)
+                yield said.with_pick(between(one, other), after, nested=True)
 
     def _on_a_side(self, at: int, said: Description, prepositions: Sequence[str]) -> Iterator[Description]:
         """Parse "on the far left", "in the middle", "third from the right"; "to the left" alone is a direction."""

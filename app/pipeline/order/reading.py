@@ -138,18 +138,24 @@ def _canonical(taught: Taught, plan: Sequence[Filled]) -> str | None:
 
 
 def _wants_moved(plan: Sequence[Filled]) -> bool:
-    """Return whether a clause uses an object that an earlier one moved: its pose is known only before the first action.
+    """Return whether a clause uses an object that an earlier one moved, or moves one that it put something on.
 
+    An object's pose is known only before the first action, and a covered one cannot be grasped as it was taught.
     Picking the same object up twice in a row is allowed.
     """
     moved: set[str] = set()
+    covered: set[str | None] = set()
     for k, filled in enumerate(plan):
         picks = filled.clause.verb in verbs.PICKING and len(filled.clause.roles) <= 1
         again = picks and k > 0 and filled.objects == plan[k - 1].objects and filled.frame is plan[k - 1].frame
         if not again and not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
             return True
         if picks or filled.clause.takes_somewhere:
-            moved |= {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
+            direct = {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
+            if not covered.isdisjoint(direct):
+                return True
+            moved |= direct
+            covered |= {phrase.name for phrase in filled.clause.objects_in("on")}
     return False
 
 

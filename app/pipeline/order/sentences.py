@@ -90,13 +90,15 @@ class Sentences(ClauseParser):
                     yield from self._after(after, (*units, _unit(clause, units, mood, joined, start, after)))
         for begin in {at, start}:
             for clause, after in self._clauses_at(begin, forbidden=False):
-                if _may_follow(clause, units, joined) and not self._goes_on(clause, units):
+                if _may_follow(clause, units, joined) and not self._goes_on(clause, units, joined):
                     yield from self._after(after, (*units, _unit(clause, units, "do", joined, begin, after)))
 
-    def _goes_on(self, clause: ParsedClause, units: Sequence[Unit]) -> bool:
+    def _goes_on(self, clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
         """Return whether a clause without a verb may be a further description of the object before it."""
-        before = units[-1].clause.phrases if units else ()
-        return clause.verb is None and bool(before) and self._is_one_thing((before[-1], *clause.phrases[:1]))
+        before = units[-1].clause.phrases[-1:] if units else ()
+        if clause.verb is not None or "then" in joined:
+            return False
+        return bool(before) and self._is_one_thing((*before, *clause.phrases[:1]))
 
     def _leads_after(self, units: tuple[Unit, ...], joined: frozenset[str]) -> tuple[PhraseTable, ...]:
         """Return the words that may begin the next unit.

@@ -46,6 +46,8 @@ class Frame:
             {"to" if one_destination and role in ("in", "on") else role: phrases for role, phrases in each.roles}
             for each in (clause, self.clause)
         )
+        if len(asked) < len(clause.roles):
+            return None  # two destinations: "push the block to the wall in the box"
         if len(names) == 1 and not (set(asked) | set(taught)) - {DIRECT}:
             return self._of_the_only(clause, names[0])
         if INSTRUMENT in taught and INSTRUMENT not in asked:

@@ -86,6 +86,8 @@ green, blue | press the green button and then the blue one
 | push the same button / ignore the red button / rather push the red button than the blue one
 | push the red button instead / push the brown button / push the shiny red button
 | push the red button and pull the blue one / drück auf den roten Knopf / please release the red button
+| push the red button left / push the yellow button far left / push the red button and the blue buttons
+| push the button closest to the red and green buttons / push the button next to the red button and the green button
 | push the white button / push the red and green button / whichever button you like / turn on the red button
 """
 

@@ -30,6 +30,8 @@ TASKS = {
     "either": (("table", "sponge"), ("wipe the table", "wipe the table with the sponge")),
     "pick": (("apple", "banana", "bowl"), ("pick up the apple", "put the apple in the bowl")),
     "wipe": (("table", "sponge", "tray"), ("wipe the table with the sponge",)),
+    "block": (("block", "wall", "box"), ("push the block to the wall",)),
+    "cubes": (("red cube", "blue cube", "green cube"), ("stack the red cube on the blue cube",)),
     "dirt": (("broom", "dustpan"), ("sweep the dirt away to the dustpan",)),
 }
 TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in TASKS.items()}
@@ -60,6 +62,8 @@ TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in
         ("either", "please wipe the table with the sponge", "wipe the table with the sponge"),
         ("pick", "pick up the apple and put it in the bowl", "put the apple in the bowl"),
         ("pick", "pick up the apple, then pick up the apple", "pick up the apple, then pick up the apple"),
+        ("block", "push the block into the box", "push the block to the box"),
+        ("buttons", "push the red and blue buttons", "push the red button, then push the blue button"),
         ("buttons", "the red and the blue button", "push the red button, then push the blue button"),
         ("dirt", "sweep the dirt to the dustpan", "sweep the dirt away to the dustpan"),
         ("dirt", "sweep away the dirt to the dustpan", "sweep the dirt away to the dustpan"),
@@ -96,6 +100,9 @@ REFUSED = {
         "put the apple in the bowl, do not touch the plate"],
     "safe": ["put the money in the safe on the top shelf", "put the money on the left shelf in the safe"],
     "order": ["empty the tray"],
+    "block": ["push the block to the wall in the box", "push the block to the wall on the box"],
+    "cubes": ["stack red on blue and blue on green",
+        "stack the red cube on the blue cube, then stack the blue cube on the green one"],
     "wipe": ["wipe the sponge", "wipe with the sponge"],
     "pick": ["pick up the apple, then put the apple in the bowl",
         "pick up the apple, then put the banana on the apple"],
