@@ -1,8 +1,9 @@
-"""Which of several plans a scene calls for: that of the demonstration which is most like it in what parts the plans.
+"""Chooses between several demonstrated plans by the scene: the plan whose demonstrated scenes are most similar to it.
 
-What parts them is one quantity of the scene, along which each plan has a stretch of its own: the place or the yaw of an
-object, alone or seen from another. Or it is all places together, if the nearest scene has the same plan. A quantity
-that parts them by chance does not count; plans that none parts are not chosen by the scene.
+Scenes are compared by the quantity that separates the plans: one coordinate or the yaw of an object, absolute or
+relative to another object, if each plan has an interval of its own; or the positions of all objects, if the most
+similar scene usually has the same plan. A permutation test rejects quantities that separate the plans by chance.
+Without such a quantity the scene does not choose.
 """
 
 import math
@@ -19,26 +20,26 @@ from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-PARTED_SHARE = 0.8  # of the demonstrations are where their plan is
-COMPARED = 3  # demonstrations of a plan are enough to see how it acts
-ALIKE_M, ALIKE_DEG = 0.04, 20.0  # hands that act within these of their center act alike
-CHANCE = 0.05  # that some quantity parts the plans as well though it has nothing to do with them
-CHANCE_OF_ALL = 0.01  # the same of all places together: half of ten recordings in another frame must not look like it
-SHUFFLES = 1000
-VARIES = {"m": 0.02, "deg": 10.0}  # what varies by less parts nothing
-NEAR = {"m": 0.03, "deg": 15.0}  # of a demonstration: as good as shown
-NEAR_SPACINGS = 2.0  # the same, in spacings of the demonstrations of the plan
-FAR = {"m": 0.15, "deg": 45.0}  # from every demonstration: rows have not been shown to hold there
-BETWEEN = 0.5  # of the distance to the nearest other plan: from here on it might be that one
+PARTED_SHARE = 0.8  # the share of demonstrations that must lie in the interval of their plan
+COMPARED = 3  # demonstrations of each plan whose actions are compared
+ALIKE_M, ALIKE_DEG = 0.04, 20.0  # largest deviation from the mean of grasps and releases that are the same
+CHANCE = 0.05  # significance level of one quantity, over all quantities that are tried
+CHANCE_OF_ALL = 0.01  # of all positions together: five of ten recordings in a wrong frame must not pass
+SHUFFLES = 1000  # permutations of the test
+VARIES = {"m": 0.02, "deg": 10.0}  # quantities that vary by less separate nothing
+NEAR = {"m": 0.03, "deg": 15.0}  # a scene within this distance of a demonstration counts as demonstrated
+NEAR_SPACINGS = 2.0  # the same distance, in median spacings of the plan's demonstrations
+FAR = {"m": 0.15, "deg": 45.0}  # a scene farther than this from every demonstration is outside of what they show
+BETWEEN = 0.5  # of the distance to the nearest other plan: from here on a scene may belong to that plan
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something of a scene that can be compared.
+    """A quantity by which scenes are compared.
 
     Attributes:
-        axis: 0 to 2: the object's x, y or z in meters; 3: its yaw in degrees; None: the places of all objects.
-        seen_from: another object, which the first is compared with.
+        axis: 0 to 2: the object's x, y or z in meters; 3: its yaw in degrees; None: the positions of all objects.
+        seen_from: the object relative to which the value is measured; empty: the world.
     """
 
     axis: int | None
@@ -47,19 +48,19 @@ class Quantity:
 
     @property
     def unit(self) -> str:
-        """Of its values."""
+        """The unit of its values: `m` or `deg`."""
         return "deg" if self.axis == 3 else "m"
 
     @property
     def text(self) -> str:
-        """For people."""
+        """Its name in messages."""
         if self.axis is None:
             return "the objects' places"
         seen = f" seen from {self.seen_from}" if self.seen_from else ""
         return f"the {('x', 'y', 'z', 'yaw')[self.axis]} of {self.object_name}{seen}"
 
     def of(self, objects: Sequence[ObjectPose]) -> Array:
-        """(D,) its values in a scene."""
+        """Return its values (D,) in a scene."""
         if self.axis is None:
             return np.concatenate([pose.position_m for pose in objects])
         value = self._of(self.object_name, objects)
@@ -72,7 +73,7 @@ class Quantity:
         return float(pose.position_m[self.axis or 0])
 
     def apart(self, one: Array, other: Array) -> Array:
-        """(...) how far values (..., D) are from each other."""
+        """Return the distances (...) between values (..., D)."""
         if self.axis is None:
             ways_m = (one - other).reshape(*np.broadcast_shapes(one.shape, other.shape)[:-1], -1, 3)
             between_m: Array = np.linalg.norm(ways_m, axis=-1).sum(axis=-1)
@@ -83,13 +84,13 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Parting:
-    """Demonstrations of like instructions, and what of their scenes parts their plans.
+    """Demonstrations of equal instructions, and the quantity that separates their plans.
 
     Attributes:
-        ways: (N,) which way of doing it each follows, counted from 0 in their order.
+        ways: (N,) the number of each demonstration's way, see `ways_of`.
         values: (N, D) of the quantity in the demonstrations.
-        share: of the demonstrations that are where their way is.
-        clear: 0 to 1: how much farther the nearest of another plan is than the nearest of the same.
+        share: of the demonstrations that lie in the interval of their way.
+        clear: the separation of the ways, see `_clear`.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -100,11 +101,11 @@ class Parting:
     clear: float
 
     def from_scene(self, objects: Sequence[ObjectPose]) -> Array:
-        """(N,) how far a scene is from each demonstration's."""
+        """Return the distances (N,) of a scene from those of the demonstrations."""
         return self.quantity.apart(self.values, self.quantity.of(objects))
 
     def near(self, way: int) -> float:
-        """How far a scene may be from the nearest demonstration of a way to be like it."""
+        """Return the distance from the nearest demonstration of a way within which a scene counts as demonstrated."""
         of_way = self.values[self.ways == way]
         between = self.quantity.apart(of_way[:, None], of_way[None])
         np.fill_diagonal(between, np.inf)
@@ -113,9 +114,9 @@ class Parting:
 
 
 def parting(demonstrations: Sequence[Demonstration]) -> Parting | None:
-    """What parts the plans of demonstrations of like instructions.
+    """Return the quantity that separates the plans of demonstrations best.
 
-    None if nothing does, they have one plan, or their instructions name other objects or in another order.
+    None if there is no such quantity or only one plan, or if the instructions name different objects or another order.
     """
     if len({demonstration.order.objects for demonstration in demonstrations}) != 1:
         return None
@@ -129,7 +130,7 @@ def parting(demonstrations: Sequence[Demonstration]) -> Parting | None:
 
 
 def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
-    """(N,) which way each demonstration does it: plans whose hands act alike, however they come there, are one."""
+    """Return the number (N,) of each demonstration's way; plans with equal grasps and releases are one way."""
     found: list[list[Demonstration]] = []
     for group in by_plan(demonstrations):
         alike = next((way for way in found if _act_alike([*way[:COMPARED], *group[:COMPARED]])), None)
@@ -141,7 +142,7 @@ def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
 
 
 def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
-    """Whether grasps and releases are the same, seen from what they follow."""
+    """Return whether grasps and releases are the same relative to their anchors."""
     acting = [replace(shown, actions=tuple(shown.actions[k] for k in shown.switches)) for shown in demonstrations]
     if len({tuple(action.gripper_open for action in shown.actions) for shown in acting}) > 1:
         return False
@@ -150,7 +151,7 @@ def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
 
 
 def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Parting | None:
-    """The ways as all places together part them: the nearest other scene has the same way, and not by chance."""
+    """Return the separation by all positions: the nearest other scene has the same way; None if not significant."""
     quantity = Quantity(None)
     values, between = _compared(demonstrations, quantity)
     nearest = between.argmin(axis=1)
@@ -164,7 +165,7 @@ def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Part
 
 
 def _shares_of_nearest(ways: Array, nearest: Array) -> Array:
-    """(...) the least share over the ways (..., N) of several demonstrations whose nearest one has the same way."""
+    """Return the least share (...) over the ways (..., N) of demonstrations whose nearest one has the same way."""
     same = ways == ways[..., nearest]
     members = [ways == way for way in np.unique(ways)]
     shares = [np.where(own.sum(-1) > 1, (same & own).sum(-1) / np.maximum(own.sum(-1), 1), 1.0) for own in members]
@@ -175,7 +176,7 @@ def _shares_of_nearest(ways: Array, nearest: Array) -> Array:
 def _by_one(
     demonstrations: Sequence[Demonstration], ways: Array, quantity: Quantity, num_quantities: int
 ) -> Parting | None:
-    """The ways as one quantity parts them: in its order each has a stretch of its own, and not by chance."""
+    """Return the separation by one quantity: each way has an interval of its values; None if not significant."""
     values, between = _compared(demonstrations, quantity)
     order, is_circle = np.argsort(values[:, 0], kind="stable"), quantity.axis == 3
     fewest = len(set(ways.tolist())) - (not is_circle)
@@ -191,21 +192,22 @@ def _by_one(
 
 
 def _shuffled(ways: Array) -> Array:
-    """(SHUFFLES, N) as if they had nothing to do with the scenes."""
+    """Return random permutations (SHUFFLES, N) of the ways."""
     return np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
 
 
 def _chance(clear: float, as_good: Array, between: Array) -> float:
-    """How likely shuffled ways are parted as well as the real ones.
+    """Return the p-value: the share of permutations that are separated at least as well as the real ways.
 
     Args:
-        as_good: (S, N) those of the shuffled that are parted so otherwise; the rest counts if it is as clear.
+        clear: of the real ways.
+        as_good: (S, N) permutations whose share or number of changes is at least as good.
     """
     return (1 + sum(_clear(ways, between) >= clear for ways in as_good)) / (1 + SHUFFLES)
 
 
 def _compared(demonstrations: Sequence[Demonstration], quantity: Quantity) -> tuple[Array, Array]:
-    """The values (N, D) of a quantity and how far they are apart (N, N), of themselves infinitely."""
+    """Return the values (N, D) of a quantity, and their distances (N, N) with infinity on the diagonal."""
     values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
     between = quantity.apart(values[:, None], values[None])
     np.fill_diagonal(between, np.inf)
@@ -213,13 +215,13 @@ def _compared(demonstrations: Sequence[Demonstration], quantity: Quantity) -> tu
 
 
 def _changes(ways: Array, *, is_circle: bool) -> Array:
-    """(...) how often neighbors in rows (..., N) differ."""
+    """Return the number (...) of changes between neighbors in sequences (..., N)."""
     changes: Array = (np.diff(ways, axis=-1) != 0).sum(axis=-1)
     return changes + (ways[..., 0] != ways[..., -1]) if is_circle else changes
 
 
 def _clear(ways: Array, between: Array) -> float:
-    """0 to 1: how much farther the nearest of another way is than the nearest of the same."""
+    """Return the mean of b / (a + b): a and b are the distances to the nearest of the same and of another way."""
     alike = ways[:, None] == ways[None]
     several = np.bincount(ways)[ways] > 1
     own, others = (np.where(which, between, np.inf).min(axis=1)[several] for which in (alike, ~alike))
@@ -227,7 +229,7 @@ def _clear(ways: Array, between: Array) -> float:
 
 
 def _quantities(demonstrations: Sequence[Demonstration]) -> list[Quantity]:
-    """Places and yaws of the objects that rows of some plan follow, and of each pair of them."""
+    """Return coordinates and yaws of the objects that serve as anchors in some plan, and their differences in pairs."""
     rows = [row for group in by_plan(demonstrations) for row in plan_rows(group)]
     followed = {anchor.object_name for row in rows for anchor in row.anchors}
     poses = [pose for pose in demonstrations[0].objects if pose.name in followed]
@@ -248,12 +250,12 @@ def _varies(quantity: Quantity, demonstrations: Sequence[Demonstration]) -> bool
 
 
 def said(value: float, unit: str) -> str:
-    """A value for people."""
+    """Return a value with its unit, for messages."""
     return f"{value:.0f} degrees" if unit == "deg" else f"{100 * value:.1f} cm"
 
 
 def range_text(values_deg_or_m: Array, unit: str) -> str:
-    """The range of values (N, 1), across the turn of a circle where it is shorter."""
+    """Return the range of values (N, 1) for messages; of angles the shorter way around the circle."""
     values = values_deg_or_m[:, 0]
     if unit == "deg":
         middle = math.degrees(np.angle(np.exp(1j * np.radians(values)).mean()))

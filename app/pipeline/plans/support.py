@@ -1,4 +1,4 @@
-"""Whether the demonstrations support an action: it lies where they have it, seen from what the row follows."""
+"""Checks whether demonstrations support an action: it lies near theirs, relative to the anchor of its row."""
 
 import math
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ class PlacedRow:
         origin_m: (3,) where the anchor is, in the world frame.
         place_axes_xyzw, hand_axes_xyzw: (4,) how its axes are turned there, for places and for the hand's rotation.
         action: its center in the world frame.
-        tolerance_m, tolerance_deg: within which most demonstrations lie.
-        reach_m, reach_deg: within which an action is supported.
-        grippers: what demonstrations do with the gripper there.
+        tolerance_m, tolerance_deg: distance from the center within which most demonstrations lie.
+        reach_m, reach_deg: distance from the center within which an action is supported.
+        grippers: the states of the gripper that demonstrations have there.
     """
 
     anchor: Anchor
@@ -43,25 +43,25 @@ class PlacedRow:
     grippers: frozenset[bool]
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
-        """An action's offset (3,) in meters along the anchor's axes, and its rotation (4,) from them."""
+        """Return an action's offset (3,) in meters along the anchor's axes, and its rotation (4,) relative to them."""
         to_place, to_hand = quaternions.inverse(self.place_axes_xyzw), quaternions.inverse(self.hand_axes_xyzw)
         offset_m = quaternions.rotated(to_place, action.position_m - self.origin_m)
         return offset_m, quaternions.canonical(quaternions.product(to_hand, action.quaternion_xyzw))
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
-        """How far an action is from the row's center, in meters and degrees."""
+        """Return the distance of an action from the row's center, in meters and degrees."""
         way_m = action.position_m - self.action.position_m
         off_m = math.sqrt(way_m.dot(way_m))  # of three numbers numpy's norm takes five times as long
         turn = quaternions.product(quaternions.inverse(self.action.quaternion_xyzw), action.quaternion_xyzw)
         return off_m, math.degrees(quaternions.angle_rad(turn))
 
     def beyond(self, action: EndEffectorAction) -> tuple[float, float]:
-        """How far an action is beyond the farthest demonstration, in meters and degrees; 0 within."""
+        """Return how far an action is beyond the farthest demonstration, in meters and degrees; 0 within."""
         off_m, off_deg = self.away(action)
         return max(0.0, off_m - (self.reach_m - MARGIN_M)), max(0.0, off_deg - (self.reach_deg - MARGIN_DEG))
 
     def supports(self, action: EndEffectorAction) -> bool:
-        """Whether demonstrations support the action."""
+        """Return whether demonstrations support the action."""
         off_m, off_deg = self.away(action)
         return off_m <= self.reach_m and off_deg <= self.reach_deg and action.gripper_open in self.grippers
 
@@ -85,11 +85,11 @@ class Support:
     def of(
         cls, groups: Sequence[Sequence[Demonstration]], written: Sequence[Sequence[Demonstration]] | None = None
     ) -> "Support":
-        """What groups of demonstrations with the same rows support.
+        """Return the support of groups of demonstrations; each group has one plan.
 
         Args:
-            written: the same as a prompt shows them: a reply's rows are relative to what theirs are, which may be
-                another frame than that of the recorded ones where several fit, and lead elsewhere in a new scene.
+            written: the same groups as a prompt shows them, which decide the anchors: a reply's rows are relative to
+                the frames in the prompt, which may differ from those of the recorded actions where several fit.
         """
         everything = [demonstration for group in groups for demonstration in group]
         pairs = zip(groups, written or groups, strict=True)
@@ -97,10 +97,10 @@ class Support:
         return cls(plans, tilted_objects(everything))
 
     def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
-        """The plans in the query's scene that are like the query (see `alike`).
+        """Return the plans for the query (see `alike`), placed in its scene.
 
-        Several clauses are plans of one clause after the other, if demonstrations carry out a single one each. None
-        where they string more or fewer together: then it is not known which rows are asked for.
+        If demonstrations carry out one clause each, the plans of several clauses are combined in their order. None if
+        demonstrations have another number of clauses: then the rows that are asked for are not known.
         """
         alike, clauses = self.alike(query.order), query.order.clauses
         number = len(alike[0][0][0].order.clauses) if alike else len(clauses)
@@ -114,14 +114,14 @@ class Support:
         return tuple(tuple(chain.from_iterable(plans)) for plans in product(*each))
 
     def alike(self, asked: Order) -> tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]:
-        """The plans that ask for the same; where none does those with as many clauses, failing these all."""
+        """Return the plans of the same instruction form; without any those with as many clauses, else all."""
         same = tuple(plan for plan in self.plans if plan[0][0].order.form == asked.form)
         as_long = (plan for plan in self.plans if len(plan[0][0].order.clauses) == len(asked.clauses))
         return same or tuple(as_long) or self.plans
 
 
 def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
-    """The rows in the query's scene; those that share an anchor have it computed once."""
+    """Return the rows placed in the query's scene; each anchor is computed once."""
     placed: dict[Anchor, tuple[Anchor, Array, Array, Array]] = {}
     for anchor in dict.fromkeys(row.anchors[0] for row in rows):
         asked = asked_anchor(anchor, shown.order, query.order)
@@ -145,7 +145,7 @@ class SupportGuard:
 
     Args:
         plans: placed in the observed scene.
-        num_before: actions of replies to earlier parts of the instruction, which count in the indices that are named.
+        num_before: number of actions of earlier parts of the instruction; indices in errors count them.
     """
 
     def __init__(self, plans: Sequence[PlacedPlan], num_before: int = 0) -> None:
@@ -154,7 +154,7 @@ class SupportGuard:
         self._index = 0
 
     def check(self, action: EndEffectorAction) -> PlacedRow:
-        """Let the next action pass; the row that it carries out.
+        """Check the next action, and return the row that it carries out.
 
         Raises:
             UnsupportedActionError: naming its index, and what was expected.
@@ -172,12 +172,12 @@ class SupportGuard:
         return _nearest([plan[index] for plan in supporting], action)
 
     def pass_by(self) -> None:
-        """Go on behind an action that `check` refused, as if every plan that has one there had it so."""
+        """Continue after an action that `check` refused, with every plan that has a row there."""
         self._plans = [plan for plan in self._plans if self._index < len(plan)] or self._plans
         self._index += 1
 
     def finish(self) -> None:
-        """Let the reply end here.
+        """Check that the reply may end here.
 
         Raises:
             UnsupportedActionError: if no demonstration ends so early.

@@ -1,4 +1,4 @@
-"""Which anchors demonstrations call for: of each action the one relative to which they differ least."""
+"""Chooses the anchor of each action: the frame relative to which demonstrations of one plan scatter least."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,34 +20,34 @@ from app.pipeline.representation.anchors import (
 )
 from roboprompt_client.types.arrays import Array
 
-APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
-CONTRADICTED_M = 0.03  # a frame in which a row spreads by this much more than in the other is not that of the row
-EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
-CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
-MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
-DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
-WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
-# Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
+APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts
+CONTRADICTED_M = 0.03  # a row that scatters by this much more in one frame than in the other does not have it
+EQUAL_SPREAD_M = 0.002  # anchors this close to the best count as equal: then the previous row's anchor is kept
+CLEARLY_LESS = 0.6  # share of the best object's scatter below which the world or the start is chosen instead
+MANY_DEMONSTRATIONS = 5  # from this number on a quantile replaces the maximum, so that one outlier does not decide
+DECIDING_SHARE = 0.8  # that quantile
+WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
+# Of a single demonstration: a hand that is aligned with an object's axes acts at it rather than at a nearer object
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
-MAX_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
-OBLIQUE_M_PER_RAD = 0.3 / MAX_OBLIQUE_RAD  # 30 cm of distance for a hand that is not square
+MAX_OBLIQUE_RAD = math.radians(20)  # beyond this angle it is not aligned
+OBLIQUE_M_PER_RAD = 0.3 / MAX_OBLIQUE_RAD  # a hand that is not aligned counts as 30 cm farther
 
 
 def choose_anchors(
     group: Sequence[Demonstration], tilted: frozenset[str], *, beyond_objects: bool = False
 ) -> list[Anchors]:
-    """For each action of a group of like demonstrations, every demonstration's anchor.
+    """Return for each action of demonstrations of one plan the anchor in every demonstration.
 
-    The one chosen is that whose relative action spreads least over the group, of an object's frames `ow` and `wo` where
-    `mixed_frames` is certain of it. A single demonstration does not spread: there the nearest object is chosen
-    to whose axes the hand is square, and its own axes rather than the world's.
+    The chosen anchor is the one relative to which the action scatters least over the group; the frames `ow` and `wo` of
+    an object count only where `mixed_frames` is certain. A single demonstration has no scatter: its anchor is the
+    nearest object with whose axes the hand is aligned, in the object's own axes.
 
     Args:
-        beyond_objects: whether the world and the start count as well, where they spread clearly less than any object.
+        beyond_objects: whether the world and the start may be anchors where they scatter clearly less than any object.
 
     Returns:
-        [action][demonstration]; demonstrations that name other objects have other anchors, at the same place in the
-        order of mention.
+        [action][demonstration]; in demonstrations that name other objects the anchor is the object that is mentioned in
+        the same place.
     """
     at_objects, beyond = _at_objects(group), _beyond_objects(group) if beyond_objects else []
     spreads_m = {anchors: _spreads_m(group, anchors, tilted) for anchors in (*at_objects, *beyond)}
@@ -72,13 +72,13 @@ def choose_anchors(
 def _one_frame_in_approaches(
     group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
 ) -> list[Anchors]:
-    """The same anchors, those of hover, grasp and lift in one frame of what is grasped.
+    """Return the anchors with hover, grasp and lift of each object in one frame.
 
-    Where demonstrations show an object at one yaw both of its frames hold, and each row has whichever scatters less by
-    chance: at another yaw the hand would turn between hover and grasp.
+    If all demonstrations show an object at one yaw, both of its frames fit, and noise decides which scatters less in a
+    row: at another yaw the hand would then turn between hover and grasp.
 
     Args:
-        spreads_m: by anchors those of each row.
+        spreads_m: by anchors the scatter of each row.
     """
     found = list(chosen)
     for grasp, _ in _held(group[0]):
@@ -98,10 +98,11 @@ def _one_frame_in_approaches(
 def _without_bystanders(
     group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
 ) -> list[Anchors]:
-    """The same anchors, rows in which something is held on this, on where it comes to, or on no object.
+    """Return the anchors with bystanders replaced in rows between a grasp and its release.
 
-    Another object is near by chance, unless several demonstrations keep clearly closer to it: they go around it. To
-    one that the words of a single demonstration name something is done meanwhile: it is poured into, or stirred.
+    Such rows are anchored at the held object, at the object where it is released, or at no object. Another object is
+    near by chance, unless demonstrations scatter clearly less relative to it, as when they go around it, or a single
+    demonstration's instruction names it, as when something is poured into it.
     """
     found = list(chosen)
     named = {(name,) for name in group[0].order.objects} if len(group) == 1 else set()
@@ -122,20 +123,20 @@ def _names(anchors: Anchors) -> tuple[str, ...]:
 
 
 def _held(demonstration: Demonstration) -> list[tuple[int, int]]:
-    """Of each grasp its row and that of the release after it, or the last."""
+    """Return (row of the grasp, row of its release or the last row) for each grasp."""
     states = [action.gripper_open for action in demonstration.actions]
     grasps = [k for k in range(1, len(states)) if states[k - 1] and not states[k]]
     return [(k, next((r for r in range(k, len(states)) if states[r]), len(states) - 1)) for k in grasps]
 
 
 def _aside_m(group: Sequence[Demonstration], k: int, grasp: int) -> float:
-    """How far the hand is at most beside where it grasps."""
+    """Return the largest horizontal distance of row `k` from the grasp over the group."""
     ways_m = [(d.actions[k].position_m - d.actions[grasp].position_m)[:2] for d in group]
     return float(np.linalg.norm(ways_m, axis=1).max())
 
 
 def _around(place: int, belongs: Sequence[bool]) -> range:
-    """The stretch of rows around one that belong to it."""
+    """Return the longest range of rows around `place` in which `belongs` is true."""
     first = last = place
     while first > 0 and belongs[first - 1]:
         first -= 1
@@ -145,9 +146,9 @@ def _around(place: int, belongs: Sequence[bool]) -> range:
 
 
 def _at_objects(group: Sequence[Demonstration]) -> list[Anchors]:
-    """Each demonstration's anchor at objects by order of mention, and at the others by name.
+    """Return candidate anchors at objects: mentioned objects by their order of mention, others by name.
 
-    The likelier first; a single demonstration rather follows an object's own axes.
+    The more likely frame comes first: the world's axes, or for a single demonstration the object's own.
     """
     ordered = [d.ordered_objects for d in group]
     mentioned = [len(d.order.objects) for d in group]
@@ -169,7 +170,7 @@ def _at_objects(group: Sequence[Demonstration]) -> list[Anchors]:
 
 
 def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:
-    """The world, and the start where every demonstration knows it; one demonstration cannot tell them from objects."""
+    """Return the world, and the start if every demonstration has one; none for a single demonstration."""
     if len(group) == 1:
         return []
     started = all(demonstration.start is not None for demonstration in group)
@@ -179,7 +180,7 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:
 
 
 def _spreads_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> list[float]:
-    """How far each action differs over the group relative to the anchors; rotations weigh in as meters."""
+    """Return the scatter of each action relative to the anchors, in meters; rotations count by `M_PER_RAD`."""
     relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
     if len(group) == 1:
@@ -196,7 +197,7 @@ def _spreads_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
 
 
 def _oblique_m(hands: Rotation) -> Array:
-    """(K,) how far each hand is from square to the axes that it is relative to, as meters."""
+    """Return the misalignment (K,) of hands with the axes that they are relative to, in meters."""
     off_rad = np.min([(turn.inv() * hands).magnitude() for turn in SQUARE], axis=0)
     oblique: Array = OBLIQUE_M_PER_RAD * np.minimum(off_rad, MAX_OBLIQUE_RAD)
     return oblique

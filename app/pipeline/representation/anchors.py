@@ -1,8 +1,8 @@
-"""What an action is relative to: an object, the world, or the arm's start; and where that is in a scene.
+"""Anchors: the object, the world, or the arm's start that an action is relative to; and their poses in a scene.
 
-At an object the hand's place and its rotation each have axes of their own, the object's or the world's. Mostly both
-turn with the object or neither does. A hand that presses the rim of a mug, however the mug is turned, keeps its own
-rotation while its place turns; one that turns with a valve and stays on the robot's side of it does the reverse.
+At an object the hand's position and its rotation are each relative to the object's axes or to the world's. Usually
+both turn with the object, or neither. A hand that presses the rim of a mug above its handle keeps its rotation while
+its position turns with the mug; one that turns with a valve but stays on the robot's side of it does the reverse.
 """
 
 import math
@@ -22,19 +22,19 @@ from roboprompt_client.types.poses import ObjectPose
 Frame = Literal["w", "o", "ow", "wo", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
 MIXED_FRAMES: tuple[Frame, ...] = ("ow", "wo")
-TILT_RAD = math.radians(5)  # an object that leans more than this in any demonstration turns its frame fully
+TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
 M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
-MANY_TURNED = 8  # demonstrations, from which on those that are farthest off do not decide, but
-DECIDING_SHARE = 0.8  # this share of them: of fewer one that is turned as no other may say most
+MANY_TURNED = 8  # from this number of demonstrations on, the farthest are left out as outliers:
+DECIDING_SHARE = 0.8  # this share is kept; of fewer, the one turned unlike the others may decide
 MIN_TURNED = 3  # demonstrations that show what turns with an object
-TURNED_M = 0.006  # scatter (rms) along the wrong axes that matters; of rotations 6 degrees
-TURNED_SHARE = 0.6  # of it, at most, is left along the right axes, and of few as little as noise leaves by `CHANCE`;
-SERVES_M = 0.02  # and no more than this: rows on the way that scatter about everything have no axes
-CHANCE = 0.01
+TURNED_M = 0.006  # least scatter (rms) along the wrong axes that counts; 6 degrees for rotations
+TURNED_SHARE = 0.6  # largest share of it that remains along the right axes; less for few, see `mixed_frames`
+SERVES_M = 0.02  # largest scatter along the right axes: rows on the way that scatter more have none
+CHANCE = 0.01  # significance level of the F test in `mixed_frames`
 
 
 class Anchor(NamedTuple):
-    """What an action is relative to.
+    """The frame that an action is relative to.
 
     Attributes:
         object_name: empty for the frames `world` and `start`.
@@ -48,29 +48,29 @@ class Anchor(NamedTuple):
 
     @property
     def place_turns(self) -> bool:
-        """Whether the hand's place is along the object's own axes."""
+        """Whether the hand's position is along the object's own axes."""
         return self.frame in ("o", "ow")
 
     @property
     def hand_turns(self) -> bool:
-        """Whether the hand's rotation is."""
+        """Whether the hand's rotation is relative to the object's own axes."""
         return self.frame in ("o", "wo")
 
 
 Anchors = tuple[Anchor, ...]
-"""Of one row, each demonstration's."""
+"""The anchor of one row in each demonstration."""
 WORLD = Anchor("", "world")
 START = Anchor("", "start")
-NOT_TURNED = Rotation.identity()  # to make one takes as long as to turn ten vectors
+NOT_TURNED = Rotation.identity()  # made once: that takes as long as rotating ten vectors
 
 
 def in_frame(anchors: Anchors, frame: Frame) -> Anchors:
-    """A frame of the same objects."""
+    """Return the anchors at the same objects in another frame."""
     return tuple(Anchor(anchor.object_name, frame) for anchor in anchors)
 
 
 def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
-    """Names of the objects whose z axis is not vertical in some scene."""
+    """Return the names of objects whose z axis is not vertical in some scene."""
     return frozenset(
         pose.name
         for scene in scenes
@@ -80,7 +80,7 @@ def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
 
 
 def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rotation:
-    """The axes of a pose's frame in the world: none turned (`w`), yaw only, or the full rotation of a tilted object."""
+    """Return the axes of an object's frame in the world: the world's (`w`), its yaw, or a tilted object's rotation."""
     if frame == "w" or pose.quaternion_xyzw is None:
         return NOT_TURNED
     rotation = Rotation.from_quat(pose.quaternion_xyzw)
@@ -92,8 +92,8 @@ class AnchorPose(NamedTuple):
 
     Attributes:
         origin_m: (3,).
-        place_axes: along which places are.
-        hand_axes: from which the hand's rotations are.
+        place_axes: along which positions are measured.
+        hand_axes: relative to which the hand's rotations are.
     """
 
     origin_m: Array
@@ -101,18 +101,18 @@ class AnchorPose(NamedTuple):
     hand_axes: Rotation
 
     def seen(self, positions_m: Array, hands: Rotation) -> tuple[Array, Rotation]:
-        """Poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor."""
+        """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor."""
         offsets_m: Array = self.place_axes.inv().apply(positions_m - self.origin_m)
         return offsets_m, self.hand_axes.inv() * hands
 
     def placed(self, offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
-        """The way back."""
+        """Return poses of the hand in the world frame; the inverse of `seen`."""
         positions_m: Array = self.origin_m + self.place_axes.apply(offsets_m)
         return positions_m, self.hand_axes * rotations
 
 
 def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorPose:
-    """Where an anchor is in a scene, which knows where the end effector was at first, if that is the anchor."""
+    """Return the pose of an anchor in a scene; a scene without `start` has none of the anchor `start`."""
     if anchor.frame == "world":
         return AnchorPose(np.zeros(3), NOT_TURNED, NOT_TURNED)
     if anchor.frame == "start":
@@ -125,7 +125,7 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
 
 
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
-    """The anchor of a demonstration in a scene with another order: the object mentioned in the same place."""
+    """Return the anchor for another order: the object that is mentioned in the same place."""
     if anchor.object_name in shown.objects:
         place = shown.objects.index(anchor.object_name)
         if place < len(asked.objects):
@@ -136,14 +136,14 @@ def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
 def relative_action(
     demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
-    """Action `k` relative to the anchor: offset (3,) in meters along the anchor's axes, and rotation."""
+    """Return action `k` relative to the anchor: offset (3,) in meters along the anchor's axes, and rotation."""
     action = demonstration.actions[k]
     hand = Rotation.from_quat(action.quaternion_xyzw)
     return anchor_pose(anchor, demonstration, tilted).seen(action.position_m, hand)
 
 
 def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
-    """Every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
+    """Return every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
     actions = demonstration.actions
     if not actions:
         return np.zeros((0, 3)), NOT_TURNED
@@ -153,13 +153,12 @@ def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozens
 
 
 def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> dict[Anchors, list[int]]:
-    """The rows in which only place or only rotation of the hand turns with an object, by the frame that says so.
+    """Return the rows in which only the position or only the rotation of the hand turns with an object, by frame.
 
-    Three demonstrations or more must contradict both frames of the object, one by the place and the other by the hand's
-    rotation: either scatters by `TURNED_M` along the wrong axes, and along the right ones by so small a share of it
-    that of independent scatters one would be as small once in a hundred times (an F test of the variances of offsets in
-    a plane from a demonstration among them: 0.1 of three demonstrations, 0.34 of five, 0.49 of ten). Noise is the same
-    along both axes, so that it passes far less often.
+    At least three demonstrations must contradict both frames `w` and `o`, one by the position and the other by the
+    rotation: each scatters by `TURNED_M` or more along the wrong axes, and along the right ones by a share of it that
+    is significantly small at level `CHANCE` (an F test of the variances of offsets in a plane from the most central
+    demonstration; the share is 0.1 for three demonstrations, 0.34 for five, 0.49 for ten).
 
     Args:
         own: the objects' own frames.
@@ -177,25 +176,25 @@ def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset
 
 
 def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:
-    """How far the hand scatters along the world's axes at some objects, and along the objects' own.
+    """Return the scatter of the hand relative to objects along the world's axes, and along the objects' own.
 
     Returns:
-        Of each (2, K) in meters: the hand's places, and its rotations weighed as elsewhere.
+        Each (2, K) in meters: of positions, and of rotations (by `M_PER_RAD`).
     """
     world_m, own_m = (_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
     return world_m, own_m
 
 
 def much_less(off_m: Array, than_m: Array, share: float | Array) -> np.ndarray:
-    """(...) bool: whether a scatter is so small a share of one that matters."""
+    """Return (...) bool: whether `than_m` counts, and `off_m` is smaller than this share of it and than `SERVES_M`."""
     return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m) & (off_m < SERVES_M))
 
 
 def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
-    """(2, K) how far places and rotations scatter relative to the anchors.
+    """Return the scatter (2, K) of positions and rotations relative to the anchors.
 
-    It is the rms distance from the most central demonstration; of many, without the fifth that is farthest from it.
-    An upright object turns no heights: these do not count.
+    It is the rms distance from the most central demonstration; of many demonstrations the farthest fifth is left out.
+    Heights do not count at upright objects, since a yaw does not change them.
     """
     relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
@@ -210,5 +209,5 @@ def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
 
 
 def _deciding(number: int) -> int:
-    """Of so many demonstrations those that decide."""
+    """Return how many of `number` demonstrations are kept as inliers."""
     return math.ceil(DECIDING_SHARE * number) if number >= MANY_TURNED else number

@@ -1,8 +1,8 @@
-"""The parts that demonstrations have in common: a few actions at one object, as several of them show it.
+"""Finds the parts that demonstrations share: a few consecutive actions at one object that several of them show.
 
-A part is demonstrated relative to an object and may be carried out at any of its kind: a grasp of the green block is
-one of the red block. Each action is described relative to the object from which most demonstrations show it alike;
-actions at one object that follow each other are a part, if enough demonstrations have it.
+A part is relative to an object and may be carried out at any object of the same kind: a grasp of the green block also
+grasps the red one. Each action is assigned to the object relative to which most demonstrations agree on it; consecutive
+actions at one object are a part if enough demonstrations contain them.
 """
 
 import math
@@ -23,10 +23,10 @@ from app.pipeline.representation.object_rows import OFFSET_UNIT_M
 from app.pipeline.workspace import rotation_bins
 from roboprompt_client.types.arrays import Array
 
-ALIKE_M, ALIKE_DEG = 0.015, 10.0  # within which demonstrations show one action
-ENOUGH = 3  # demonstrations have a part, or all of fewer: two may lie alike by chance
-MENTIONED = 2.0  # so much more counts an object that the instruction mentions
-MIXED = 0.5  # so much less a frame in which only place or hand turns: most demonstrations must contradict the others
+ALIKE_M, ALIKE_DEG = 0.015, 10.0  # tolerances within which two actions are the same
+ENOUGH = 3  # demonstrations that must contain a part (or all, if there are fewer): two may agree by chance
+MENTIONED = 2.0  # weight of an object that the instruction mentions
+MIXED = 0.5  # weight of the frames `ow` and `wo`: most demonstrations must contradict the others
 
 
 class PartRow(NamedTuple):
@@ -41,7 +41,7 @@ class Part(NamedTuple):
     """Actions at one object.
 
     Attributes:
-        word: what replies call it: grasp, release or reach, numbered where there are several.
+        word: its name in replies: grasp, release or reach, numbered if there are several.
         kind: the noun of the objects that it was demonstrated at.
     """
 
@@ -58,17 +58,17 @@ class Step(NamedTuple):
 
     @property
     def text(self) -> str:
-        """As replies say it."""
+        """The step as it stands in replies."""
         return f"{self.part.word} {self.object_name}"
 
 
 def kind_of(name: str) -> str:
-    """The noun of an object's name: block for `red block`."""
+    """Return the noun of an object's name: block for `red block`."""
     return noun_of(phrase_of(name))
 
 
 def find_steps(demonstrations: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[Step, ...] | None]:
-    """Each demonstration as steps; None for one with actions that too few others have.
+    """Return each demonstration as steps; None for one with actions that too few others share.
 
     Args:
         tilted: objects whose frame `o` is their full rotation.
@@ -85,7 +85,7 @@ def find_steps(demonstrations: Sequence[Demonstration], tilted: frozenset[str]) 
 
 @dataclass(eq=False)
 class _Seen:
-    """One action of a demonstration relative to one of its objects; `count` demonstrations show it so."""
+    """One action of a demonstration relative to one of its objects; `count` demonstrations agree on it."""
 
     anchor: Anchor
     offset_m: Array
@@ -109,7 +109,7 @@ class _Piece:
         return kind, self.was_open, *((seen.anchor.frame, seen.gripper_open) for seen in self.seen)
 
     def alike(self, other: "_Piece") -> bool:
-        """Whether another piece of the same form lies where this one does."""
+        """Return whether all actions of another piece of the same form are the same within tolerances."""
         return all(map(_alike, self.seen, other.seen))
 
 
@@ -122,7 +122,7 @@ def _alike(one: _Seen, other: _Seen) -> bool:
 
 
 def _described(demonstration: Demonstration, candidates: Sequence[Sequence[_Seen]]) -> list[_Seen]:
-    """Its actions, each relative to the object from which most demonstrations show it alike.
+    """Return the actions of a demonstration, each relative to the object on which most demonstrations agree.
 
     Args:
         candidates: [action][candidate], counted.
@@ -135,14 +135,14 @@ def _described(demonstration: Demonstration, candidates: Sequence[Sequence[_Seen
 
 
 def _merit(seen: _Seen, mentioned: Sequence[str], before: Anchor | None) -> tuple[float, bool, float]:
-    """How well an action is described so; of equals what goes on from the action before, then the nearer object."""
+    """Return the rank of a candidate: weighted count, then the same anchor as the action before, then nearness."""
     share = MENTIONED if seen.anchor.object_name in mentioned else 1.0
     share *= MIXED if seen.anchor.frame in MIXED_FRAMES else 1.0
     return share * seen.count, seen.anchor == before, -float(np.linalg.norm(seen.offset_m))
 
 
 def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[list[_Seen]]:
-    """[action][candidate]: relative to each object, in each of its frames."""
+    """Return [action][candidate]: each action relative to each object in each of its frames."""
     by_anchor = {}
     for pose in demonstration.objects:
         for frame in (*OBJECT_FRAMES, *MIXED_FRAMES) if pose.quaternion_xyzw is not None else OBJECT_FRAMES[:1]:
@@ -155,7 +155,7 @@ def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[li
 
 
 def _count(candidates: Sequence[Sequence[Sequence[_Seen]]]) -> None:
-    """Note of each candidate how many demonstrations show an action so, at an object of the kind.
+    """Set each candidate's `count`: how many demonstrations have the same action at an object of the same kind.
 
     Args:
         candidates: [demonstration][action][candidate].
@@ -185,7 +185,7 @@ def _pieces(number: int, described: Sequence[_Seen]) -> list[_Piece]:
 
 
 def _clusters(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
-    """Pieces that are one part; in the order in which they first occur."""
+    """Return clusters of pieces that are the same, in the order of their first occurrence."""
     clusters: list[list[_Piece]] = []
     by_form: dict[tuple[object, ...], list[list[_Piece]]] = defaultdict(list)
     for piece in pieces:
@@ -199,7 +199,7 @@ def _clusters(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
 
 
 def _named(clusters: Sequence[Sequence[_Piece]]) -> dict[_Piece, Part]:
-    """Each piece's part."""
+    """Return the part of each piece."""
     words = [_word(cluster[0]) for cluster in clusters]
     several, used = Counter(words), Counter[str]()
     parts: dict[_Piece, Part] = {}
@@ -220,7 +220,7 @@ def _word(piece: _Piece) -> str:
 
 
 def _row(seen: Sequence[_Seen]) -> PartRow:
-    """What several demonstrations show: their median, which no single one decides."""
+    """Return the median offset and mean rotation of several demonstrations as one row."""
     offset = np.rint(np.median([item.offset_m for item in seen], axis=0) / OFFSET_UNIT_M).astype(int)
     rotation = Rotation.from_quat([item.rotation_xyzw for item in seen]).mean()
     return PartRow(seen[0].anchor.frame, (*offset.tolist(), *rotation_bins(rotation)), seen[0].gripper_open)

@@ -57,7 +57,8 @@ def positions_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ..
 
 
 def _in_words(shape: tuple[int | None, ...]) -> str:
-    lengths = ", ".join("T" if n is None else str(n) for n in shape)
+    letters = iter("TN")  # a length of its own for each unknown axis
+    lengths = ", ".join(next(letters) if length is None else str(length) for length in shape)
     return f"shape ({lengths}{',' if len(shape) == 1 else ''})"
 
 
