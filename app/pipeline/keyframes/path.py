@@ -1,7 +1,7 @@
-"""The way of the hand as a few poses in space, and how far it bends away from straight motion, or goes back on it.
+"""The path of the hand as a few poses, its deviation from straight motion, and the waypoints that approximate it.
 
-Distances are counted in tolerances: 1 is the tolerance in meters or the one in degrees, whichever is used up first.
-A stroke to and fro stays on one line, and is yet no single motion: straight motion gets on all the time.
+Distances are in units of the tolerances: 1 is the tolerance in meters or that in degrees, whichever is reached first.
+A reversal counts as a deviation, too: a stroke to and fro stays on one line, but is no single motion.
 After Automatic Waypoint Extraction (Shi et al. 2023, arXiv 2307.14326): as few waypoints as keep the recorded path
 within a tolerance of straight motion between them.
 """
@@ -20,14 +20,14 @@ from roboprompt_client.types.trajectory import Trajectory
 
 TOLERANCE_M = 0.01
 TOLERANCE_DEG = 15.0
-SPACING = 0.25  # of the poses that stand for a path, in tolerances
-MAX_POSES = 160  # that stand for a path; a longer one has wider spacing
-MAX_DEVIATION = 6.0  # deviations beyond count alike
-LOOK_AHEAD = 32
-NO_TURN = 0.05  # in tolerances
-TURNS = 10  # of the hand, in either sense
+SPACING = 0.25  # of the poses that represent a path, in tolerances
+MAX_POSES = 160  # that represent a path; a longer path has wider spacing
+MAX_DEVIATION = 6.0  # larger deviations are clipped
+LOOK_AHEAD = 32  # poses whose deviations are computed in one batch
+NO_TURN = 0.05  # rotations below this, in tolerances, are ignored
+TURNS = 10  # full turns of the hand in either direction that are unwound
 MOST_TURN_DEG = 150.0  # an arm turns by the shorter way, which noise decides near half a turn
-MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment a place on it says little about progress
+MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment progress is measured by path length
 
 Frames = npt.NDArray[np.int_]
 
@@ -39,8 +39,8 @@ class HandPath:
     Attributes:
         frames: (N,) ascending.
         positions: (N, 3) in tolerances.
-        rotation_vectors: (N, 3) from the first pose, in tolerances; they go on beyond half a turn.
-        most_turn: of one motion, in tolerances, where its sense matters; else infinite.
+        rotation_vectors: (N, 3) relative to the first pose, in tolerances; unwound beyond half a turn.
+        most_turn: largest turn of one motion, in tolerances, if its direction matters; else infinite.
     """
 
     frames: Frames
@@ -52,10 +52,10 @@ class HandPath:
     def between(
         cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float, *, held: bool
     ) -> "HandPath":
-        """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all.
+        """Return the hand's path from frame `first` to frame `last`; a rest is one pose.
 
         Args:
-            held: whether something is in the hand: it matters in which sense that is turned.
+            held: whether the hand holds something: then the direction of a turn matters.
         """
         part = slice(first, last + 1)
         positions: Array = trajectory.positions_m[part] / tolerance_m
@@ -69,7 +69,7 @@ class HandPath:
 
     @cached_property
     def deviations(self) -> Array:
-        """(N, N): how far the way from pose i to j is from straight motion between them; 0 for j <= i + 1."""
+        """(N, N): the deviation of the path from pose i to j from straight motion; 0 for j <= i + 1."""
         number = len(self.frames)
         found = np.full((number, number), MAX_DEVIATION)
         np.fill_diagonal(found, 0.0)
@@ -85,18 +85,18 @@ class HandPath:
 
     @cached_property
     def bend(self) -> float:
-        """How far the whole path is from straight motion from its first pose to its last."""
+        """The deviation of the whole path from straight motion from its first pose to its last."""
         last = len(self.frames) - 1
         return float(self._deviations_from(0, np.array([last]), self._traveled)[0]) if last > 1 else 0.0
 
     @property
     def turns_round(self) -> bool:
-        """Whether the hand turns by more than one motion can."""
+        """Whether the hand turns by more than one motion may."""
         return float(np.linalg.norm(self.rotation_vectors - self.rotation_vectors[0], axis=1).max()) > self.most_turn
 
     @property
     def _traveled(self) -> Array:
-        """(N,) the length of way to each pose."""
+        """(N,) the path length up to each pose."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
 
     @property
@@ -104,7 +104,7 @@ class HandPath:
         return np.concatenate([self.positions, self.rotation_vectors], axis=1)
 
     def _deviations_from(self, i: int, ends: Frames, traveled: Array) -> Array:
-        """(E,) of the segments from pose `i` to each of `ends`."""
+        """Return the deviations (E,) of the segments from pose `i` to each of `ends`."""
         between = np.arange(i + 1, ends[-1])
         way, gone = self.positions[ends] - self.positions[i], self.positions[between] - self.positions[i]
         length = np.einsum("ek,ek->e", way, way)[:, None]
@@ -136,13 +136,13 @@ def _squared_distances(gone: Array, progress: Array, way: Array) -> Array:
 
 
 def _gone_back(progress: Array) -> Array:
-    """(..., B) how far shares of a way are from the nearest that never go back: half of the way back."""
+    """Return (..., B): the distance of progress from the nearest monotonic one, half of each reversal."""
     back: Array = (np.maximum.accumulate(progress, axis=-1) - progress) / 2
     return back
 
 
 def fewest_waypoints(deviations: Array) -> list[int]:
-    """The fewest poses, the last among them, between which every deviation is at most 1; of equals the closest."""
+    """Return the fewest poses, with the last, that leave deviations of at most 1; of several the closest."""
     number = len(deviations)
     total = np.concatenate([[0.0], np.full(number - 1, np.inf)])
     before = np.zeros(number, dtype=int)
@@ -158,7 +158,7 @@ def fewest_waypoints(deviations: Array) -> list[int]:
 
 
 def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -> list[int]:
-    """Just `number` poses, the last among them, with the least sum of squared deviations and costs.
+    """Return exactly `number` poses, with the last, of the least sum of squared deviations and costs.
 
     Args:
         costs: (number, N) of each pose as each waypoint; None for no preference.
@@ -184,7 +184,7 @@ def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -
 
 
 def off_line_m(positions_m: Array) -> float:
-    """How far positions (N, 3) are at most from straight motion from the first to the last."""
+    """Return the largest distance of positions (N, 3) from straight motion from the first to the last."""
     way_m = positions_m[-1] - positions_m[0]
     gone_m = positions_m - positions_m[0]
     length_m2 = float(way_m @ way_m)
@@ -194,7 +194,7 @@ def off_line_m(positions_m: Array) -> float:
 
 
 def _unwound(vectors_rad: Array) -> Array:
-    """Rotation vectors (N, 3), each nearest to the one before of those that mean the same rotation."""
+    """Return the rotation vectors (N, 3) unwound: each the equivalent one that is nearest to the one before."""
     if len(vectors_rad) < 2 or np.linalg.norm(np.diff(vectors_rad, axis=0), axis=1).max() < math.pi:
         return vectors_rad
     found = vectors_rad.copy()
@@ -209,7 +209,7 @@ def _unwound(vectors_rad: Array) -> Array:
 
 
 def at_tips(positions_m: Array, first: int, frames: Sequence[int], tolerance_m: float) -> list[int]:
-    """The frames, those at which the hand turns back moved to where it turns: what it went there for is there.
+    """Return the frames with those near a reversal of the hand moved to the reversal itself, where the hand acts.
 
     Args:
         positions_m: (T, 3) of the hand.
@@ -230,14 +230,14 @@ def at_tips(positions_m: Array, first: int, frames: Sequence[int], tolerance_m: 
 
 
 def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
-    """How far the positions between are from the straight lines to and from `here`."""
+    """Return the largest distance of the positions from the straight lines to and from `here`."""
     return max(off_line_m(positions_m[before : here + 1]), off_line_m(positions_m[here : after + 1]))
 
 
 def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:
-    """Indices of poses at least `spacing` apart from the one before, the first and the last among them.
+    """Return the indices of poses at least `spacing` apart from the one before, with the first and the last.
 
-    Incomplete where they are more than `MAX_POSES`.
+    It stops at `MAX_POSES`.
     """
     poses = np.stack([positions.T, vectors.T])  # (2, 3, N): sums over three run along the last axis
     kept = [0]

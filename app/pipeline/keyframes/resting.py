@@ -1,6 +1,6 @@
-"""Whether a recording rests at its keyframes, as scripted demonstrations do, or hesitates, as people do.
+"""Decides whether a recording rests at its keyframes, as scripts do, hesitates, as people do, or flows.
 
-And how far the way through actions may leave the recorded one: what the hand lifts, or goes around.
+Also measures how far straight motion between actions leaves the recorded path, which may lift over or avoid things.
 """
 
 from collections.abc import Sequence
@@ -19,18 +19,18 @@ from roboprompt_client.types.poses import EndEffectorAction
 Manner = Literal["rests", "hesitates", "flows"]
 
 NEARBY_S = 0.1  # a switch this near to a rest happens in it
-MAX_RESTING = 0.5  # a recording that rests longer than it moves was made by a person who hesitates
-ON_THE_WAY = 0.2  # the share of keyframes that may lie on a straight way; one always may
+MAX_RESTING = 0.5  # a person hesitates in a recording with a larger share of rests
+ON_THE_WAY = 0.2  # share of keyframes that may lie on straight motion; one always may
 STRAIGHT = 1.5  # tolerances
-MAX_BENT = 0.25  # the share of grasps and releases that may be come to otherwise
-BENT = 0.15  # of its length: a way in joint space that bends more is no single motion
-WIDE, WINDING = 3.0, 0.3  # in tolerances, and of its length in joint space: a way that bends more has a corner
-LIFTED = 0.1  # the latter of a way on which something is carried: arms carry in lines, or at their joints' pace
-MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
+MAX_BENT = 0.25  # share of grasps and releases whose approach may not be straight
+BENT = 0.15  # of its length: a motion in joint space with a larger deviation is no single motion
+WIDE, WINDING = 3.0, 0.3  # in tolerances, and of the length in joint space: beyond both a motion has a corner
+LIFTED = 0.1  # the same as WINDING while something is carried
+MISSED_CORNERS = 0.5  # share of corners that may be passed without a rest; one always may
 CORNER_DEG = 60.0
-ARM_M, STEP_M = 0.03, 0.005  # a corner is recognized by the ways of this length before and after it
+ARM_M, STEP_M = 0.03, 0.005  # path length before and after a corner by which it is recognized; its resolution
 MIN_ARM_M = 0.01
-LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
+LEFT_M = 0.03  # farther from the recorded path the hand may hit what the demonstration avoided
 OFTEN_SHARE = 1 / 3  # of a plan's recordings
 
 
@@ -49,12 +49,12 @@ class _Way(NamedTuple):
 
 
 def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Manner:
-    """How a recording moves.
+    """Return how a recording moves.
 
-    `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
-    hand comes to it in a straight motion, corners are turned in rests, and (nearly) every rest is at a corner.
-    `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
-    `flows`: anything else, and an arm whose joints were not recorded.
+    `rests`: its rests are its keyframes, which `merged` finds. Every grasp and release happens in a rest after straight
+    motion, corners are at rests, and (nearly) every rest is at a corner.
+    `hesitates`: it rests within straight motion, or longer than it moves, as people do.
+    `flows`: anything else, and recordings without joints.
     """
     rests = motion.joint_speeds_rad_s < delta_rad_s
     if motion.trajectory.num_joints == 0 or not rests.any() or rests.all():
@@ -83,7 +83,7 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
 
 
 def _grasped(motion: Motion, frame: int) -> bool:
-    """Whether the hand closes where it is at a frame, staying there."""
+    """Return whether the hand closes at its position of a frame, without leaving it."""
     positions_m = motion.trajectory.positions_m
     stretches = [sorted((frame, switch.frame)) for switch in motion.acting_switches if not switch.opens]
     ways_m = [positions_m[first : last + 1] - positions_m[frame] for first, last in stretches]
@@ -91,21 +91,21 @@ def _grasped(motion: Motion, frame: int) -> bool:
 
 
 def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> bool:
-    """Whether a way is several motions: bent in space and in the joints, which leave moving in proportion.
+    """Return whether a motion consists of several: it bends in space and in joint space.
 
-    So is one that turns what is held by half a turn or more.
+    So does one that turns a held object by half a turn or more.
     """
     path = motion.path(way.first, way.last, TOLERANCE_M, TOLERANCE_DEG)
     return path.turns_round or (path.bend > most and _bend_in_joints(motion, way) > most_in_joints)
 
 
 def _bend(motion: Motion, first: int, last: int) -> float:
-    """How far the hand leaves straight motion, in tolerances."""
+    """Return the deviation of the hand from straight motion, in tolerances."""
     return motion.path(first, last, TOLERANCE_M, TOLERANCE_DEG).bend
 
 
 def _bend_in_joints(motion: Motion, way: _Way) -> float:
-    """How far the joints leave moving in proportion, as arms do on a free way, as a share of the length of the way."""
+    """Return the deviation of the joints from a straight line in joint space, as a share of its length."""
     moved = slice(way.first + 1, way.last + 1)
     steps_s = np.diff(motion.times_s[way.first : way.last + 1])[:, None]
     way_rad = np.cumsum(motion.trajectory.joint_velocities_rad_s[moved] * steps_s, axis=0)
@@ -116,7 +116,7 @@ def _bend_in_joints(motion: Motion, way: _Way) -> float:
 
 
 def _few_missed_corners(motion: Motion, rests: npt.NDArray[np.bool_]) -> bool:
-    """Whether most corners of the path are turned at rest."""
+    """Return whether most corners of the path are at rests."""
     positions_m = motion.trajectory.positions_m
     way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions_m, axis=0), axis=1))])
     corners_m = _corners_m(positions_m, way_m)
@@ -126,7 +126,7 @@ def _few_missed_corners(motion: Motion, rests: npt.NDArray[np.bool_]) -> bool:
 
 
 def _corners_m(positions_m: Array, way_m: Array) -> list[float]:
-    """Where the path turns sharply, by the length of way from the start."""
+    """Return the sharp corners of a path, each as the path length from the start."""
     steps_m = np.arange(0, way_m[-1], STEP_M)
     points_m = np.stack([np.interp(steps_m, way_m, axis) for axis in positions_m.T], axis=1)
     arm = round(ARM_M / STEP_M)
@@ -151,10 +151,10 @@ def _corners_m(positions_m: Array, way_m: Array) -> list[float]:
 
 
 def paths_left_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> tuple[float, ...]:
-    """The recorded positions' largest distance from straight motion to each action from the one before.
+    """Return for each action the largest distance of the recorded path from straight motion to it from the one before.
 
     Args:
-        actions: at frames of the recording, ascending; the first is come to from the first frame.
+        actions: at frames of the recording, ascending; motion to the first starts at the first frame.
     """
     found, before = [], 0
     positions_m = motion.trajectory.positions_m
@@ -167,10 +167,10 @@ def paths_left_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> tuple[
 
 
 def path_left_m(motion: Motion, manner: Manner, actions: Sequence[EndEffectorAction]) -> float:
-    """The largest distance that matters.
+    """Return the largest of `paths_left_m` that matters.
 
-    An arm that rests at its keyframes may go from one to the next as it likes; but who chooses poses chooses one just
-    before a grasp or a release, unless the way there is straight.
+    If a recording rests at its keyframes, the path between them is arbitrary, except the approach to a grasp or a
+    release.
 
     Args:
         manner: how the recording moves.
@@ -187,5 +187,5 @@ def path_left_m(motion: Motion, manner: Manner, actions: Sequence[EndEffectorAct
 
 
 def leave_path(left_m: Sequence[float]) -> bool:
-    """Whether more than a third of a plan's recordings are left by more than `LEFT_M`."""
+    """Return whether the actions leave more than a third of a plan's recordings by more than `LEFT_M`."""
     return sum(far_m > LEFT_M for far_m in left_m) > OFTEN_SHARE * len(left_m)

@@ -1,4 +1,4 @@
-"""What prompts show of demonstrations of several plans, scene by scene, and why; and what of them no prompt shows."""
+"""Chooses the demonstrations that a prompt shows, by the plan that fits the scene, with findings that explain it."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
@@ -21,19 +21,19 @@ from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_te
 from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.poses import ObjectPose
 
-MAX_WARMED = 4  # plans whose prompts a model reads beforehand
-FEW = 3  # demonstrations, from which on it is known what a row follows
+MAX_WARMED = 4  # plans whose prompts a model reads ahead
+FEW = 3  # least number of demonstrations that determine the anchor of a row
 MAX_USUAL_ROWS = 20
 COMMON_SHARE = 1 / 2
-LISTED = 5  # demonstrations that a sentence names
+LISTED = 5  # demonstrations that a message names
 
 
 @dataclass(frozen=True, eq=False)
 class PlanChoice:
-    """What a prompt shows.
+    """The demonstrations that a prompt shows.
 
     Attributes:
-        findings: why, and what is doubtful about it.
+        findings: the reasons of the choice, and doubts about it.
     """
 
     shown: tuple[Demonstration, ...]
@@ -41,10 +41,11 @@ class PlanChoice:
 
 
 class PlanChooser:
-    """Demonstrations with aligned rows, of which a prompt shows the plans that a scene calls for.
+    """Chooses among demonstrations with aligned rows.
 
-    Plans are chosen where like instructions name the same objects in the same order, and something in their scenes
-    parts their plans; otherwise every prompt shows the usual plan and others that are not rare.
+    The scene chooses the plan if equal instructions name the same objects in the same order and a quantity of the scene
+    separates their plans (`by_scene`); otherwise every prompt shows the most frequent plan and others that are not
+    rare.
     """
 
     def __init__(self, demonstrations: Sequence[Demonstration]) -> None:
@@ -53,20 +54,20 @@ class PlanChooser:
         self._found: dict[tuple[int, ...], PlanChoice] = {}
 
     def __call__(self, objects: Sequence[ObjectPose]) -> PlanChoice:
-        """What is shown in a scene; without objects the way with most demonstrations."""
+        """Return the choice for a scene; without objects that of the way with most demonstrations."""
         chosen = [_chosen(parted, objects) if objects else (_usual(parted)[0], []) for parted in self._parted]
         choice = self._of_ways(tuple(way for way, _ in chosen))
         return replace(choice, findings=(*(found for _, findings in chosen for found in findings), *choice.findings))
 
     def likely(self) -> list[PlanChoice]:
-        """What is shown in scenes of the ways with most demonstrations, those first."""
+        """Return the choices of the most frequent ways, most frequent first."""
         if not self._parted:
             return [self._of_ways(())]
         first, *others = self._parted
         return [self._of_ways((way, *(_usual(other)[0] for other in others))) for way in _usual(first)[:MAX_WARMED]]
 
     def _of_ways(self, ways: tuple[int, ...]) -> PlanChoice:
-        """What is shown of the ways that were chosen where something parts them; worked out once."""
+        """Return the choice for one way of each separated group; computed once."""
         if (found := self._found.get(ways)) is None:
             left_out = {d.id for d in self._never_shown}.union(
                 *(_not_of(way, parted) for way, parted in zip(ways, self._parted, strict=True))
@@ -77,7 +78,7 @@ class PlanChooser:
 
     @cached_property
     def _parted(self) -> list[Parting]:
-        """Of each form of instruction what parts its plans, where something does."""
+        """The separations of plans, one for each form of instruction that has one."""
         groups: dict[str, list[Demonstration]] = defaultdict(list)
         for demonstration in self._all:
             groups[demonstration.order.form].append(demonstration)
@@ -105,17 +106,17 @@ class PlanChooser:
 
 
 def _usual(parted: Parting) -> list[int]:
-    """The ways, those with most demonstrations first."""
+    """Return the ways, most frequent first."""
     return [way for way, _ in Counter(parted.ways.tolist()).most_common()]
 
 
 def _not_of(way: int, parted: Parting) -> set[str]:
-    """The ids of demonstrations that do it in another way."""
+    """Return the ids of the demonstrations of other ways."""
     return {d.id for d, other in zip(parted.demonstrations, parted.ways, strict=True) if other != way}
 
 
 def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[Finding]]:
-    """The way of the demonstration that is most like the scene, and what to say of it."""
+    """Return the way of the most similar demonstrated scene, and findings about it."""
     quantity, apart = parted.quantity, parted.from_scene(objects)
     way = int(parted.ways[apart.argmin()])
     own = parted.ways == way

@@ -1,4 +1,4 @@
-"""Rows of one plan over its demonstrations: what each follows, where it lies around, and how far it scatters."""
+"""Rows of one plan: the anchor, the robust mean and the scatter of each action over the plan's demonstrations."""
 
 import math
 from collections.abc import Sequence
@@ -14,22 +14,22 @@ from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
 from roboprompt_client.types.arrays import Array
 
-HUBER = 1.5  # in robust standard deviations: what is farther from the center counts less
+HUBER = 1.5  # in robust standard deviations: residuals beyond it get less weight
 ITERATIONS = 5
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
 TOLERANCE_SHARE = 0.9  # the share of the demonstrations that lie within a row's tolerance
 MARGIN_M = 0.03  # beyond the farthest demonstration, within which an action is supported
 MARGIN_DEG = 20.0
-BEYOND_NOISE_M = 0.08  # twice what rows scatter by where the noise of poses is twice the paper's
-CLOSER = 0.5  # times the scatter of a row, from which on a later one keeps to something
-WAY_SHARE = 1 / 3  # of the demonstrations: what more of them do is a way of doing it, not a slip
-LOW_M = 0.03  # a way that is as level has no lowest place
-LOWEST_M = 0.01  # above the lowest place a hand is there
+BEYOND_NOISE_M = 0.08  # twice the scatter of rows under twice the paper's noise of poses
+CLOSER = 0.5  # share of a row's scatter below which a later row is clearly more consistent
+WAY_SHARE = 1 / 3  # a larger share of the demonstrations is another way, not outliers
+LOW_M = 0.03  # a path with a smaller range of heights has no lowest row
+LOWEST_M = 0.01  # rows within this of the lowest count as lowest
 TURNS_BACK = -0.5  # cosine of the angle between coming and going
-LEG_M = 0.02  # shorter ways have no direction
-TILTED_DEG = 30.0  # a hand that turns by more than this and turns back pours
-ASIDE_M = 0.06  # from where something was grasped: nearer it is only lifted
+LEG_M = 0.02  # shorter motions have no direction
+TILTED_DEG = 30.0  # a hand that turns by more and turns back pours
+ASIDE_M = 0.06  # horizontal distance from a grasp within which an object is only lifted
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +37,13 @@ class PlanRow:
     """One action of a plan.
 
     Attributes:
-        anchors: what it is relative to, in each demonstration.
+        anchors: the anchor of each demonstration.
         offsets_m: (N, 3) relative to the anchors, along their axes.
         rotations: N, from the anchors' axes.
         center_m: (3,) the robust center of the offsets.
         mean_rotation: of the rotations.
         gripper_open: what the gripper does there in most.
-        grippers: everything that it does there.
+        grippers: all states that the gripper has there.
         positions_m: (N, 3) of the hand in the world frame.
         hands: N, its rotations there.
     """
@@ -72,33 +72,33 @@ class PlanRow:
 
     @cached_property
     def scatter_m(self) -> float:
-        """How far the median demonstration is from the center."""
+        """The median distance of the demonstrations from the center."""
         return float(np.median(self.off_m))
 
     @cached_property
     def way_off_m(self) -> float:
-        """How far from the center more than a third of the demonstrations are at least: they do it another way."""
+        """The distance from the center that more than a third of the demonstrations exceed, as in two ways."""
         return _of_a_way(self.off_m)
 
     @property
     def unturned(self) -> "PlanRow":
-        """The row as if it did not matter how the hand is turned."""
+        """The row with the hand's rotations ignored."""
         as_it_is = Rotation.identity()
         return replace(self, rotations=Rotation.concatenate([as_it_is] * len(self.anchors)), mean_rotation=as_it_is)
 
     @property
     def center_off_m(self) -> float:
-        """How far the center is likely to be from that of very many demonstrations."""
+        """The standard error of the center."""
         return self.scatter_m / math.sqrt(len(self.off_m))
 
     @cached_property
     def tolerance(self) -> tuple[float, float]:
-        """Within how many meters and degrees of the center most demonstrations lie."""
+        """The distances from the center, in meters and degrees, within which most demonstrations lie."""
         return float(np.quantile(self.off_m, TOLERANCE_SHARE)), float(np.quantile(self.off_deg, TOLERANCE_SHARE))
 
     @cached_property
     def reach(self) -> tuple[float, float]:
-        """Within how many meters and degrees of the center an action is supported."""
+        """The distances from the center, in meters and degrees, within which an action is supported."""
         return float(self.off_m.max()) + MARGIN_M, float(self.off_deg.max()) + MARGIN_DEG
 
     @cached_property
@@ -109,17 +109,17 @@ class PlanRow:
 
 
 def _of_a_way(off: Array) -> float:
-    """What more than a third of some distances are at least."""
+    """Return the distance that more than a third of the distances (N,) reach."""
     return float(np.sort(off)[-1 - int(WAY_SHARE * len(off))])
 
 
 def plan_rows(
     group: Sequence[Demonstration], written: Sequence[Demonstration] = (), *, beyond_objects: bool = True
 ) -> tuple[PlanRow, ...]:
-    """The rows of demonstrations that have equally many actions and do the same.
+    """Return the rows of demonstrations of one plan, which have equally many actions.
 
     Args:
-        written: the same as a prompt shows them, which then decide what each row is relative to.
+        written: the same as a prompt shows them, which then decide the anchors.
     """
     tilted = tilted_objects(group)
     chosen = choose_anchors(written or group, tilted, beyond_objects=beyond_objects)
@@ -139,7 +139,7 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: froze
 
 
 def robust_center(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
-    """The center of poses with normal scatter and a few odd ones: Huber's estimate from the median.
+    """Return the robust mean of poses with outliers: Huber's estimate, which starts at the median.
 
     Args:
         offsets_m: (N, 3).
@@ -159,24 +159,24 @@ def robust_center(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
 
 
 def acting_rows(plan: Sequence[PlanRow]) -> list[int]:
-    """The rows in which the hand acts on something, itself or with what it holds."""
+    """Return the rows in which the hand acts on something, itself or with the held object."""
     return sorted({*touching_rows(plan), *_carried_rows(plan)})
 
 
 def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
-    """The rows in which the hand itself acts on something.
+    """Return the rows in which the hand itself acts on something.
 
-    Where the gripper switches; where none does, as when a button is pressed, where the hand is lowest or turns back;
-    every row of a way that has nothing of the kind.
+    These are the rows in which the gripper switches; without any, as when a button is pressed, those in which the hand
+    is lowest or reverses; without these every row.
     """
     return _switches(plan) or _tips(plan) or list(range(len(plan)))
 
 
 def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
-    """The rows in which the hand does something with what it holds, as with a cup, a hammer or a sponge.
+    """Return the rows in which the hand acts with the held object, as with a cup, a hammer or a sponge.
 
-    Where it goes back where it came from, though not down again, or turns and turns back; of what it never lets go also
-    where that is lowest.
+    There it reverses (and is not merely lifted), or turns and turns back; with an object that is never released also
+    where it is lowest.
     """
     switches = _switches(plan)
     found: set[int] = set()
@@ -191,7 +191,7 @@ def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
 
 
 def turn_off_deg(plan: Sequence[PlanRow], k: int) -> float:
-    """How much more or less than in the median demonstration the hand turns to row `k` in more than a third of them."""
+    """Return how much the turn to row `k` differs from the median in more than a third of the demonstrations."""
     turned_deg = _turned_deg(plan[k - 1], plan[k])
     return _of_a_way(np.abs(turned_deg - np.median(turned_deg)))
 
@@ -210,19 +210,19 @@ def _height_m(row: PlanRow) -> float:
 
 
 def _strikes(plan: Sequence[PlanRow], k: int) -> bool:
-    """Whether the hand comes from where it goes next, and is not merely lifted here."""
+    """Return whether the hand reverses in row `k`, and is not merely lifted."""
     return _goes_back(plan, k) and _height_m(plan[k]) < max(_height_m(plan[j]) for j in (k - 1, k + 1)) + LOW_M
 
 
 def _tilts(plan: Sequence[PlanRow], k: int) -> bool:
-    """Whether the hand is turned here otherwise than before, and turns back afterwards."""
+    """Return whether the hand turns towards row `k` and turns back after it."""
     before, here, after = plan[k - 1 : k + 2]
     least_deg = float(np.median([_turned_deg(before, here), _turned_deg(here, after)], axis=1).min())
     return least_deg > TILTED_DEG and float(np.median(_turned_deg(before, after))) < least_deg
 
 
 def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
-    """Whether the hand comes from where it goes next."""
+    """Return whether the hand reverses its direction in row `k`."""
     coming_m, going_m = (plan[j + 1].positions_m - plan[j].positions_m for j in (k - 1, k))
     lengths_m = np.linalg.norm(coming_m, axis=1) * np.linalg.norm(going_m, axis=1)
     cosines = np.einsum("nx,nx->n", coming_m, going_m) / np.maximum(lengths_m, LEG_M**2)
@@ -232,8 +232,8 @@ def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
 def _switches(plan: Sequence[PlanRow]) -> list[int]:
     """Return the rows in which the gripper acts.
 
-    People also close an empty hand on the way, wherever it is: then it switches only once, away from objects, and comes
-    later to something that it keeps to more closely.
+    A person may also close an empty hand on the way. Such a switch is the only one, away from objects, and a later row
+    is clearly more consistent; it does not count.
     """
     switches = [k for k in range(1, len(plan)) if plan[k - 1].grippers != plan[k].grippers]
     if len(switches) > 1:
@@ -252,9 +252,9 @@ def _at_object(row: PlanRow) -> bool:
 
 
 def _tips(plan: Sequence[PlanRow]) -> list[int]:
-    """The rows in which the hand is lowest, and those in which it goes back where it came from.
+    """Return the rows in which the hand is lowest, and those in which it reverses.
 
-    Not where it goes back on the way to a lowest place that it keeps to more closely.
+    A reversal before a lowest row that is clearly more consistent does not count.
     """
     if not plan:
         return []
