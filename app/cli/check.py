@@ -54,9 +54,8 @@ def show(answer: Document, console: Console) -> None:
     """Print an answer of `GET /tasks/{name}/check`, for people."""
     checked, number = answer["num_checked"], answer["num_episodes"]
     of_all = f"{number}" if checked == number else f"{checked} of {number}"
-    console.print(
-        f"[bold]{escape(answer['task'])}[/]: {of_all} demonstration{'s' if number != 1 else ''}, keyframes by {answer['rule']}"
-    )
+    of_all += " demonstration" if number == 1 else " demonstrations"
+    console.print(f"[bold]{escape(answer['task'])}[/]: {of_all}, keyframes by {answer['rule']}")
     for finding in answer["findings"]:
         color = COLORS[finding["severity"]]
         console.print(f"\n[{color}]{finding['severity']}[/] [bold]{finding['code']}[/]", highlight=False)

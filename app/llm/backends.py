@@ -108,11 +108,10 @@ def _provider_profile(name: str, description: str = "") -> ModelProfile:
 
 
 _PROVIDERS_MODELS = {
-    # the paper's tables: mean success over 16 RLBench tasks
     "openai": {
-        "gpt-4-turbo": "The paper's main model (51.8 %)",
-        "gpt-4o": "The best of the paper's comparison (56.3 %)",
-        "gpt-4o-mini": "44.8 % in the paper",
+        "gpt-4-turbo": "The paper's main model (51.8 % of 16 RLBench tasks)",
+        "gpt-4o": "The best of the paper's comparison (56.3 % of 16 RLBench tasks)",
+        "gpt-4o-mini": "44.8 % of 16 RLBench tasks in the paper",
     },
     "anthropic": {
         "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
