@@ -72,7 +72,6 @@ NAVIGATION = (
 
 # Equal for equal files, so that scripts that import each other stay of one version.
 _CONTENT = b"".join(f"\0{path.name}\0".encode() + path.read_bytes() for path in sorted(FOLDER.iterdir()))
-SWAGGER_ADDRESS = "/ui/swagger"
 STATIC_ADDRESS = f"/ui/static/{hashlib.sha256(_CONTENT).hexdigest()[:12]}"
 
 
@@ -87,7 +86,7 @@ def serve_assets(app: FastAPI) -> None:
     """Let `app` serve them and Swagger UI's under `/ui`, and the documentation at `/docs/guide`."""
     if SITE.is_dir():
         app.mount(GUIDE.rstrip("/"), StaticFiles(directory=SITE, html=True), name="guide")
-    app.mount(SWAGGER_ADDRESS, StaticFiles(packages=[("fastapi_offline", "static")]), name="swagger")
+    app.mount("/ui/swagger", StaticFiles(packages=[("fastapi_offline", "static")]), name="swagger")
     app.mount(STATIC_ADDRESS, _Immutable(directory=FOLDER), name="ui-static")
 
 
@@ -178,7 +177,7 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
     """The page that `template` makes of `shown`."""
     # Behind a proxy the service may live below a path of its host.
     root = request.scope.get("root_path", "")
-    places = {"root": root, "static": root + STATIC_ADDRESS, "swagger": root + SWAGGER_ADDRESS, "here": request.url.path}
+    places = {"root": root, "static": root + STATIC_ADDRESS, "here": request.url.path}
     html = _ENVIRONMENT.get_template(template).render(**places, may_log_out=COOKIE in request.cookies, **shown)
     return HTMLResponse(html, status_code, HEADERS)
 

@@ -34,6 +34,7 @@ from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
 from app.services.scene_images import overlay_of_episode, overlay_of_prediction
+from app.services.teach import learn
 from app.services.teach.labels import LabelDraft
 from app.store import labels
 from app.store.blobs import BlobStore
@@ -179,9 +180,17 @@ async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLab
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` in the model says which views
     did not fit, and why.
     """
-    how = {"yaw_may_be_unknown": body.yaw_may_be_unknown, "dry_run": body.dry_run}
-    learn = partial(services.learn_from_labels, name, body.object, body.symmetric, **how)
-    model = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
+    learning = partial(
+        learn.learn_from_labels,
+        services.store,
+        services.configure_task,
+        name,
+        body.object,
+        body.symmetric,
+        yaw_may_be_unknown=body.yaw_may_be_unknown,
+        dry_run=body.dry_run,
+    )
+    model = await anyio.to_thread.run_sync(learning, limiter=services.teaching)
     if not body.dry_run:
         services.prefix_warmer.changed(name)
     number = len(model["views"])
