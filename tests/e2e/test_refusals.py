@@ -188,11 +188,6 @@ def test_body_without_length_is_limited_too(http):
     assert response.status_code == 413
 
 
-def test_unknown_address_and_method(http):
-    assert http.get("/nowhere").json()["status"] == 404
-    assert http.delete("/predict").json()["status"] == 405
-
-
 def test_jpeg_that_is_cut_off(http, task):
     jpeg = cv2.imencode(".jpg", RGB)[1].tobytes()[:-40]
     document = {**metadata(task, {"cube": PLACE_M}), "cameras": [camera()]}
@@ -219,15 +214,6 @@ def test_a_value_of_a_wrong_type_is_answered_with_what_is_valid(http, task):
         "seed": ("is 1.5", "a whole number"),
         "dry_run": ("is 'yes'", "true or false"),
     }
-
-
-def test_a_correction_with_a_key_twice_is_refused(http, task):
-    episode = http.get("/episodes", params={"task": task}).json()["episodes"][0]
-    twice = b'{"left_out": false, "left_out": true}'
-    headers = {"content-type": "application/json"}
-    response = http.patch(f"/episodes/{episode['id']}", content=twice, headers=headers)
-    assert (response.status_code, "appears twice" in response.json()["detail"]) == (400, True)
-    assert not http.get(f"/episodes/{episode['id']}").json()["left_out"]
 
 
 def test_head_is_answered_as_get_without_a_body(http):
