@@ -60,6 +60,7 @@ CASES = {
     "object position NaN": (objects({"name": "cube", "position": [0, 0, float("nan")]}), "objects[0].position[2]"),
     "object name breaks the prompt": (objects({"name": "}>[[", "position": [0, 0, 1]}), "objects.name"),
     "instruction of two lines": ({"document": {"instruction": "go\nhome"}}, "instruction"),
+    "first instruction of two lines": ({"document": {"uploaded_instruction": "go\nhome"}}, "uploaded_instruction"),
     "extra with NaN": ({"document": {"extra": {"score": float("nan")}}}, "extra"),
     "misspelled field": ({"document": {"instructions": "go"}}, "instructions"),
     "no instruction": ({"document": {"instruction": None}}, "instruction"),
@@ -111,6 +112,11 @@ def test_predict_refused(http, task, change, status, said):
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     assert said in response.text
+
+
+def test_an_empty_idempotency_key_is_refused(http):
+    """It would be the same key for every request of a client that has none to send."""
+    refused(http.post("/predict", json=PREDICT, headers={"Idempotency-Key": ""}), "idempotency-key")
 
 
 def test_rotation_that_the_demonstrations_have_is_missing(http):

@@ -27,7 +27,7 @@ from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.camera import Camera
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_instruction, checked_name
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
@@ -60,6 +60,8 @@ class Upload:
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
+        if self.uploaded_instruction is not None:
+            checked_instruction("uploaded_instruction", self.uploaded_instruction)
         if not self.alike:
             objects, alike = numbered_queries(self.objects)
             settle(self, objects=objects, alike=alike)
