@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import AsJson, Url, counted, if_there
+from app.cli.shared import AsJson, Url, check_names, counted, if_there, refusals_said
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
@@ -164,19 +164,15 @@ def import_data(
     A damaged file is named and skipped; the exit status is 1 if anything could not be imported. Files are read by
     a process of its own, within limits of memory and time.
     """
-    if form is not None and form not in FORMATS:
-        raise typer.BadParameter(f"{form!r} is not one of {', '.join(FORMATS)}", param_hint="--format")
+    check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
-    try:
+    with refusals_said():
         known = KnownObjects() if objects is None else read_objects(objects)
         changes = read_changes(mapping, tuple(feature or ()))
         cameras = None if camera is None else tuple(camera)
         limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
         with open_apart(path, ImportOptions(task, instruction, known, cameras, changes, limits), form) as dataset:
             summary = _import(dataset, None if dry_run else url, console)
-    except (DatasetError, InvalidInputError) as error:
-        console.print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
     _report(console, summary)
     if as_json:
         print(json.dumps(summary))  # noqa: T201
