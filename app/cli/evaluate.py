@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from app.cli.evaluate_options import EvaluateOptions
-from app.cli.shared import check_models, check_names, check_service, progress_bars, refusals_said
+from app.cli.shared import check_models, check_names, progress_bars, refusals_said, service_at
 
 if TYPE_CHECKING:
     from app.evaluation.sweep_run import SweepResult
@@ -32,7 +32,8 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
     console = Console(stderr=asked.as_json)
     run = sweep_of(asked)
     if asked.url is not None:
-        check_service(asked.url)
+        with service_at(asked.url) as client:
+            client.ping()
     check_models(asked.model or (), asked.url)
     with refusals_said(), progress_bars(console, PACE_S) as progress:
         result = run(progress)

@@ -61,12 +61,6 @@ def check_models(names: Sequence[str], url: str | None = None) -> None:
             raise typer.BadParameter(reason, param_hint="--model")
 
 
-def check_service(url: str) -> None:
-    """End the command with one line unless the service answers at `url`."""
-    with service_at(url) as client:
-        client.ping()
-
-
 @contextmanager
 def service_at(url: str) -> Iterator[RoboPromptClient]:
     """Yield a client of the service. An error inside is printed in a sentence, and the exit status is 1."""

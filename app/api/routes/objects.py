@@ -136,12 +136,11 @@ async def preview_label(request: Request, services: Wired, name: str) -> Respons
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         draft = await decode(_draft, name, body, services.limits)
-        preview = await run_in_threadpool(services.label_objects.preview, draft)
+        masks, yaw_deg = await run_in_threadpool(services.label_objects.preview, draft)
     cameras = [
-        {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)}
-        for camera, mask in preview.masks.items()
+        {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)} for camera, mask in masks.items()
     ]
-    return JSONResponse({"cameras": cameras, "yaw_deg": preview.yaw_deg})
+    return JSONResponse({"cameras": cameras, "yaw_deg": yaw_deg})
 
 
 @router.get(PATH, tags=LABELS, response_model=LabelList, responses=problems(_404="no such task"))
