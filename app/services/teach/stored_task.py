@@ -26,7 +26,7 @@ from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
-from app.services.teach.room import FIRST
+from app.services.teach.workspace import FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
 from app.store.values import JsonObject

@@ -17,8 +17,8 @@ from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract
-from app.services.teach.room import room_findings, uploaded
 from app.services.teach.stored_task import StoredTask, check_objects, numbered_instruction
+from app.services.teach.workspace import uploaded, workspace_findings
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeFields
@@ -133,7 +133,7 @@ class _Extracted:
         if not draft.left_out:
             box = uploaded(box, draft, task.first)
         settings = self.settings.within(box)
-        findings = (*room_findings(box, draft, task.first), *self.findings)
+        findings = (*workspace_findings(box, draft, task.first), *self.findings)
         answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in findings]}
         return settings.model_dump(mode="json"), answer
 
