@@ -18,7 +18,7 @@ HEALTH = frozenset({"/healthz", READY})
 LOGIN, LOGOUT = "/ui/login", "/ui/logout"
 # They hold no data: the way in, and what the pages are drawn with.
 OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico", GUIDE.rstrip("/")}
-OPEN_BELOW = ("/ui/static/", "/static-offline-docs/", GUIDE)
+OPEN_BELOW = ("/ui/static/", "/ui/swagger/", GUIDE)
 _NAME = r"[^/]+"
 _RULES = tuple(
     (method, re.compile(path), frozenset(scopes))

@@ -6,7 +6,6 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
-from fastapi_offline import FastAPIOffline
 from pydantic.json_schema import models_json_schema
 
 from app.api.access import Access, AccessControl
@@ -71,12 +70,13 @@ def create_app(open_services: OpenServices, version: str, body_limits: BodyLimit
             app.state.services = services
             yield
 
-    app = FastAPIOffline(
+    app = FastAPI(
         title="RoboPrompt",
         version=version,
         description=DESCRIPTION,
         openapi_tags=TAGS,
         lifespan=lifespan,
+        docs_url=None,  # a page of `app.web`
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
     )

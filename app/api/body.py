@@ -1,6 +1,8 @@
 """Request bodies -> metadata and named parts, whether multipart, JSON or MessagePack; nothing is interpreted yet."""
 
 import base64
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -35,6 +37,13 @@ class Body:
 
     document: dict[str, Any]
     parts: Mapping[str, bytes]
+
+    def digest(self) -> str:
+        """SHA-256 of the content, whatever multipart boundary or key order it came with."""
+        digest = hashlib.sha256(json.dumps(self.document, sort_keys=True).encode())
+        for name in sorted(self.parts):
+            digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.parts[name]).digest())
+        return digest.hexdigest()
 
 
 async def read_body(request: Request, *, packed: bool = False) -> Body:

@@ -22,8 +22,8 @@ _PLAIN_ID = re.compile(rb"[\w.-]{1,64}")
 METHODS = frozenset(HTTPMethod)
 _CSP = b"content-security-policy"
 _NOTHING = b"default-src 'none'; frame-ancestors 'none'"
-# The pages of Swagger UI and of the guide start by an inline script, and set styles.
-_DOCUMENTATION = (
+# The pages of the guide start by an inline script, and set styles.
+_GUIDE = (
     b"default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
     b"font-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
@@ -93,7 +93,7 @@ def _observe(scope: Scope, status: int, seconds: float) -> None:
 def _completed(headers: list[tuple[bytes, bytes]], scope: Scope) -> list[tuple[bytes, bytes]]:
     """Return `headers` (lower-case names, as in ASGI) with the missing security headers added."""
     present = {name for name, _ in headers}
-    policy = (_CSP, _DOCUMENTATION if scope["path"].endswith("/docs") or GUIDE in scope["path"] else _NOTHING)
+    policy = (_CSP, _GUIDE if GUIDE in scope["path"] else _NOTHING)
     return [*headers, *(item for item in (*_HEADERS, policy) if item[0] not in present)]
 
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from app.cli.shared import AsJson, check_models, check_names
+from app.cli.shared import AsJson, check_models, check_names, progress_bars
 
 if TYPE_CHECKING:
     from app.evaluation.results import Evaluation
@@ -66,8 +65,7 @@ def demo(
     arm = {"arm": "panda", "robot_base": BASE_POSITION_M}
     world = Panda(robot=robot)
     plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, world, images=True, settings=arm)
-    columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
+    with progress_bars(console) as progress:
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
     console.print(

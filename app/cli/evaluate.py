@@ -2,18 +2,16 @@
 
 import inspect
 import json
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from app.cli.evaluate_options import EvaluateOptions
-from app.cli.shared import check_models, check_names, check_service
+from app.cli.shared import check_models, check_names, progress_bars, refusals_said, service_at
 
 if TYPE_CHECKING:
-    from app.evaluation.sweep_run import SweepResult, SweepRun
+    from app.evaluation.sweep_run import SweepResult
 
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
 MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
@@ -34,9 +32,11 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
     console = Console(stderr=asked.as_json)
     run = sweep_of(asked)
     if asked.url is not None:
-        check_service(asked.url)
+        with service_at(asked.url) as client:
+            client.ping()
     check_models(asked.model or (), asked.url)
-    result = _result(run, _progress(console), console)
+    with refusals_said(), progress_bars(console, PACE_S) as progress:
+        result = run(progress)
     _tell(console, result, asked)
     if asked.as_json:
         plan = run.plan
@@ -52,17 +52,6 @@ evaluate.__signature__ = inspect.signature(EvaluateOptions)  # type: ignore[attr
 evaluate.__annotations__ = get_type_hints(EvaluateOptions, include_extras=True)
 
 
-def _result(run: "SweepRun", progress: Progress, console: Console) -> "SweepResult":
-    from roboprompt_client.errors import RoboPromptError
-
-    try:
-        with progress:
-            return run(progress)
-    except (RoboPromptError, ConnectionError) as error:
-        _say(console, [str(error)])
-        raise typer.Exit(1) from error
-
-
 def _tell(console: Console, result: "SweepResult", asked: EvaluateOptions) -> None:
     from app.evaluation.scores import errors_of
     from app.evaluation.tables import results_table
@@ -70,19 +59,5 @@ def _tell(console: Console, result: "SweepResult", asked: EvaluateOptions) -> No
     console.print(results_table(result.evaluation))
     errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", asked.command]
-    _say(console, [f"results: {asked.folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])
-
-
-def _say(console: Console, lines: Sequence[str]) -> None:
+    lines = [f"results: {asked.folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])]
     console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
-
-
-def _progress(console: Console) -> Progress:
-    columns = (
-        TextColumn("{task.description:<15}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=console, speed_estimate_period=PACE_S)

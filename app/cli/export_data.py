@@ -12,14 +12,12 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from app.cli.shared import AsJson, Url, check_service, counted, every, if_there
+from app.cli.shared import AsJson, Url, counted, every, if_there, service_at
 from app.datasets.archive import write_archive
-from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.parcel import Parcel
 from app.services.task_settings import TaskSettings
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 PAGE = 200
 _IMAGES = ("rgb", "depth", "mask")
@@ -75,26 +73,20 @@ def export_data(
     targets = {name: path for name, path in wanted.items() if path is not None}
     if not targets:
         raise typer.BadParameter("name --archive, --lerobot or both", param_hint="--archive")
-    check_service(url)
-    try:
-        with RoboPromptClient(url) as client:
-            settings, ids = task_settings(client, task), episode_ids(client, task)
-            writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
-                "archive": lambda path, parcels: write_archive(path, task, settings, parcels),
-                "lerobot": write_lerobot,
-            }
-            shown = episode_ids(client, task, left_out=False) if "lerobot" in targets else ids
-            for name, path in targets.items():
-                sent = shown if name == "lerobot" else ids  # policies are trained on what LeRobot reads
-                parcels = counted(download(client, sent), len(sent), f"exporting to {name}", console)
-                number = writers[name](path, parcels)
-                out = f" without {len(ids) - number} that are left out of prompts" if number < len(ids) else ""
-                console.print(
-                    f"{path}: {number} episodes of {task}{out}", markup=False, highlight=False, soft_wrap=True
-                )
-    except (DatasetError, ServiceProblemError, ServiceUnreachableError) as error:
-        console.print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+    with service_at(url) as client:
+        client.ping()
+        settings, ids = task_settings(client, task), episode_ids(client, task)
+        writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
+            "archive": lambda path, parcels: write_archive(path, task, settings, parcels),
+            "lerobot": write_lerobot,
+        }
+        shown = episode_ids(client, task, left_out=False) if "lerobot" in targets else ids
+        for name, path in targets.items():
+            sent = shown if name == "lerobot" else ids  # policies are trained on what LeRobot reads
+            parcels = counted(download(client, sent), len(sent), f"exporting to {name}", console)
+            number = writers[name](path, parcels)
+            out = f" without {len(ids) - number} that are left out of prompts" if number < len(ids) else ""
+            console.print(f"{path}: {number} episodes of {task}{out}", markup=False, highlight=False, soft_wrap=True)
     if as_json:
         written = {name: str(path) for name, path in targets.items()}
         print(json.dumps({"task": task, "episodes": len(shown if targets.keys() == {"lerobot"} else ids), **written}))  # noqa: T201

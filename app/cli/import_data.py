@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import AsJson, Url, counted, if_there
+from app.cli.shared import AsJson, Url, check_names, counted, if_there, refusals_said
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
@@ -24,8 +24,7 @@ from roboprompt_client.errors import InvalidInputError, ServiceProblemError, Ser
 from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 
 Status = Literal["imported", "already_there", "damaged", "refused"]
-READERS = 2  # threads that read ahead of the upload
-AHEAD = 4  # episodes that wait in memory at most
+AHEAD = 4  # episodes that are read before they are uploaded, and wait in memory
 _MEDIA_TYPE = "application/octet-stream"
 MAX_SHOWN = 10  # reasons on the terminal; --json has all
 INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
@@ -83,13 +82,13 @@ def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
 
 
 def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], Result]) -> Iterator[Result]:
-    with ThreadPoolExecutor(READERS) as readers:
+    with ThreadPoolExecutor(1) as reader:
         waiting: deque[tuple[Entry, Future[Parcel]]] = deque()
         entries = iter(dataset.entries)
         try:
             while True:
                 while len(waiting) < AHEAD and (entry := next(entries, None)) is not None:
-                    waiting.append((entry, readers.submit(entry.read)))
+                    waiting.append((entry, reader.submit(entry.read)))
                 if not waiting:
                     return
                 entry, reading = waiting.popleft()
@@ -100,7 +99,7 @@ def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], Result]) -> Iterat
                 except InvalidInputError as error:
                     yield Result(entry.name, "refused", str(error))
         finally:
-            readers.shutdown(cancel_futures=True)
+            reader.shutdown(cancel_futures=True)
 
 
 def _send(client: RoboPromptClient, entry: Entry, parcel: Parcel) -> Result:
@@ -163,21 +162,17 @@ def import_data(
     """Import a dataset. Episodes that are there already are skipped: the same command again continues where it stopped.
 
     A damaged file is named and skipped; the exit status is 1 if anything could not be imported. Files are read by
-    processes of their own, within limits of memory and time.
+    a process of its own, within limits of memory and time.
     """
-    if form is not None and form not in FORMATS:
-        raise typer.BadParameter(f"{form!r} is not one of {', '.join(FORMATS)}", param_hint="--format")
+    check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
-    try:
+    with refusals_said():
         known = KnownObjects() if objects is None else read_objects(objects)
         changes = read_changes(mapping, tuple(feature or ()))
         cameras = None if camera is None else tuple(camera)
         limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
         with open_apart(path, ImportOptions(task, instruction, known, cameras, changes, limits), form) as dataset:
             summary = _import(dataset, None if dry_run else url, console)
-    except (DatasetError, InvalidInputError) as error:
-        console.print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
     _report(console, summary)
     if as_json:
         print(json.dumps(summary))  # noqa: T201

@@ -33,7 +33,7 @@ EnvFile = Annotated[
 ]
 T = TypeVar("T")
 REQUIREMENT = re.compile(r"([\w.-]+)[^;]*;.*extra == ['\"]([\w-]+)['\"]")
-PACE_S = 60.0  # the time left follows from the pace of the last minute
+PACE_S = 60.0
 
 
 def check_names(option: str, given: Sequence[str], known: Collection[str]) -> None:
@@ -59,12 +59,6 @@ def check_models(names: Sequence[str], url: str | None = None) -> None:
     for name in dict.fromkeys(names):
         if (reason := _why_not(name) if url is None else _why_not_there(name, url)) is not None:
             raise typer.BadParameter(reason, param_hint="--model")
-
-
-def check_service(url: str) -> None:
-    """End the command with one line unless the service answers at `url`."""
-    with service_at(url) as client:
-        client.ping()
 
 
 @contextmanager
@@ -151,10 +145,16 @@ def opened_store(data: Path | None, env_file: Path | None) -> "Iterator[Store]":
         yield store
 
 
+def progress_bars(console: Console, pace_s: float = PACE_S) -> Progress:
+    """Bars that count; the time left follows from the pace of the last `pace_s` seconds."""
+    described = TextColumn("{task.description:<30}")
+    columns = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, speed_estimate_period=pace_s)
+
+
 def counted(items: Iterable[T], total: int, doing: str, console: Console) -> Iterator[T]:
     """Yield the items while a progress bar counts them."""
-    columns = (TextColumn(doing), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, speed_estimate_period=PACE_S) as progress:
+    with progress_bars(console) as progress:
         bar = progress.add_task(doing, total=total)
         for item in items:
             yield item

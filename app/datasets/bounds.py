@@ -35,6 +35,7 @@ class DamagedError(DatasetError):
 
     def __init__(self, file: object, reason: object) -> None:
         super().__init__(f"{file}: {reason}")
+        self.file, self.reason = str(file), str(reason)
 
 
 @dataclass(frozen=True)

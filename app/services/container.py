@@ -22,7 +22,6 @@ from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
 from app.services.teach.labels import LabelObjects
-from app.services.teach.learn import LearnFromLabels, LearnObjectModels, TryModel
 from app.services.teach.reextract import RunJobs
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
@@ -44,10 +43,8 @@ class Services:
     default_model: str
     upload_episode: UploadEpisode
     configure_task: ConfigureTask
-    learn_object_models: LearnObjectModels
+    pose_servers: PoseServers
     label_objects: LabelObjects
-    learn_from_labels: LearnFromLabels
-    try_model: TryModel
     predict_actions: PredictActions
     read_steps: ReadSteps
     check_task: CheckTask
@@ -92,17 +89,14 @@ class Services:
         parts = (models, known, limits, of_motion, warmer, store.under_way)
         is_english("")  # reads its list now, so that no request waits for it
         keys = KeyRing(store)
-        configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,
             models=models,
             default_model=default_model,
             upload_episode=UploadEpisode(store, pose_servers),
-            configure_task=configure,
-            learn_object_models=LearnObjectModels(store, configure),
+            configure_task=ConfigureTask(store, pose_servers, extract_at_once),
+            pose_servers=pose_servers,
             label_objects=LabelObjects(store),
-            learn_from_labels=LearnFromLabels(store, configure),
-            try_model=TryModel(store, pose_servers),
             predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
             read_steps=ReadSteps(store),
             check_task=CheckTask(store, profile_of, PredictActions(*parts, None)),

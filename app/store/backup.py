@@ -22,7 +22,7 @@ from sqlalchemy import Connection, Table, exc, exists, func, insert, select, tex
 
 from app.store import api_keys, audit, sqlite, tables
 from app.store.database import Database
-from app.store.errors import ConflictError, CorruptDataError, StoreUnavailableError
+from app.store.errors import ConflictError, CorruptDataError, disk_errors
 from app.store.migration import migrate
 from app.store.private import private_opener
 from app.store.store import Store, blob_digests
@@ -51,7 +51,7 @@ def back_up(store: Store, path: Path) -> BackupSummary:
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        with _disk_errors(), tempfile.TemporaryDirectory(prefix="roboprompt-backup-", dir=path.parent) as folder:
+        with disk_errors("backup"), tempfile.TemporaryDirectory(prefix="roboprompt-backup-", dir=path.parent) as folder:
             rows, digests = _snapshot(store, Path(folder) / DATABASE_NAME)
             with open(temporary, "wb", opener=private_opener) as file:
                 with tarfile.open(fileobj=file, mode="w:") as archive:
@@ -99,15 +99,6 @@ def _copy_table(source: Connection, target: Connection, table: Table) -> int:
         counter = text("SELECT setval(pg_get_serial_sequence(:table, 'sequence'), :newest)")
         target.execute(counter, {"table": table.name, "newest": newest})
     return number
-
-
-@contextmanager
-def _disk_errors() -> Iterator[None]:
-    """The disk's failures as StoreUnavailableError."""
-    try:
-        yield
-    except OSError as error:
-        raise StoreUnavailableError(f"backup: {error}") from error
 
 
 def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSummary:
@@ -214,7 +205,7 @@ def _damaged(path: Path, reason: str) -> CorruptDataError:
 @contextmanager
 def _archive(path: Path) -> Iterator[tarfile.TarFile]:
     try:
-        with _disk_errors(), tarfile.open(path, "r:") as archive:
+        with disk_errors("backup"), tarfile.open(path, "r:") as archive:
             yield archive
     except tarfile.TarError as error:
         raise _damaged(path, str(error)) from error

@@ -18,7 +18,6 @@ from app.store.visibility import NO_KEY, present
 UPLOAD, PREDICT = "POST /episodes", "POST /predict"  # scopes
 # After this a key may be used again. An upload's is kept: a dataset imported twice adds nothing, however much later.
 KEPT_FOR = {PREDICT: timedelta(hours=24)}
-_STATUSES = {UPLOAD: 201, PREDICT: 200}
 _KEYS = tables.idempotency_keys
 
 
@@ -65,7 +64,7 @@ def save(connection: Connection, scope: str, key: str, request_digest: str, answ
     connection.execute(delete(_KEYS).filter_by(**own))
     if scope in KEPT_FOR:
         connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.created_at < now - KEPT_FOR[scope]))
-    values = {"request_digest": request_digest, "status": _STATUSES[scope], "response": answer, "created_at": now}
+    values = {"request_digest": request_digest, "response": answer, "created_at": now}
     connection.execute(insert(_KEYS).values({**own, **values}))
 
 

@@ -138,7 +138,6 @@ idempotency_keys = Table(
     Column("owner", String(16), primary_key=True),
     Column("key", String(255), primary_key=True),
     Column("request_digest", String(64), nullable=False),
-    Column("status", Integer, nullable=False),
     Column("response", Json, nullable=False),
     Column("created_at", UtcDateTime, nullable=False, index=True),
 )

@@ -21,6 +21,11 @@ def _floats(values: Array) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
+def _without_units(record: object) -> JsonObject:
+    """The record's fields, named as in the API: ``position``."""
+    return {name.removesuffix("_m"): value for name, value in vars(record).items()}
+
+
 @dataclass(frozen=True)
 class ObjectRecord:
     """An object's pose at a frame of an episode: position (3) m, and quaternion (4) or None, in the world frame."""
@@ -48,15 +53,7 @@ class ObjectRecord:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON document that is stored."""
-        return {
-            "name": self.name,
-            "position": self.position_m,
-            "quaternion_xyzw": self.quaternion_xyzw,
-            "estimator": self.estimator,
-            "cameras": self.cameras,
-            "confidence": self.confidence,
-            "reason": self.reason,
-        }
+        return _without_units(self)
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
@@ -94,12 +91,7 @@ class KeyframeRecord:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON document that is stored."""
-        return {
-            "index": self.index,
-            "position": self.position_m,
-            "quaternion_xyzw": self.quaternion_xyzw,
-            "gripper_open": self.gripper_open,
-        }
+        return _without_units(self)
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:

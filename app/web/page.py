@@ -65,7 +65,7 @@ NAVIGATION = (
     ("Predict", "/ui/predict"),
     ("Predictions", "/ui/predictions"),
     ("Now", "/ui/live"),
-    ("API", "/ui/api"),
+    ("API", "/docs"),
     ("Guide", GUIDE),
 )
 
@@ -83,9 +83,10 @@ class _Immutable(StaticFiles):
 
 
 def serve_assets(app: FastAPI) -> None:
-    """Let `app` serve them under `/ui`, and the documentation at `/docs/guide`."""
+    """Let `app` serve them and Swagger UI's under `/ui`, and the documentation at `/docs/guide`."""
     if SITE.is_dir():
         app.mount(GUIDE.rstrip("/"), StaticFiles(directory=SITE, html=True), name="guide")
+    app.mount("/ui/swagger", StaticFiles(packages=[("fastapi_offline", "static")]), name="swagger")
     app.mount(STATIC_ADDRESS, _Immutable(directory=FOLDER), name="ui-static")
 
 

@@ -1,6 +1,6 @@
 """Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again.
 
-No closed loop any more, so that predictions have no steps.
+Columns go that nothing reads: the step of a prediction, and the status of an answer to a repeated request.
 """
 
 import sqlalchemy as sa
@@ -34,10 +34,12 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["prediction_id"], ["predictions.id"], name="fk_cases_prediction_id_predictions"),
         sa.PrimaryKeyConstraint("prediction_id", name="pk_cases"),
     )
-    op.drop_column("predictions", "step")  # of the closed loop, which went
+    op.drop_column("predictions", "step")
+    op.drop_column("idempotency_keys", "status")
 
 
 def downgrade() -> None:
+    op.add_column("idempotency_keys", sa.Column("status", sa.Integer(), nullable=False, server_default="200"))
     op.add_column("predictions", sa.Column("step", sa.Integer()))
     op.drop_table("cases")
     op.drop_table("runs")

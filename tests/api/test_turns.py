@@ -17,7 +17,7 @@ MODEL = {"estimator": "registered", "views": ["a"]}
 
 @pytest.fixture
 def services():
-    return SimpleNamespace(teaching=anyio.CapacityLimiter(4), store=None, limits=None, turns=[])
+    return SimpleNamespace(teaching=anyio.CapacityLimiter(4), store=None, configure_task=None, limits=None, turns=[])
 
 
 def taking_a_turn(services, answer):
@@ -26,8 +26,8 @@ def taking_a_turn(services, answer):
     return lambda *args, **options: services.turns.append(services.teaching.borrowed_tokens) or answer
 
 
-def test_objects_are_learned_from_labels_in_turn(services):
-    services.learn_from_labels = taking_a_turn(services, MODEL)
+def test_objects_are_learned_from_labels_in_turn(services, monkeypatch):
+    monkeypatch.setattr(objects.learn, "learn_from_labels", taking_a_turn(services, MODEL))
     asyncio.run(objects.learn_from_labels(services, "task", LearnLabelsBody(object="mug")))
     assert services.turns == [1]
 

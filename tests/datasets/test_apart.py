@@ -35,11 +35,13 @@ def test_errors_are_those_that_are_raised_here(archive, tmp_path):
     assert refused.value.field == "task"
 
 
+def reader_of(dataset):
+    return dataset.entries[0].read.args[0]
+
+
 def test_a_reader_that_dies_costs_its_episode_and_another_takes_over(archive):
     with open_apart(archive, ImportOptions()) as dataset:
-        readers = dataset.entries[0].read.func.__self__
-        with readers.one() as reader:
-            reader._process.kill()
+        reader_of(dataset)._child[0].kill()
         with pytest.raises(DatasetError, match="its reader ended with SIGKILL"):
             dataset.entries[0].read()
         assert dataset.entries[1].read().metadata["task"]
@@ -47,7 +49,6 @@ def test_a_reader_that_dies_costs_its_episode_and_another_takes_over(archive):
 
 def test_no_reader_outlives_its_dataset(archive):
     with open_apart(archive, ImportOptions()) as dataset:
-        with dataset.entries[0].read.func.__self__.one() as reader:
-            process = reader._process
+        process, _ = reader_of(dataset)._child
         assert process.poll() is None
     assert process.returncode is not None

@@ -60,6 +60,7 @@ CASES = {
     "object position NaN": (objects({"name": "cube", "position": [0, 0, float("nan")]}), "objects[0].position[2]"),
     "object name breaks the prompt": (objects({"name": "}>[[", "position": [0, 0, 1]}), "objects.name"),
     "instruction of two lines": ({"document": {"instruction": "go\nhome"}}, "instruction"),
+    "first instruction of two lines": ({"document": {"uploaded_instruction": "go\nhome"}}, "uploaded_instruction"),
     "extra with NaN": ({"document": {"extra": {"score": float("nan")}}}, "extra"),
     "misspelled field": ({"document": {"instructions": "go"}}, "instructions"),
     "no instruction": ({"document": {"instruction": None}}, "instruction"),
@@ -111,6 +112,11 @@ def test_predict_refused(http, task, change, status, said):
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     assert said in response.text
+
+
+def test_an_empty_idempotency_key_is_refused(http):
+    """It would be the same key for every request of a client that has none to send."""
+    refused(http.post("/predict", json=PREDICT, headers={"Idempotency-Key": ""}), "idempotency-key")
 
 
 def test_rotation_that_the_demonstrations_have_is_missing(http):
@@ -188,11 +194,6 @@ def test_body_without_length_is_limited_too(http):
     assert response.status_code == 413
 
 
-def test_unknown_address_and_method(http):
-    assert http.get("/nowhere").json()["status"] == 404
-    assert http.delete("/predict").json()["status"] == 405
-
-
 def test_jpeg_that_is_cut_off(http, task):
     jpeg = cv2.imencode(".jpg", RGB)[1].tobytes()[:-40]
     document = {**metadata(task, {"cube": PLACE_M}), "cameras": [camera()]}
@@ -219,15 +220,6 @@ def test_a_value_of_a_wrong_type_is_answered_with_what_is_valid(http, task):
         "seed": ("is 1.5", "a whole number"),
         "dry_run": ("is 'yes'", "true or false"),
     }
-
-
-def test_a_correction_with_a_key_twice_is_refused(http, task):
-    episode = http.get("/episodes", params={"task": task}).json()["episodes"][0]
-    twice = b'{"left_out": false, "left_out": true}'
-    headers = {"content-type": "application/json"}
-    response = http.patch(f"/episodes/{episode['id']}", content=twice, headers=headers)
-    assert (response.status_code, "appears twice" in response.json()["detail"]) == (400, True)
-    assert not http.get(f"/episodes/{episode['id']}").json()["left_out"]
 
 
 def test_head_is_answered_as_get_without_a_body(http):

@@ -9,7 +9,7 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
-from app.pipeline.errors import ReplyParseError, UnsupportedActionError
+from app.pipeline.errors import ReplyParseError
 from app.services.errors import RefusedReplyError
 from app.services.measures import timings_of_its_own
 from app.services.predict.part_reply import PredictedAction
@@ -120,14 +120,6 @@ def test_what_stands_in_the_way_is_a_finding_of_answer_record_and_stream(scripte
     assert [finding.code for finding in items[-1].findings if finding.code == "passes-close"] == codes
     for record in recorded(services.store):
         assert [found["code"] for found in record.findings if found["code"] == "passes-close"] == codes
-
-
-def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taught):
-    services = taught(FAR, RELATIVE)
-    items, error = streamed(services)
-    assert [type(item) for item in items] == [PredictedAction]
-    assert isinstance(error.cause, UnsupportedActionError)
-    assert FAR.startswith(recorded(services.store)[0].reply_text)
 
 
 def test_too_many_clauses_for_the_actions_allowed(taught):

@@ -7,7 +7,7 @@ import pytest
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
-from app.services.teach.upload import Upload, UploadEpisode, content_digest
+from app.services.teach.upload import Upload, UploadEpisode
 from app.store import episodes, tasks
 from app.store.errors import ConflictError, NotFoundError
 from roboprompt_client.errors import InvalidInputError
@@ -112,11 +112,3 @@ def test_a_repeated_key_gets_the_first_answer(store):
     assert use_case(keyed, respond) == use_case(keyed, respond)
     with pytest.raises(ConflictError, match="k"):
         use_case(upload("cube", digest="b", idempotency_key="k"), respond)
-
-
-def test_digest_depends_on_content_only():
-    assert content_digest({"a": 1, "b": 2}, {"x": b"1", "y": b"2"}) == content_digest(
-        {"b": 2, "a": 1}, {"y": b"2", "x": b"1"}
-    )
-    assert content_digest({}, {"x": b"1"}) != content_digest({}, {"x": b"2"})
-    assert content_digest({}, {"x": b"1", "y": b""}) != content_digest({}, {"x": b"", "y": b"1"})

@@ -4,7 +4,6 @@ import time
 import pytest
 
 from app.llm.base import ModelTimeoutError
-from app.services.predict.ask import SHOWN_AFTER_S
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_predict_actions import REQUEST, ask
 from tests.services.test_upload_episode import respond, upload
@@ -19,11 +18,11 @@ def slow(scripted):
 
 async def seen_while(services, request):
     """What is under way while the request runs, and afterwards."""
-    asked = asyncio.create_task(services.predict_actions(request))
-    await asyncio.sleep(SHOWN_AFTER_S + 0.4)
-    during = services.store.under_way.all()
+    asked, during = asyncio.create_task(services.predict_actions(request)), ()
+    while not during and not asked.done():
+        await asyncio.sleep(0.02)
+        during = services.store.under_way.all()
     await asyncio.gather(asked, return_exceptions=True)
-    await asyncio.sleep(0.2)
     return during, services.store.under_way.all(), asked
 
 

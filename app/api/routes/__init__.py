@@ -12,7 +12,11 @@ Limit = Annotated[int, Query(ge=1, le=200, description="largest number of items 
 Cursor = Annotated[int | None, Query(ge=1, le=2**63 - 1, description="`next_cursor` of the page before")]
 IdempotencyKey = Annotated[
     str | None,
-    Header(max_length=200, description="a repeated request with the same key gets the answer of the first one"),
+    Header(
+        min_length=1,
+        max_length=200,
+        description="a repeated request with the same key gets the answer of the first one",
+    ),
 ]
 
 _BINARY = {"type": "string", "format": "binary"}

@@ -27,7 +27,7 @@ from app.services.measures import note
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
-from app.services.teach.upload import SCOPE, Upload, content_digest
+from app.services.teach.upload import SCOPE, Upload
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store
@@ -74,7 +74,6 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
 def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upload:
     """What is to be stored, checked and decoded."""
     document, parts = dict(body.document), dict(body.parts)
-    digest = content_digest(document, parts)
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)
         trajectory = trajectory_from_npz(npz, limits.max_unpacked_bytes, limits.max_frames)
@@ -85,7 +84,7 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
     said = metadata.model_dump(include={"prediction_id", "left_out", "note", "uploaded_instruction"})
-    return Upload(metadata.task, episode, objects, images, digest, idempotency_key, **said)
+    return Upload(metadata.task, episode, objects, images, body.digest(), idempotency_key, **said)
 
 
 def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:

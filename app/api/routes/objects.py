@@ -34,6 +34,7 @@ from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
 from app.services.scene_images import overlay_of_episode, overlay_of_prediction
+from app.services.teach import learn
 from app.services.teach.labels import LabelDraft
 from app.store import labels
 from app.store.blobs import BlobStore
@@ -135,12 +136,11 @@ async def preview_label(request: Request, services: Wired, name: str) -> Respons
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         draft = await decode(_draft, name, body, services.limits)
-        preview = await run_in_threadpool(services.label_objects.preview, draft)
+        masks, yaw_deg = await run_in_threadpool(services.label_objects.preview, draft)
     cameras = [
-        {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)}
-        for camera, mask in preview.masks.items()
+        {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)} for camera, mask in masks.items()
     ]
-    return JSONResponse({"cameras": cameras, "yaw_deg": preview.yaw_deg})
+    return JSONResponse({"cameras": cameras, "yaw_deg": yaw_deg})
 
 
 @router.get(PATH, tags=LABELS, response_model=LabelList, responses=problems(_404="no such task"))
@@ -179,9 +179,17 @@ async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLab
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` in the model says which views
     did not fit, and why.
     """
-    how = {"yaw_may_be_unknown": body.yaw_may_be_unknown, "dry_run": body.dry_run}
-    learn = partial(services.learn_from_labels, name, body.object, body.symmetric, **how)
-    model = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
+    learning = partial(
+        learn.learn_from_labels,
+        services.store,
+        services.configure_task,
+        name,
+        body.object,
+        body.symmetric,
+        yaw_may_be_unknown=body.yaw_may_be_unknown,
+        dry_run=body.dry_run,
+    )
+    model = await anyio.to_thread.run_sync(learning, limiter=services.teaching)
     if not body.dry_run:
         services.prefix_warmer.changed(name)
     number = len(model["views"])

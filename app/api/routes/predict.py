@@ -26,7 +26,6 @@ from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.predict.request import PredictRequest
-from app.services.teach.upload import content_digest
 from app.store.errors import StoreError
 from app.store.values import JsonObject
 from app.store.visibility import present
@@ -85,7 +84,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
             if asked.dry_run:
                 present().require_demonstrations()
             if idempotency_key is not None and not asked.dry_run:
-                digest = await decode(content_digest, body.document, body.parts)
+                digest = await decode(body.digest)
                 if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, query)) is not None:
                     return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
                 keep = partial(services.repeated_predictions.remember, idempotency_key, digest, query.without_frames())

@@ -22,8 +22,9 @@ from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, ReplyCheck, 
 from app.services.container import Services
 from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings
+from app.services.teach import learn
 from app.services.teach.check import CheckedTask
-from app.services.teach.learn import Tried
+from app.services.teach.learn import Tried, try_model
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject
@@ -222,8 +223,8 @@ async def learn_object_models(services: Wired, name: str, body: Annotated[LearnB
     This needs episodes with RGB-D images and with masks or poses. Afterwards uploads and requests need only images and
     names. Every stored episode is extracted again; if one cannot be, nothing changes.
     """
-    learn = partial(services.learn_object_models, name, body.objects, body.episodes)
-    learned = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
+    asked = (services.store, services.configure_task, name, body.objects, body.episodes)
+    learned = await anyio.to_thread.run_sync(learn.learn_object_models, *asked, limiter=services.teaching)
     services.prefix_warmer.changed(name)
     document = {
         "object_models": dict(learned.object_models),
@@ -243,7 +244,8 @@ async def try_object_model(
 ) -> Response:
     """Find an object by a model in the images of stored episodes; nothing is stored."""
     run = image_work(request).run
-    tried = await run(request, services.try_model, name, body.object, body.model, body.episode_ids)
+    asked = (name, body.object, body.model, body.episode_ids)
+    tried = await run(request, try_model, services.store, services.pose_servers, *asked)
     return JSONResponse({"episodes": [_tried_document(item) for item in tried]})
 
 

@@ -7,7 +7,7 @@ import asyncio
 import logging
 import time
 from collections.abc import AsyncGenerator, AsyncIterator
-from contextlib import aclosing, asynccontextmanager
+from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import replace
 from uuid import uuid4
 
@@ -38,7 +38,6 @@ SHOWN_AFTER_S = 0.5  # no note is written of shorter predictions
 GRACE_S = 5.0  # a note that a killed process leaves expires so long after its request's deadline
 Arriving = PredictedAction | TextDelta | Reading
 logger = logging.getLogger(__name__)
-_showing: set[asyncio.Task[None]] = set()  # the event loop itself holds its tasks weakly
 
 
 class PredictActions:
@@ -147,7 +146,7 @@ class PredictActions:
             reply = SampledReply(question, model) if question.samples else Reply(question, model)
             try:
                 with self._warmer.giving_way():
-                    async with _watched(self._under_way, question):
+                    async with _shown(self._under_way, question):
                         yield reply
             except tuple(FAILURES) as error:
                 if self._record is None:
@@ -181,28 +180,25 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
 
 
 @asynccontextmanager
-async def _watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
+async def _shown(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
     """Note the prediction in the store while the body runs, if that takes longer than `SHOWN_AFTER_S`."""
-    request, started_s, ended = question.request, time.time(), asyncio.Event()
-
-    def show() -> None:
-        deadline_s = started_s + question.deadline_s + GRACE_S
-        note = UnderWay(
-            uuid4().hex, request.task, request.instruction, question.known.profile.name, started_s, deadline_s
-        )
-        showing = asyncio.create_task(_show(notes, note, ended))
-        _showing.add(showing)
-        showing.add_done_callback(_showing.discard)
-
-    timer = asyncio.get_running_loop().call_later(SHOWN_AFTER_S, show)
+    ended = asyncio.Event()
+    showing = asyncio.create_task(_show(notes, question, ended))
     try:
         yield
     finally:
-        timer.cancel()
         ended.set()
+        await asyncio.wait([showing])
 
 
-async def _show(notes: UnderWayNotes, note: UnderWay, ended: asyncio.Event) -> None:
+async def _show(notes: UnderWayNotes, question: Question, ended: asyncio.Event) -> None:
+    request, started_s = question.request, time.time()
+    with suppress(TimeoutError):
+        async with asyncio.timeout(SHOWN_AFTER_S):
+            await ended.wait()
+            return
+    deadline_s = started_s + question.deadline_s + GRACE_S
+    note = UnderWay(uuid4().hex, request.task, request.instruction, question.known.profile.name, started_s, deadline_s)
     try:
         await anyio.to_thread.run_sync(notes.begin, note)
     except StoreUnavailableError as error:

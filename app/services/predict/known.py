@@ -11,7 +11,7 @@ from app.services.pose_servers import PoseServers
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.observe import Scene, look, observed
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import Caches, TaskReading
+from app.services.predict.task_reading import TaskCaches, TaskReading
 from app.services.task_settings import TaskSettings
 from app.store.store import Store
 from roboprompt_client.types.poses import Pose
@@ -56,7 +56,7 @@ class KnownReader:
         self._store = store
         self.profile_of = profile_of
         self._pose_servers = pose_servers or PoseServers()
-        self._caches: Caches = {}
+        self._caches = TaskCaches()
 
     def __call__(self, request: PredictRequest) -> Known:
         """Return the task, demonstrations and scene of a request.

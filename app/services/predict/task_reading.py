@@ -1,10 +1,8 @@
 """A task within one read transaction: settings, selections and demonstrations, cached by the task's version."""
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from sqlalchemy import Connection
@@ -22,6 +20,7 @@ from app.services.predict.demonstrations import (
 from app.services.predict.request import Selection
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
+from app.store.records import TaskState
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -29,9 +28,6 @@ from roboprompt_client.types.poses import ObjectPose
 MAX_HELD_AGAINST = 50  # demonstrations of a task
 
 Ids = tuple[str, ...]
-Caches = dict[str, Cache[Any, Any]]  # by the name of the method that makes the values
-P = ParamSpec("P")
-V = TypeVar("V")
 
 
 def nearest_last(scenes_m: Array, observed_m: Array, number: int) -> list[int]:
@@ -97,25 +93,20 @@ class Scenes:
         observed_m = np.array([by_name[self.names[place]] for place in places]).reshape(-1, 3)
         return tuple(self.ids[index] for index in nearest_last(self.positions_m[:, places], observed_m, number))
 
+    def most_diverse(self, number: int) -> Ids:
+        """Return the ids of `number` scenes that lie far apart, oldest first."""
+        return tuple(self.ids[index] for index in most_diverse(self.positions_m, number))
 
-def kept(
-    capacity: int,
-) -> Callable[[Callable[Concatenate["TaskReading", P], V]], Callable[Concatenate["TaskReading", P], V]]:
-    """Return a decorator that caches a method's value by the task's version and the arguments."""
 
-    def keeping(make: Callable[Concatenate["TaskReading", P], V]) -> Callable[Concatenate["TaskReading", P], V]:
-        name = make.__name__
+class TaskCaches:
+    """What does not depend on a request, for each version of a task; shared by requests."""
 
-        @wraps(make)
-        def look_up(self: "TaskReading", /, *args: P.args, **kwargs: P.kwargs) -> V:
-            assert not kwargs, "one value would have several keys"
-            cache = self.caches.get(name) or self.caches.setdefault(name, Cache(capacity))
-            value: V = cache.get_or_make((self.record.state, *args), lambda: make(self, *args, **kwargs))
-            return value
-
-        return look_up
-
-    return keeping
+    def __init__(self) -> None:
+        self.settings: Cache[TaskState, TaskSettings] = Cache(128)
+        self.scenes: Cache[TaskState, Scenes] = Cache(128)  # 10,000 of three objects take 1 MB
+        self.diverse: Cache[tuple[TaskState, int], Ids] = Cache(1024)
+        self.demonstrations: Cache[tuple[TaskState, Ids], Demonstrations] = Cache(64)
+        self.taught: Cache[tuple[TaskState, bool], Taught] = Cache(128)
 
 
 class TaskReading:
@@ -124,23 +115,17 @@ class TaskReading:
     Attributes:
         record: as it is stored.
 
-    Args:
-        caches: shared by requests; their values depend on no observed scene and no instruction.
+        settings: the validated ones.
 
     Raises:
         NotFoundError: if there is no such task.
     """
 
-    def __init__(self, connection: Connection, name: str, caches: Caches) -> None:
-        self.record = tasks.get(connection, name)
-        self.caches = caches
+    def __init__(self, connection: Connection, name: str, caches: TaskCaches) -> None:
+        self.record = task = tasks.get(connection, name)
+        self.settings = caches.settings.get_or_make(task.state, lambda: TaskSettings.model_validate(task.settings))
+        self._caches = caches
         self._connection = connection
-
-    @property
-    @kept(128)
-    def settings(self) -> TaskSettings:
-        """Of the task."""
-        return TaskSettings.model_validate(self.record.settings)
 
     def ids(self, selection: Selection, number: int, seed: int, objects: Sequence[ObjectPose]) -> Ids:
         """Return the ids of at most `number` episodes of the task.
@@ -163,14 +148,14 @@ class TaskReading:
             case "diverse":
                 return self._diverse(number)
 
-    @kept(1024)
     def _diverse(self, number: int) -> Ids:
-        scenes = self._scenes()
-        return tuple(scenes.ids[index] for index in most_diverse(scenes.positions_m, number))
+        return self._caches.diverse.get_or_make(
+            (self.record.state, number), lambda: self._scenes().most_diverse(number)
+        )
 
-    @kept(128)  # 10,000 of three objects take 1 MB
     def _scenes(self) -> Scenes:
-        return Scenes.read(self._connection, self.record.name)
+        task = self.record
+        return self._caches.scenes.get_or_make(task.state, lambda: Scenes.read(self._connection, task.name))
 
     def refuse_left_out(self, ids: Sequence[str]) -> None:
         """Refuse episodes that no prompt is to show.
@@ -184,13 +169,15 @@ class TaskReading:
                 remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
                 raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
 
-    @kept(64)
     def demonstrations(self, ids: Ids) -> Demonstrations:
         """Of those ids, those of one plan with equally many rows.
 
         Raises:
             NotFoundError: naming the first id that is no episode of this task.
         """
+        return self._caches.demonstrations.get_or_make((self.record.state, ids), lambda: self._demonstrations(ids))
+
+    def _demonstrations(self, ids: Ids) -> Demonstrations:
         records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
         recordings = recordings_of(self._connection, records, self.settings)
         found = Demonstrations.of(recordings).only(self.record.object_names or ())
@@ -201,7 +188,6 @@ class TaskReading:
         """The ids of the demonstrations with which answers are compared."""
         return self._diverse(MAX_HELD_AGAINST)
 
-    @kept(128)
     def taught(self, from_start: bool) -> Taught:
         """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.
 
@@ -213,6 +199,9 @@ class TaskReading:
         Raises:
             NoDemonstrationsError: if there is none, or all are left out.
         """
+        return self._caches.taught.get_or_make((self.record.state, from_start), lambda: self._taught(from_start))
+
+    def _taught(self, from_start: bool) -> Taught:
         if not (ids := self._held_against):
             raise NoDemonstrationsError(self.record.name)
         known, settings = self.demonstrations(ids), self.settings

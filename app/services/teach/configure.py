@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_all_again
-from app.services.teach.room import FIRST, Shown, spanned, widened
+from app.services.teach.workspace import FIRST, Shown, spanned, widened
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
@@ -62,7 +62,7 @@ class ConfigureTask:
         if len(read) < len(records):
             raise ConflictError(f"an episode of task {name!r} was deleted meanwhile: read it again and repeat")
         shown = [item for item, record in zip(read, records, strict=True) if not record.left_out]
-        settings = with_room(new, shown, changes).model_dump(mode="json")
+        settings = with_workspace(new, shown, changes).model_dump(mode="json")
         with self._store.write() as connection:
             # An episode that came in since would keep what the old settings made of it.
             tasks.require_version(connection, name, before.version)
@@ -125,7 +125,7 @@ class ConfigureTask:
         return task
 
 
-def with_room(settings: TaskSettings, episodes: Sequence[Shown], changes: Mapping[str, Any]) -> TaskSettings:
+def with_workspace(settings: TaskSettings, episodes: Sequence[Shown], changes: Mapping[str, Any]) -> TaskSettings:
     """Changed settings with a workspace for the task's episodes, where it follows from them.
 
     Only who names the workspace accepts episodes that reach far beyond the others.

@@ -16,7 +16,7 @@ from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job
 from app.services.teach.extract import extract_again
-from app.services.teach.room import FIRST, remaining, uploaded
+from app.services.teach.workspace import FIRST, remaining, uploaded
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
@@ -56,7 +56,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
         if again:
             _set_workspace(connection, task, uploaded(settings.workspace, again[0], first))
         else:
-            _take_room_back(connection, task)
+            _narrow_workspace(connection, task)
         return episodes.get(connection, record.id)
 
 
@@ -71,11 +71,11 @@ def remove_episode(store: Store, episode_id: str) -> str:
     """
     with store.write() as connection:
         name = episodes.remove(connection, episode_id)
-        _take_room_back(connection, tasks.get(connection, name))
+        _narrow_workspace(connection, tasks.get(connection, name))
     return name
 
 
-def _take_room_back(connection: Connection, task: TaskRecord) -> None:
+def _narrow_workspace(connection: Connection, task: TaskRecord) -> None:
     box = TaskSettings.model_validate(task.settings).workspace
     if box.preset == "auto":
         _set_workspace(connection, task, remaining(box, episodes.demonstrations(connection, task.name)))

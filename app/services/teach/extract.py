@@ -1,7 +1,6 @@
 """Episode -> keyframes and object poses, as the task's settings want them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
@@ -17,24 +16,6 @@ from app.store.trajectories import get_trajectory
 from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
-from roboprompt_client.types.poses import ObjectPose
-
-
-@dataclass(frozen=True, eq=False)
-class Extracted:
-    """What a prompt will say of an episode.
-
-    Attributes:
-        poses: of the objects at the first frame, in the task's order.
-    """
-
-    keyframes: tuple[KeyframeRecord, ...]
-    poses: tuple[ObjectPose, ...]
-
-    @property
-    def objects(self) -> tuple[ObjectRecord, ...]:
-        """The poses as they are stored."""
-        return tuple(map(ObjectRecord.of, self.poses))
 
 
 def extract(
@@ -44,8 +25,8 @@ def extract(
     settings: TaskSettings,
     names: Sequence[str],
     blobs: BlobStore,
-) -> Extracted:
-    """Find the keyframes and estimate the objects' poses.
+) -> tuple[tuple[KeyframeRecord, ...], tuple[ObjectRecord, ...]]:
+    """Return the keyframes, and the objects' poses at the first frame in the task's order.
 
     Args:
         motion: as the settings read it.
@@ -67,7 +48,7 @@ def extract(
     queries = with_templates(objects, blobs)
     has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
     poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
-    return Extracted(keyframes, tuple(sorted(poses, key=lambda pose: names.index(pose.name))))
+    return keyframes, tuple(map(ObjectRecord.of, sorted(poses, key=lambda pose: names.index(pose.name))))
 
 
 def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
@@ -86,10 +67,9 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         queries = settings.with_models(map(ObjectQuery.from_json, record.given_objects))
         looks = settings.pose_estimator != GIVEN or any(query.model is not None for query in queries)
         frames = [read_frame(store.blobs, item) for item in record.cameras] if looks else []
-        extracted = extract(motion, queries, frames, settings, names, store.blobs)
+        return Extraction(record.id, *extract(motion, queries, frames, settings, names, store.blobs))
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
-    return Extraction(record.id, extracted.keyframes, extracted.objects)
 
 
 def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:

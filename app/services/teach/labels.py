@@ -64,27 +64,37 @@ class View:
     given_ids: Mapping[str, tuple[int, ...]]
 
 
-@dataclass(frozen=True, eq=False)
-class LabelPreview:
-    """What a label would say.
-
-    Attributes:
-        masks: by camera.
-    """
-
-    masks: Mapping[str, Mask]
-    yaw_deg: float | None
-
-
-class LabelViews:
-    """Reads and decodes the images that labels are of. Synchronous: call it in a thread."""
+class LabelObjects:
+    """Previews and stores labels. Synchronous: call it in a thread."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._frames: Cache[str, tuple[RgbdFrame, ...]] = Cache(MAX_VIEWS_KEPT)
         self._scenes: Cache[str, Scene] = Cache(MAX_VIEWS_KEPT)
 
-    def view(self, draft: LabelDraft, *, store_images: bool) -> View:
+    def preview(self, draft: LabelDraft) -> tuple[Mapping[str, Mask], float | None]:
+        """Return the mask by camera, and the yaw, that the label would have; nothing is stored. Raises as the call."""
+        view = self._view(draft, store_images=False)
+        return self._masks(draft, view), _yaw_deg(draft, view)
+
+    def __call__(self, draft: LabelDraft) -> LabelRecord:
+        """Store where the object is in each camera's image.
+
+        Raises:
+            NotFoundError: if there is no such task or episode.
+            InvalidInputError: if no mask follows from the draft, the images are unusable, or there are too many labels.
+        """
+        view = self._view(draft, store_images=True)
+        masks, yaw = self._masks(draft, view), _yaw_deg(draft, view)
+        digests = {name: self._store.blobs.put(_png(mask)) for name, mask in masks.items() if mask.any()}
+        labeled = tuple(replace(camera, mask_digest=digests.get(camera.name)) for camera in view.cameras)
+        counts = {name: int(mask.sum()) for name, mask in masks.items()}
+        with self._store.write() as connection:
+            if labels.number_of(connection, draft.task) >= MAX_LABELS:
+                raise InvalidInputError("task", f"has {MAX_LABELS} labels", "fewer: delete those that did not merge")
+            return labels.add(connection, draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
+
+    def _view(self, draft: LabelDraft, *, store_images: bool) -> View:
         """The images of a draft.
 
         Args:
@@ -115,7 +125,7 @@ class LabelViews:
         ids = {item["name"]: tuple(item["mask_ids"]) for item in record.given_objects}
         return View(cameras, frames, ids)
 
-    def masks(self, draft: LabelDraft, view: View) -> dict[str, Mask]:
+    def _masks(self, draft: LabelDraft, view: View) -> dict[str, Mask]:
         """By camera where the object is: of marks in all cameras, else as each camera says.
 
         Raises:
@@ -147,45 +157,11 @@ class LabelViews:
         return self._scenes.get_or_make(_key(view.cameras), lambda: Scene.of(view.frames))
 
 
-class LabelObjects:
-    """Stores labels. Synchronous: call it in a thread."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-        self._views = LabelViews(store)
-
-    def preview(self, draft: LabelDraft) -> LabelPreview:
-        """What the draft says; nothing is stored.
-
-        Raises:
-            as the call.
-        """
-        view = self._views.view(draft, store_images=False)
-        return LabelPreview(self._views.masks(draft, view), yaw_deg(draft, view))
-
-    def __call__(self, draft: LabelDraft) -> LabelRecord:
-        """Store where the object is in each camera's image.
-
-        Raises:
-            NotFoundError: if there is no such task or episode.
-            InvalidInputError: if no mask follows from the draft, the images are unusable, or there are too many labels.
-        """
-        view = self._views.view(draft, store_images=True)
-        masks, yaw = self._views.masks(draft, view), yaw_deg(draft, view)
-        digests = {name: self._store.blobs.put(_png(mask)) for name, mask in masks.items() if mask.any()}
-        labeled = tuple(replace(camera, mask_digest=digests.get(camera.name)) for camera in view.cameras)
-        counts = {name: int(mask.sum()) for name, mask in masks.items()}
-        with self._store.write() as connection:
-            if labels.number_of(connection, draft.task) >= MAX_LABELS:
-                raise InvalidInputError("task", f"has {MAX_LABELS} labels", "fewer: delete those that did not merge")
-            return labels.add(connection, draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
-
-
 def _png(mask: Mask) -> bytes:
     return cv2.imencode(".png", mask.astype(np.uint8))[1].tobytes()
 
 
-def yaw_deg(draft: LabelDraft, view: View) -> float | None:
+def _yaw_deg(draft: LabelDraft, view: View) -> float | None:
     """Of the object's x axis about the vertical, as said or drawn.
 
     Raises:

@@ -1,4 +1,7 @@
-"""Object models: learned from a task's episodes or labels, and tried out before the task is given them."""
+"""Object models: learned from a task's episodes or labels, and tried out before the task is given them.
+
+Synchronous: call it in a thread.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +11,7 @@ from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.learn import LabeledView, Learned, learn
+from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
@@ -41,47 +44,42 @@ class LearnedModels:
     episode_ids: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class LearnObjectModels:
-    """Learns models for the estimator `cuboid` from labeled episodes: masks, poses or both beside RGB-D images.
+def learn_object_models(
+    store: Store, configure_task: ConfigureTask, name: str, objects: Sequence[str] | None, max_episodes: int
+) -> LearnedModels:
+    """Learn models for the estimator `cuboid` from labeled episodes: masks, poses or both beside RGB-D images.
 
-    Synchronous: call it in a thread.
+    They are added to the task's `object_models`, and every episode is extracted again.
+
+    Args:
+        objects: to be learned; None for all of the task.
+        max_episodes: the task's first ones with labels and images.
+
+    Raises:
+        NotFoundError, NoDemonstrationsError: if there is no such task, or nothing in it.
+        InvalidInputError: if no episode has labels and images, or one cannot be extracted with what was learned;
+            nothing is changed.
+        ConflictError: if the task changed meanwhile.
     """
+    with store.read() as connection:
+        task = tasks.get(connection, name)
+        wanted = _wanted(task, objects)
+        records = [record for record in episodes.all_of(connection, name) if _labeled(record, wanted)]
+    if not records:
+        message = f"none of the task {name!r} has RGB-D images with labels of {', '.join(wanted)}"
+        raise InvalidInputError("episodes", message, "rgb_NAME, depth_NAME, and mask_ids or a position per object")
+    chosen = records[:max_episodes]
+    symmetries = task.settings.get("yaw_symmetry_deg", {})
+    learned, refused = _learned([_scene(store, record, wanted) for record in chosen], wanted, symmetries)
+    if learned:
+        configure_task(name, {}, learned)
+    return LearnedModels(learned, refused, tuple(record.id for record in chosen))
 
-    store: Store
-    configure_task: ConfigureTask
 
-    def __call__(self, name: str, objects: Sequence[str] | None, max_episodes: int) -> LearnedModels:
-        """Learn, and set the task's `object_models`; those of other objects stay. Every episode is extracted again.
-
-        Args:
-            objects: to be learned; None for all of the task.
-            max_episodes: the task's first ones with labels and images.
-
-        Raises:
-            NotFoundError, NoDemonstrationsError: if there is no such task, or nothing in it.
-            InvalidInputError: if no episode has labels and images, or one cannot be extracted with what was learned;
-                nothing is changed.
-            ConflictError: if the task changed meanwhile.
-        """
-        with self.store.read() as connection:
-            task = tasks.get(connection, name)
-            wanted = _wanted(task, objects)
-            records = [record for record in episodes.all_of(connection, name) if _labeled(record, wanted)]
-        if not records:
-            message = f"none of the task {name!r} has RGB-D images with labels of {', '.join(wanted)}"
-            raise InvalidInputError("episodes", message, "rgb_NAME, depth_NAME, and mask_ids or a position per object")
-        chosen = records[:max_episodes]
-        symmetries = task.settings.get("yaw_symmetry_deg", {})
-        learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted, symmetries)
-        if learned:
-            self.configure_task(name, {}, learned)
-        return LearnedModels(learned, refused, tuple(record.id for record in chosen))
-
-    def _scene(self, record: EpisodeRecord, wanted: Sequence[str]) -> LabeledScene:
-        frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
-        queries = {query.name: query for query in map(ObjectQuery.from_json, record.given_objects)}
-        return LabeledScene(frames, tuple(queries[name] for name in wanted))
+def _scene(store: Store, record: EpisodeRecord, wanted: Sequence[str]) -> LabeledScene:
+    frames = tuple(read_frame(store.blobs, camera) for camera in record.cameras)
+    queries = {query.name: query for query in map(ObjectQuery.from_json, record.given_objects)}
+    return LabeledScene(frames, tuple(queries[name] for name in wanted))
 
 
 def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
@@ -121,61 +119,56 @@ def _only(scene: LabeledScene, names: Sequence[str]) -> LabeledScene:
     return replace(scene, objects=tuple(query for query in scene.objects if query.name in names))
 
 
-@dataclass(frozen=True, eq=False)
-class LearnFromLabels:
-    """Learns models for the estimator `registered`. Synchronous: call it in a thread."""
+def learn_from_labels(
+    store: Store,
+    configure_task: ConfigureTask,
+    task: str,
+    name: str,
+    symmetric: str | float,
+    *,
+    yaw_may_be_unknown: bool = False,
+    dry_run: bool = False,
+) -> Mapping[str, Any]:
+    """Learn a model of an object for the estimator `registered` from its last labels; return the model.
 
-    store: Store
-    configure_task: ConfigureTask
+    The task has it from now on, and every episode is extracted again.
 
-    def __call__(
-        self, task: str, name: str, symmetric: str | float, *, yaw_may_be_unknown: bool = False, dry_run: bool = False
-    ) -> Mapping[str, Any]:
-        """Learn the object from its last labels, and find it by what was learned from now on; returns its model.
+    Args:
+        dry_run: leave the task as it is.
 
-        Every episode is extracted again.
-
-        Args:
-            dry_run: leave the task as it is.
-
-        Raises:
-            NotFoundError: if there is no such task.
-            InvalidInputError: if the object has no labels, no template can be learned from them, or an episode cannot
-                be extracted with it; nothing is changed.
-            ConflictError: if the task changed meanwhile.
-        """
-        symmetry_deg = yaw_symmetry_deg(symmetric)
-        with self.store.read() as connection:
-            tasks.get(connection, task)
-            records = labels.all_of(connection, task, name)[-MAX_VIEWS:]
-        if not records:
-            raise ObjectModelError(
-                name, "has no labels", f"POST /tasks/{task}/labels with its mask in 1 to {MAX_VIEWS} views"
-            )
-        views = [self._view(record) for record in records]
-        learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
-        model = self._model(records, learned, symmetric, yaw_may_be_unknown=yaw_may_be_unknown).as_json()
-        if not dry_run:
-            self.configure_task(task, {}, learned={name: model})
-        return model
-
-    def _view(self, record: LabelRecord) -> LabeledView:
-        frames = tuple(read_frame(self.store.blobs, camera) for camera in record.cameras)
-        return LabeledView(frames, record.yaw_deg)
-
-    def _model(
-        self, records: Sequence[LabelRecord], learned: Learned, symmetric: str | float, *, yaw_may_be_unknown: bool
-    ) -> RegisteredModel:
-        template = learned.template
-        return RegisteredModel(
-            self.store.blobs.put(template.to_bytes()),
-            "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
-            yaw_may_be_unknown,
-            views=tuple(records[number].id for number in learned.merged),
-            scores=tuple(round(score, 3) for score in template.scores),
-            left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
-            num_points=len(template),
+    Raises:
+        NotFoundError: if there is no such task.
+        InvalidInputError: if the object has no labels, no template can be learned from them, or an episode cannot
+            be extracted with it; nothing is changed.
+        ConflictError: if the task changed meanwhile.
+    """
+    symmetry_deg = yaw_symmetry_deg(symmetric)
+    with store.read() as connection:
+        tasks.get(connection, task)
+        records = labels.all_of(connection, task, name)[-MAX_VIEWS:]
+    if not records:
+        raise ObjectModelError(
+            name, "has no labels", f"POST /tasks/{task}/labels with its mask in 1 to {MAX_VIEWS} views"
         )
+    views = [_view(store, record) for record in records]
+    learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
+    template = learned.template
+    model = RegisteredModel(
+        store.blobs.put(template.to_bytes()),
+        "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
+        yaw_may_be_unknown,
+        views=tuple(records[number].id for number in learned.merged),
+        scores=tuple(round(score, 3) for score in template.scores),
+        left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
+        num_points=len(template),
+    ).as_json()
+    if not dry_run:
+        configure_task(task, {}, learned={name: model})
+    return model
+
+
+def _view(store: Store, record: LabelRecord) -> LabeledView:
+    return LabeledView(tuple(read_frame(store.blobs, camera) for camera in record.cameras), record.yaw_deg)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,36 +184,32 @@ class Tried:
     refusal: InvalidInputError | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class TryModel:
-    """Tries object models out; nothing is stored. Synchronous: call it in a thread."""
+def try_model(
+    store: Store, pose_servers: PoseServers, task: str, name: str, model: Mapping[str, Any], ids: Sequence[str]
+) -> tuple[Tried, ...]:
+    """Return what an object model makes of each episode, in their order; nothing is stored.
 
-    store: Store
-    pose_servers: PoseServers
+    Raises:
+        NotFoundError: if there is no such task, or it has no such episode.
+        InvalidInputError: if the model is not valid, or its template is not stored.
+    """
+    with store.read() as connection:
+        tasks.get(connection, task)
+        records = episodes.by_ids(connection, task, ids)
+    if missing := [id_ for id_ in ids if id_ not in records]:
+        raise NotFoundError(f"episode of task {task!r}", missing[0])
+    query = ObjectQuery(name, model=model_from_json(name, model, "model"))
+    pose_servers.check({name: model})
+    (query,) = with_templates([query], store.blobs)
+    return tuple(_tried(store, record, query) for record in records.values())
 
-    def __call__(self, task: str, name: str, model: Mapping[str, Any], ids: Sequence[str]) -> tuple[Tried, ...]:
-        """What the model makes of each episode, in their order.
 
-        Raises:
-            NotFoundError: if there is no such task, or it has no such episode.
-            InvalidInputError: if the model is not valid, or its template is not stored.
-        """
-        with self.store.read() as connection:
-            tasks.get(connection, task)
-            records = episodes.by_ids(connection, task, ids)
-        if missing := [id_ for id_ in ids if id_ not in records]:
-            raise NotFoundError(f"episode of task {task!r}", missing[0])
-        query = ObjectQuery(name, model=model_from_json(name, model, "model"))
-        self.pose_servers.check({name: model})
-        (query,) = with_templates([query], self.store.blobs)
-        return tuple(self._tried(record, query) for record in records.values())
-
-    def _tried(self, record: EpisodeRecord, query: ObjectQuery) -> Tried:
-        if not any(camera.has_rgbd for camera in record.cameras):
-            return Tried(record.id)
-        frames = [read_frame(self.store.blobs, camera) for camera in record.cameras]
-        try:
-            (pose,) = estimate_poses("", [query], frames)
-        except InvalidInputError as refusal:
-            return Tried(record.id, refusal=refusal)
-        return Tried(record.id, pose)
+def _tried(store: Store, record: EpisodeRecord, query: ObjectQuery) -> Tried:
+    if not any(camera.has_rgbd for camera in record.cameras):
+        return Tried(record.id)
+    frames = [read_frame(store.blobs, camera) for camera in record.cameras]
+    try:
+        (pose,) = estimate_poses("", [query], frames)
+    except InvalidInputError as refusal:
+        return Tried(record.id, refusal=refusal)
+    return Tried(record.id, pose)

@@ -11,7 +11,7 @@ from functools import partial
 from pydantic import ValidationError
 
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import with_room
+from app.services.teach.configure import with_workspace
 from app.services.teach.extract import extract_all_again
 from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
@@ -138,7 +138,7 @@ class RunJobs:
             settings = self._settings(job, task.settings)
             jobs.finish(connection, job)
             shown = episodes.demonstrations(connection, job.task) if settings.workspace.preset == "auto" else ()
-            after = with_room(settings, shown, job.changes).model_dump(mode="json")
+            after = with_workspace(settings, shown, job.changes).model_dump(mode="json")
             changed = tasks.update_settings(connection, job.task, after, actor=f"job {job.id}")
             if changed.version == task.version:  # keyframes may differ all the same, and prompts are kept by version
                 tasks.change(connection, job.task, {})

@@ -1,35 +1,33 @@
 """`POST /episodes`: check an episode, extract keyframes and object poses, compare it with its task, store one row."""
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from sqlalchemy import Connection
 
 from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
-from app.pipeline.alike import Alike, alike_findings
+from app.pipeline.alike import Alike
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
-from app.pipeline.findings.elsewhere import unlike_findings
-from app.pipeline.findings.recording import compared_findings, contact_findings, recording_findings
-from app.pipeline.findings.units import check_recording, unit_findings
+from app.pipeline.findings.units import check_recording
+from app.pipeline.findings.upload import upload_findings
 from app.pipeline.prompt import check_object_names
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract
-from app.services.teach.known import KnownTask, check_objects, numbered_instruction
-from app.services.teach.room import room_findings, uploaded
+from app.services.teach.stored_task import StoredTask, check_objects, numbered_instruction
+from app.services.teach.workspace import uploaded, workspace_findings
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields
+from app.store.records import EpisodeDraft, EpisodeFields
 from app.store.store import Store
-from app.store.values import JsonObject
+from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import settle
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.names import checked_instruction, checked_name
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
@@ -62,6 +60,8 @@ class Upload:
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
+        if self.uploaded_instruction is not None:
+            checked_instruction("uploaded_instruction", self.uploaded_instruction)
         if not self.alike:
             objects, alike = numbered_queries(self.objects)
             settle(self, objects=objects, alike=alike)
@@ -83,6 +83,33 @@ class Upload:
         """The poses that came with the recording."""
         return GivenPoses().estimate([query for query in self.objects if query.position_m is not None], ())
 
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """Those of the images."""
+        return tuple(frame.camera for frame in self.episode.frames)
+
+    def draft(
+        self, instruction: str, keyframes: tuple[KeyframeRecord, ...], objects: tuple[ObjectRecord, ...]
+    ) -> EpisodeDraft:
+        """The episode as it is to be stored, its images aside."""
+        episode, uploaded = self.episode, self.uploaded_instruction
+        return EpisodeDraft(
+            task=self.task,
+            instruction=instruction,
+            control_frequency_hz=episode.control_frequency_hz,
+            keyframes=keyframes,
+            objects=objects,
+            given_objects=tuple(asdict(query) for query in self.objects),
+            cameras=(),
+            extra=dict(episode.extra),
+            prediction_id=self.prediction_id,
+            left_out=self.left_out,
+            note=self.note,
+            uploaded_instruction=uploaded or (None if instruction == episode.instruction else episode.instruction),
+            num_frames=len(episode.trajectory),
+            trajectory=trajectories.pack(episode.trajectory),
+        )
+
 
 Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
@@ -100,13 +127,13 @@ class _Extracted:
     draft: EpisodeDraft
     findings: tuple[Finding, ...]
 
-    def outcome(self, task: KnownTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
+    def outcome(self, task: StoredTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
         """Return the task's settings after the upload, with its new workspace, and the answer."""
         box, draft = task.settings.workspace, self.draft
         if not draft.left_out:
             box = uploaded(box, draft, task.first)
         settings = self.settings.within(box)
-        findings = (*room_findings(box, draft, task.first), *self.findings)
+        findings = (*workspace_findings(box, draft, task.first), *self.findings)
         answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in findings]}
         return settings.model_dump(mode="json"), answer
 
@@ -133,55 +160,38 @@ class UploadEpisode:
                 if (answer := _answer_before(connection, upload)) is not None:
                     return answer
                 _check_link(connection, upload)
-                task = KnownTask.read(connection, upload.task, upload.objects)
-            if (answer := self._commit(upload, task, self._extract(upload, task), respond)) is not None:
+                task = StoredTask.read(connection, upload.task, upload.objects)
+            if (answer := self._commit(upload, task, self._extracted(upload, task), respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
-    def _extract(self, upload: Upload, task: KnownTask) -> _Extracted:
+    def _extracted(self, upload: Upload, task: StoredTask) -> _Extracted:
         """Check the recording, find keyframes and poses, and collect the findings, in the order of the method."""
-        episode, given, sent = upload.episode, upload.given, upload.object_names
-        trajectory = episode.trajectory
-        names, cameras = list(dict.fromkeys((*(task.object_names or ()), *sent))), [f.camera for f in episode.frames]
-        settings = task.settings.with_joints_of(trajectory)
-        queries = settings.with_models(upload.objects)
-        motion = settings.motion_of(trajectory, episode.control_frequency_hz)
+        episode, blobs = upload.episode, self._store.blobs
+        settings = task.settings.with_joints_of(episode.trajectory)
         self._pose_servers.check(settings.object_models)
-        check_recording(motion, given, cameras)
-        instruction = numbered_instruction(episode.instruction, motion, given, upload.alike, settings.robot_base)
-        others = check_objects(task, instruction, sent, given, motion)
+        motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
+        check_recording(motion, upload.given, upload.cameras)
+        instruction = numbered_instruction(episode.instruction, motion, upload.given, upload.alike, settings.robot_base)
+        others = check_objects(task, instruction, upload.object_names, upload.given, motion)
+        names = list(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
         settings.check_models(names)
-        extracted = extract(motion, queries, episode.frames, settings, names, self._store.blobs)
-        new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes).demonstration()
-        findings = (
-            *others,
-            *alike_findings(upload.alike, instruction),
-            *unit_findings(trajectory, extracted.poses),
-            *compared_findings(settings.compared(upload.objects, extracted.poses)),
-            *recording_findings(motion, extracted.keyframes, settings.keyframes.keyframe_rule()),
-            *contact_findings(motion, sent, episode.extra),
-            *unlike_findings(new, [record.demonstration() for record in task.demonstrations]),
+        queries = settings.with_models(upload.objects)
+        draft = upload.draft(instruction, *extract(motion, queries, episode.frames, settings, names, blobs))
+        findings = upload_findings(
+            new := draft.demonstration(),
+            motion,
+            settings.keyframes.keyframe_rule(),
+            tracked=upload.object_names,
+            alike=upload.alike,
+            compared=settings.compared(upload.objects, new.objects),
+            extra=episode.extra,
+            others=[record.demonstration() for record in task.demonstrations],
         )
-        draft = EpisodeDraft(
-            task=upload.task,
-            instruction=instruction,
-            control_frequency_hz=episode.control_frequency_hz,
-            keyframes=extracted.keyframes,
-            objects=extracted.objects,
-            given_objects=tuple(asdict(query) for query in upload.objects),
-            cameras=put_images(self._store.blobs, cameras, upload.images),
-            extra=dict(episode.extra),
-            prediction_id=upload.prediction_id,
-            left_out=upload.left_out,
-            note=upload.note,
-            uploaded_instruction=upload.uploaded_instruction
-            or (None if instruction == episode.instruction else episode.instruction),
-            num_frames=len(trajectory),
-            trajectory=trajectories.pack(trajectory),
-        )
-        return _Extracted(settings, draft, findings)
+        draft = replace(draft, cameras=put_images(blobs, upload.cameras, upload.images))
+        return _Extracted(settings, draft, (*others, *findings))
 
-    def _commit(self, upload: Upload, task: KnownTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:
+    def _commit(self, upload: Upload, task: StoredTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:
         """Store the episode; return the answer, or None if the task was deleted or must be extracted for anew."""
         settings, answer = extracted.outcome(task, respond)  # not in the transaction: on SQLite other writers wait
         with self._store.write() as connection:
@@ -224,11 +234,3 @@ def _check_link(connection: Connection, upload: Upload) -> None:
     if not prediction.actions or prediction.outcome_success is False:
         fault = "whose outcome was a failure" if prediction.actions else "without actions"
         raise InvalidInputError("prediction_id", f"is a prediction {fault}", valid)
-
-
-def content_digest(metadata: JsonObject, parts: Mapping[str, bytes]) -> str:
-    """A digest of what a request says, whatever multipart boundary or key order it came with."""
-    digest = hashlib.sha256(json.dumps(metadata, sort_keys=True).encode())
-    for name in sorted(parts):
-        digest.update(f"\0{name}\0".encode() + hashlib.sha256(parts[name]).digest())
-    return digest.hexdigest()

@@ -1,12 +1,12 @@
 """The pages by subject, all under `/ui`; each reads the API's services, and only its scripts write, through the API."""
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import RedirectResponse
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from app.api.access_rules import GUIDE
-from app.web.page import PageRoute, serve_assets
+from app.web.page import PageRoute, render, serve_assets
 from app.web.routes import episode, live, predict, predictions, tasks
 
 HOME = "/ui/tasks"
@@ -28,6 +28,12 @@ def install_pages(app: FastAPI) -> None:
 def enter() -> RedirectResponse:
     """To the first page."""
     return RedirectResponse(HOME)
+
+
+@_others.get("/docs")
+def api_page(request: Request) -> Response:
+    """Swagger UI within the pages: what programs can ask for."""
+    return render(request, "api.html")
 
 
 @_others.get(f"{GUIDE}{{path:path}}")

@@ -63,12 +63,6 @@ def live_page(request: Request, services: Wired) -> Response:
     return render(request, "live.html", running=running, jobs=listed)
 
 
-@router.get("/ui/api")
-def api_page(request: Request) -> Response:
-    """What programs can ask for, within the pages."""
-    return render(request, "api.html")
-
-
 @documents.get("/ui/live/now")
 def live_part(request: Request, services: Wired) -> Response:
     """The part of the page that changes."""

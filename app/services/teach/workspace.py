@@ -83,7 +83,9 @@ def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
     return WorkspaceSettings(preset="auto", min=tuple(held.min_m.tolist()), max=tuple(held.max_m.tolist()))
 
 
-def room_findings(box: WorkspaceSettings, episode: Shown, first: Sequence[DemonstrationRecord]) -> Iterator[Finding]:
+def workspace_findings(
+    box: WorkspaceSettings, episode: Shown, first: Sequence[DemonstrationRecord]
+) -> Iterator[Finding]:
     """Says which episodes lie outside of the workspace of their task, and were not allowed to widen it.
 
     Args:

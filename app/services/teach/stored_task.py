@@ -26,7 +26,7 @@ from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
-from app.services.teach.room import FIRST
+from app.services.teach.workspace import FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
 from app.store.values import JsonObject
@@ -37,7 +37,7 @@ MAX_COMPARED = 30  # demonstrations that an upload is held against
 
 
 @dataclass(frozen=True, eq=False)
-class KnownTask:
+class StoredTask:
     """A task as it was read before an episode is extracted for it.
 
     Attributes:
@@ -55,7 +55,7 @@ class KnownTask:
     recordings: Sequence[Recording] | None = None
 
     @classmethod
-    def read(cls, connection: Connection, name: str, objects: Sequence[ObjectQuery]) -> "KnownTask":
+    def read(cls, connection: Connection, name: str, objects: Sequence[ObjectQuery]) -> "StoredTask":
         """Read the task that an episode with these objects is uploaded to."""
         if (task := tasks.find(connection, name)) is None:
             by_masks = all(query.position_m is None and query.mask_ids for query in objects)
@@ -78,7 +78,7 @@ class KnownTask:
         """The demonstrations whose extent bounds how far an upload may widen the workspace."""
         return self.demonstrations[:FIRST]
 
-    def locked(self, connection: Connection) -> "KnownTask | None":
+    def locked(self, connection: Connection) -> "StoredTask | None":
         """Lock the task and return it as it is now, or None where the episode must be extracted again.
 
         That is: where the task was deleted, or its objects or a setting that extraction depends on changed. Its
@@ -120,7 +120,7 @@ def numbered_instruction(
 
 
 def check_objects(
-    task: KnownTask, instruction: str, sent: Sequence[str], given: Sequence[ObjectPose], motion: Motion
+    task: StoredTask, instruction: str, sent: Sequence[str], given: Sequence[ObjectPose], motion: Motion
 ) -> tuple[Finding, ...]:
     """Refuse an episode whose objects differ from the task's where the difference matters; report it otherwise.
 
