@@ -138,6 +138,7 @@ SWEEPS: Mapping[str, Sweep] = {
             Method("object_frame", {"representation": "object_frame"}),
             Method("absolute, paper", PAPER),
             Method("absolute, authors", {**PAPER, "prompt_format": "authors"}),
+            Method("absolute, sums", {**PAPER, "prompt_format": "sums"}),
             Method("KAT", KAT),
             Method("action tokens in the paper's prompt", {**PAPER, "representation": "action_tokens"}),
         ),
