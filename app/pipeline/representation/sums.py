@@ -3,7 +3,7 @@
 ::
 
     {'drawer': [60, 51, 6, 36, 36, 18] a(+0, +11, +6), 'open the drawer'}>open the drawer
-    [drawer a: [60+0=60, 51+11=62, 6+6=12, 0, 29, 18+0=18, 1]; drawer: [60+0=60, 51+0=51, 6+0=6, 0, 29, 18+0=18, 0]]
+    [1 drawer a: [60+0=60, 51+11=62, 6+6=12, 0, 29, 18+0=18, 1]; 2 drawer: [60+0=60, 51+0=51, 6+0=6, 0, 29, 18+0=18, 0]]
 
 (on one line). The reply repeats the instruction first, because small models then read which object it names. A row
 names the object that it follows. In a sum stand the object's bin, a difference, and the action's bin, which counts. A
@@ -14,6 +14,7 @@ observation lists it beside the object. A yaw may leave 0..71 and is read modulo
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -37,9 +38,11 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 NO_TURN = ROTATION_BINS // 2  # the bin of an angle of 0
 _ROW = re.compile(r"[^\];]+\]")
-_REPLY = re.compile(r"[^\n]*\[{row}(?:; {row})*\]\s*".replace("{row}", r"[^\[\];]+: \[[^\[\]]*\]"))
+_WHOLE_ROW = r"[^\[\];]+: \[[^\[\]]*\]"
+_REPLY = re.compile(rf"[^\n]*\[{_WHOLE_ROW}(?:; {_WHOLE_ROW})*\]\s*")
 _ADDENDS = re.compile(r"\d+[+-]\d+=")
-_RULES = """s ::= p ([+-] p "=" p)?
+_RULES = """d ::= " " [+-] p
+s ::= p ([+-] p "=" p)?
 t ::= r ([+-] p "=" "-"? ("1"? [0-9] [0-9] | [0-9]))?
 p ::= [0-9] | [1-9] [0-9]
 r ::= [0-9] | [1-6] [0-9] | "7" [01]
@@ -142,24 +145,33 @@ class SumsCodec(Codec):
 
     def actions_text(self, demonstration: Demonstration) -> str:
         rows = self.fitted.table[self.fitted.demonstrations.index(demonstration)]
-        return f"{demonstration.instruction} [{'; '.join(self._row_text(demonstration, row) for row in rows)}]"
+        texts = [f"{number} {self._row_text(demonstration, row)}" for number, row in enumerate(rows, start=1)]
+        return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
     def _row_text(self, demonstration: Demonstration, row: Row) -> str:
         anchor, bins = row.anchor, self._placed(demonstration, row.anchor, row.numbers)
-        cells = list(map(str, bins))
+        cells, head = list(map(str, bins)), _name(anchor)
+        if step := self.letters.get(Step.of(demonstration, row)):
+            head += f" {step}"
         if anchor != WORLD:
             origin = self._origins(demonstration)[_name(anchor)]
-            cells[:3] = [f"{origin[k]}{bins[k] - origin[k]:+d}={bins[k]}" for k in range(3)]
+            differences = [f"{bins[k] - origin[k]:+d}" for k in range(3)]
+            head += " " + " ".join(differences)
+            cells[:3] = [f"{origin[k]}{differences[k]}={bins[k]}" for k in range(3)]
             if anchor.hand_turns and anchor.object_name not in self.fitted.tilted:
                 turn = row.numbers[5] - NO_TURN
                 cells[5] = f"{origin[5]}{turn:+d}={origin[5] + turn}"
-        step = self.letters.get(Step.of(demonstration, row))
-        return f"{_name(anchor)}{f' {step}' if step else ''}: [{', '.join([*cells, str(int(row.gripper_open))])}]"
+        return f"{head}: [{', '.join([*cells, str(int(row.gripper_open))])}]"
+
+    @cached_property
+    def _anchors(self) -> frozenset[Anchor]:
+        """Those of the demonstrations' rows."""
+        return frozenset(row.anchor for rows in self.fitted.table for row in rows)
 
     def _origins(self, query: Query) -> dict[str, tuple[int, ...]]:
         """The bins of everything that a row may follow, by name: of objects, and of the start where rows follow it."""
         origins = {pose.name: object_bins(pose, self.workspace) for pose in query.objects}
-        if query.start is not None and any(row.anchor == START for rows in self.fitted.table for row in rows):
+        if query.start is not None and START in self._anchors:
             origins[START.frame] = discretize_actions([query.start], self.workspace)[0].bins[:6]
         return origins
 
@@ -176,12 +188,13 @@ class SumsCodec(Codec):
 
     def grammar(self, query: Query, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.fitted.demonstrations, query.order, max_actions)
-        names = " | ".join(f'"{name}"' for name in (*self._origins(query), WORLD.frame))
+        followed = (*self._origins(query), *([WORLD.frame] if WORLD in self._anchors else []))
+        names = " | ".join(f'"{name}"' for name in followed)
         said = re.sub(r'(["\\])', r"\\\1", query.instruction)
         cells = ", ".join(["s"] * 3 + ["r"] * 2 + ["t"]).replace(", ", ' ", " ')
         return (
             f'root ::= "{said} [" row ("; " row){{{fewest - 1},{most - 1}}} "]"\n'
-            f'row ::= ({names}) (" " [a-z] [a-z]?)? ": [" {cells} ", " [01] "]"\n{_RULES}'
+            f'row ::= [1-9] [0-9]{{0,2}} " " ({names}) (" " [a-z] [a-z]?)? (d d d)? ": [" {cells} ", " [01] "]"\n{_RULES}'
         )
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
