@@ -2,13 +2,14 @@
 
 ::
 
-    {'drawer': [60, 51, 6, 36, 36, 18] a(+0, +11, +6), 'open the drawer'}>open the drawer
-    [1 drawer a: [60+0=60, 51+11=62, 6+6=12, 0, 29, 18+0=18, 1]; 2 drawer: [60+0=60, 51+0=51, 6+0=6, 0, 29, 18+0=18, 0]]
+    {'drawer': [60,51,6,36,36,18] a(+0 +11 +6), 'open the drawer'}>open the drawer
+    [1 drawer a +0 +11 +6: [60,51+11=62,6+6=12,0,29,18,1]; 2 drawer +0 +0 +0: [60,51,6,0,29,18,0]]
 
-(on one line). The reply repeats the instruction first, because small models then read which object it names. A row
-names the object that it follows. In a sum stand the object's bin, a difference, and the action's bin, which counts. A
-difference that turns with the object, or that binning changes from scene to scene, is a step: it has a letter, and the
-observation lists it beside the object. A yaw may leave 0..71 and is read modulo 72.
+(on one line). The reply repeats the instruction first: small models then read which object it names. A row has the
+object that it follows, the difference to that in bins, and the paper's seven bins. A bin that differs from the
+object's is a sum, of which the result counts; a yaw may leave 0..71 and is read modulo 72. A difference that turns
+with the object, or that binning changes from scene to scene, is a step: it has a letter, and the observation lists it
+beside the object.
 """
 
 import re
@@ -41,7 +42,8 @@ _ROW = re.compile(r"[^\];]+\]")
 _WHOLE_ROW = r"[^\[\];]+: \[[^\[\]]*\]"
 _REPLY = re.compile(rf"[^\n]*\[{_WHOLE_ROW}(?:; {_WHOLE_ROW})*\]\s*")
 _ADDENDS = re.compile(r"\d+[+-]\d+=")
-_RULES = """d ::= " " [+-] p
+_RULES = """step ::= " " [a-z] [a-z]?
+d ::= " " [+-] p
 s ::= p ([+-] p "=" p)?
 t ::= r ([+-] p "=" "-"? ("1"? [0-9] [0-9] | [0-9]))?
 p ::= [0-9] | [1-9] [0-9]
@@ -125,7 +127,8 @@ class SumsCodec(Codec):
 
     def observation_text(self, query: Query) -> str:
         parts = [
-            f"'{name}': {list(bins)}{self._steps_text(query, name)}" for name, bins in self._origins(query).items()
+            f"'{name}': [{','.join(map(str, bins))}]{self._steps_text(query, name)}"
+            for name, bins in self._origins(query).items()
         ]
         return "{" + ", ".join([*parts, f"'{query.instruction}'"]) + "}>"
 
@@ -140,7 +143,7 @@ class SumsCodec(Codec):
                 numbers = [f"{value:+d}" for value in self._difference(query, anchor, step.numbers)]
                 if anchor.object_name in self.fitted.tilted:
                     numbers += map(str, self._placed(query, anchor, step.numbers)[3:])
-                texts.append(f" {letter_}({', '.join(numbers)})")
+                texts.append(f" {letter_}({' '.join(numbers)})")
         return "".join(texts)
 
     def actions_text(self, demonstration: Demonstration) -> str:
@@ -157,11 +160,10 @@ class SumsCodec(Codec):
             origin = self._origins(demonstration)[_name(anchor)]
             differences = [f"{bins[k] - origin[k]:+d}" for k in range(3)]
             head += " " + " ".join(differences)
-            cells[:3] = [f"{origin[k]}{differences[k]}={bins[k]}" for k in range(3)]
+            cells[:3] = [_sum(origin[k], bins[k] - origin[k]) for k in range(3)]
             if anchor.hand_turns and anchor.object_name not in self.fitted.tilted:
-                turn = row.numbers[5] - NO_TURN
-                cells[5] = f"{origin[5]}{turn:+d}={origin[5] + turn}"
-        return f"{head}: [{', '.join([*cells, str(int(row.gripper_open))])}]"
+                cells[5] = _sum(origin[5], row.numbers[5] - NO_TURN)
+        return f"{head}: [{','.join([*cells, str(int(row.gripper_open))])}]"
 
     @cached_property
     def _anchors(self) -> frozenset[Anchor]:
@@ -191,10 +193,10 @@ class SumsCodec(Codec):
         followed = (*self._origins(query), *([WORLD.frame] if WORLD in self._anchors else []))
         names = " | ".join(f'"{name}"' for name in followed)
         said = re.sub(r'(["\\])', r"\\\1", query.instruction)
-        cells = ", ".join(["s"] * 3 + ["r"] * 2 + ["t"]).replace(", ", ' ", " ')
+        cells = ' "," '.join("sssrrt")
         return (
             f'root ::= "{said} [" row ("; " row){{{fewest - 1},{most - 1}}} "]"\n'
-            f'row ::= [1-9] [0-9]{{0,2}} " " ({names}) (" " [a-z] [a-z]?)? (d d d)? ": [" {cells} ", " [01] "]"\n{_RULES}'
+            f'row ::= [1-9] [0-9]{{0,2}} " " ({names}) step? (d d d)? ": [" {cells} "," [01] "]"\n{_RULES}'
         )
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -215,6 +217,10 @@ class SumsCodec(Codec):
             for index, row in enumerate(rows, start=first)
         ]
         return undiscretize_actions([(*row[:5], row[5] % ROTATION_BINS, row[6]) for row in bins], self.workspace)
+
+
+def _sum(number: int, difference: int) -> str:
+    return f"{number}{difference:+d}={number + difference}" if difference else str(number)
 
 
 def _name(anchor: Anchor) -> str:
