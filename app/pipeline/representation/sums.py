@@ -3,13 +3,12 @@
 ::
 
     {'drawer': [60,51,6,36,36,18] a(+0 +11 +6), 'open the drawer'}>open the drawer
-    [1 drawer a +0 +11 +6: [60,51+11=62,6+6=12,0,29,18,1]; 2 drawer +0 +0 +0: [60,51,6,0,29,18,0]]
+    [1 drawer a +0 +11 +6: [60+0=60,51+11=62,6+6=12,0,29,18+0=18,1]; 2 drawer +0 +0 +0: [60+0=60,51+0=51,...]]
 
 (on one line). The reply repeats the instruction first: small models then read which object it names. A row has the
-object that it follows, the difference to that in bins, and the paper's seven bins. A bin that differs from the
-object's is a sum, of which the result counts; a yaw may leave 0..71 and is read modulo 72. A difference that turns
-with the object, or that binning changes from scene to scene, is a step: it has a letter, and the observation lists it
-beside the object.
+object that it follows, the difference to that in bins, and the paper's seven bins. Those that follow the object are
+sums, of which the results count; a yaw may leave 0..71 and is read modulo 72. A difference that turns with the object,
+or that binning changes from scene to scene, is a step: it has a letter, and the observation lists it beside the object.
 """
 
 import re
@@ -220,7 +219,7 @@ class SumsCodec(Codec):
 
 
 def _sum(number: int, difference: int) -> str:
-    return f"{number}{difference:+d}={number + difference}" if difference else str(number)
+    return f"{number}{difference:+d}={number + difference}"
 
 
 def _name(anchor: Anchor) -> str:

@@ -52,7 +52,8 @@ def bins(actions):
 def test_a_demonstration_repeats_the_instruction_and_names_what_each_row_follows():
     assert fitted(PUSHES).demonstration_text(PUSHES[0]) == (
         "{'red button': [40,70,20], 'blue button': [50,60,20], 'push the red button'}>push the red button "
-        "[1 red button +0 +0 +10: [40,70,20+10=30,0,36,36,1]; 2 red button +0 +0 +0: [40,70,20,0,36,36,0]]\n"
+        "[1 red button +0 +0 +10: [40+0=40,70+0=70,20+10=30,0,36,36,1]; "
+        "2 red button +0 +0 +0: [40+0=40,70+0=70,20+0=20,0,36,36,0]]\n"
     )
 
 
@@ -61,7 +62,7 @@ def test_a_difference_that_turns_with_an_object_is_listed_beside_it():
     assert codec.observation_text(opened(0.105, 90)) == (
         "{'drawer': [40,60,40,36,36,54] a(+0 +20 +0), 'open the drawer'}>"
     )
-    row = "2 drawer a +20 +0 +0: [40+20=60,60,40,0,36,36,1]]"
+    row = "2 drawer a +20 +0 +0: [40+20=60,60+0=60,40+0=40,0,36,36+0=36,1]]"
     assert codec.actions_text(OPENINGS[0]).endswith(row)
 
 
@@ -97,7 +98,7 @@ def test_rows_are_read_as_they_arrive():
     ("yaw", "expected"), [("71+20=91", 19), ("3-20=-17", 55), ("71+1=72", 0), ("36", 36), ("36+0=36", 36)]
 )
 def test_a_yaw_is_read_modulo_a_turn(yaw, expected):
-    reply = f"open the drawer [1 drawer +0 +11 +6: [60,51+11=62,6+6=12,0,29,{yaw},1]]"
+    reply = f"open the drawer [1 drawer +0 +11 +6: [60+0=60,51+11=62,6+6=12,0,29,{yaw},1]]"
     one_row = [replace(item, actions=item.actions[:1]) for item in OPENINGS]
     assert matches(fitted(one_row).grammar(OPENINGS[0], 25), reply)
     (read,) = parse_reply(reply, fitted(OPENINGS), OPENINGS[0].objects, OPENINGS[0].instruction)
@@ -170,7 +171,7 @@ def test_rows_at_the_start_follow_it():
         shown.append(replace(item, actions=(*item.actions, start), start=start, plan=0))
     codec = fitted(shown)
     assert "'start': [40,19,60,0,36,36]" in codec.observation_text(shown[0])
-    assert codec.actions_text(shown[0]).endswith("; 3 start +0 +0 +0: [40,19,60,0,36,36,1]]")
+    assert codec.actions_text(shown[0]).endswith("; 3 start +0 +0 +0: [40+0=40,19+0=19,60+0=60,0,36,36,1]]")
 
 
 def test_demonstrations_that_say_nothing_new_are_left_out():
