@@ -25,6 +25,7 @@ SIMPLE_NAMES: Mapping[str, Method] = {
     "default": Method("default"),
     "nearest": COPY,
     "regression": REGRESSION,
+    "sums": Method("absolute rows as sums", {**PAPER, "prompt_format": "sums"}),
     "replay": REPLAY,
     "expert": EXPERT,
 }
@@ -138,7 +139,6 @@ SWEEPS: Mapping[str, Sweep] = {
             Method("object_frame", {"representation": "object_frame"}),
             Method("absolute, paper", PAPER),
             Method("absolute, authors", {**PAPER, "prompt_format": "authors"}),
-            Method("absolute, sums", {**PAPER, "prompt_format": "sums"}),
             Method("KAT", KAT),
             Method("action tokens in the paper's prompt", {**PAPER, "representation": "action_tokens"}),
         ),
