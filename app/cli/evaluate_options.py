@@ -14,7 +14,7 @@ SWEEP_NAMES = (
     "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, models,"
     " moving, outside, composition"
 )
-METHOD_NAMES = "default, nearest, regression, replay, expert"
+METHOD_NAMES = "default, nearest, regression, sums, replay, expert"
 OUTSIDE = "outside"
 EPISODES = 25
 Option = typer.Option

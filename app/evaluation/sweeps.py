@@ -25,6 +25,7 @@ SIMPLE_NAMES: Mapping[str, Method] = {
     "default": Method("default"),
     "nearest": COPY,
     "regression": REGRESSION,
+    "sums": Method("absolute rows as sums", {**PAPER, "prompt_format": "sums"}),
     "replay": REPLAY,
     "expert": EXPERT,
 }

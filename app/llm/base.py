@@ -57,7 +57,7 @@ class ModelProfile:
     style: Literal["completion", "chat"]  # `completion` continues raw text; `chat` takes a system and a user message
     grammar: bool  # whether the backend can force the reply into a GBNF grammar
     representation: str  # the representation that suits the model best; used when a request names none
-    prompt_format: str = "paper"  # the prompt format that suits it best, used in the same way
+    prompt_format: str = "paper"  # the one that suits it best, used in the same way where the representation has it
     system_prompt: str = "a"  # the system prompt that suits it best (a variant's name, or `none`)
     description: str = ""  # one line for people
     timeout_s: float = 60.0  # the deadline that suits it best, used where a request names none

@@ -37,7 +37,7 @@ from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, Trajectory
 
 Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
-PromptFormat = Literal["paper", "authors", "kat"]
+PromptFormat = Literal["paper", "authors", "kat", "sums"]
 ArmModel = Literal["panda", "fr3"]  # whose joints the client knows, with a Franka Hand
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 MERGED = ("workspace", "keyframes", "motion_limits")  # a change keeps what it does not name of them

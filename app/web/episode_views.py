@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Motion, find_keyframes
-from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
+from app.pipeline.representation import REPRESENTATIONS, fit_codec, usual_format
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.setting_parts import KeyframeSettings
@@ -118,7 +118,7 @@ def episode_texts(
     shown: int,
     settings: TaskSettings,
     usual_representation: str,
-    usual_format: str,
+    format_asked: str,
 ) -> tuple[EpisodeText, ...]:
     """One of the demonstrations of a prompt in each representation, the usual first.
 
@@ -129,7 +129,7 @@ def episode_texts(
     texts = []
     for name in sorted(REPRESENTATIONS, key=lambda name: name != usual_representation):
         usual = name == usual_representation
-        prompt_format = usual_format if usual or usual_format != KAT_FORMAT else "paper"
+        prompt_format = format_asked if usual else usual_format(name, format_asked)
         try:
             codec = fit_codec(name, prompt_format, demonstrations, settings.workspace.workspace())
             text, error = codec.demonstration_text(demonstrations[shown]), ""

@@ -218,6 +218,12 @@ def test_robots_wait_as_long_as_the_slowest_model_is_given():
     assert PredictOptions(timeout_s=30).deadline_s(slowest, 4_000) == 30
 
 
+def test_which_models_are_asked_for_sums():
+    formats = {name: profile_of(name).prompt_format for name in (*KNOWN, "/own.gguf")}
+    assert {name for name, form in formats.items() if form == "sums"} == {"qwen2.5-coder-1.5b", "qwen2.5-coder-0.5b"}
+    assert set(formats.values()) == {"sums", "paper"}
+
+
 def test_a_file_that_is_no_gguf_is_refused(tiny):
     assert "is not a GGUF file" in command("add", "mine", "--file", __file__, status=1)
 

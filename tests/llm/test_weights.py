@@ -33,6 +33,21 @@ def test_two_processes_may_assemble_at_once(tmp_path):
     assert names == {weights.GEMMA_FILE, f"{weights.GEMMA_FILE}.verified.json"}
 
 
+def test_what_a_killed_process_left_is_removed_at_the_next_start(tmp_path):
+    settings = LlmSettings(cache_folder=tmp_path)
+    left = tmp_path / ".assembling-killed"
+    left.mkdir()
+    (left / weights.GEMMA_FILE).write_bytes(b"GGUF half")
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        started = pool.submit(assemble_gemma, settings)
+        while not [path for path in tmp_path.glob(".assembling-*") if path != left]:
+            assert not started.done()
+        with weights._locked(tmp_path):
+            weights._remove_left(tmp_path)  # as another process that starts now does
+        assert started.result() == 253_113_024
+    assert {path.name for path in tmp_path.iterdir()} == {weights.GEMMA_FILE, f"{weights.GEMMA_FILE}.verified.json"}
+
+
 @pytest.fixture
 def added(tmp_path, monkeypatch):
     """SmolLM2 as it was added, with a few bytes for weights."""

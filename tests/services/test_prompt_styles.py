@@ -62,6 +62,29 @@ def test_kats_format_needs_its_tokens(taught):
         question(taught, prompt_format="kat")
 
 
+SMALL = ModelProfile("small", "chat", True, "object_frame", "sums")
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({}, ("object_frame", "paper", "none")),
+        ({"representation": "absolute"}, ("absolute", "sums", "a")),
+        ({"representation": "absolute", "prompt_format": "paper"}, ("absolute", "paper", "a")),
+        ({"representation": "action_tokens"}, ("action_tokens", "paper", "a")),
+    ],
+)
+def test_a_models_format_counts_where_the_representation_has_it(taught, options, expected):
+    style = question(taught, SMALL, **options).known.style
+    assert (style.representation, style.prompt_format, style.system_prompt) == expected
+
+
+def test_sums_are_of_absolute_rows(taught):
+    assert " [1 cube +0" in question(taught, representation="absolute", prompt_format="sums").prompt.user
+    with pytest.raises(InvalidInputError, match=r"prompt_format: is 'sums' with .*'object_frame'.*sums with absolute"):
+        question(taught, representation="object_frame", prompt_format="sums")
+
+
 def test_a_task_cannot_be_set_to_what_cannot_be_written(taught):
     assert TaskSettings(prompt_format="kat").prompt_format == "kat"  # the request may name the representation
     taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})

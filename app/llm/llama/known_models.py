@@ -95,6 +95,7 @@ def profile_of(model: str) -> ModelProfile:
         style="chat" if known.chat else "completion",
         grammar=True,
         representation="object_frame",  # of the larger ones, too: docs/results/llm.md
+        prompt_format="sums" if known.chat else "paper",  # of absolute rows
         system_prompt="a" if known.chat else "none",
         description=known.description,
         timeout_s=known.timeout_s,

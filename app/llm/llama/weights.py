@@ -3,13 +3,17 @@
 Nothing is downloaded at run time: weights come as Python packages, or the operator adds them (`add_weights`).
 """
 
+import contextlib
+import fcntl
 import hashlib
 import importlib
 import json
 import os
 import re
+import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -25,6 +29,7 @@ GEMMA_SHA256 = "a5fd3b62230aa5ec60212297dc9d20eaa70578ac519e00d93a17e44c087a6818
 TRIMMED_GEMMA_FILE = "gemma-3-270m-q4_k_m-latin.gguf"
 TRIMMED_GEMMA_SHA256 = "9212dd6d54d0cc736f376ef0011478abd5096faf47ef4be1d09f96256768999b"
 
+ASSEMBLING = ".assembling-"  # begins the names of folders that weights are assembled in
 OWN_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,63}", re.ASCII)  # what an operator may call a file
 
 
@@ -127,6 +132,8 @@ def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path
     """`path`, after it was assembled if it comes in parts, and verified."""
     try:
         cache_folder.mkdir(parents=True, exist_ok=True)
+        with _locked(cache_folder):
+            _remove_left(cache_folder)
         if not _is_verified(path, sha256, cache_folder):
             if assemble:
                 _assemble(path, assemble)
@@ -139,8 +146,11 @@ def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path
 
 def _assemble(path: Path, assemble: Callable[[Path], object]) -> None:
     """Write `path` whole or not at all: in a folder of this process's own first, then renamed."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".assembling-") as folder:
-        new = Path(folder) / path.name
+    with ExitStack() as stack:
+        with _locked(path.parent):  # until its folder is locked, too, nobody takes it for one that was left
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(dir=path.parent, prefix=ASSEMBLING)))
+            stack.enter_context(_locked(folder))
+        new = folder / path.name
         try:
             assemble(new)
         except ValueError as error:
@@ -148,6 +158,24 @@ def _assemble(path: Path, assemble: Callable[[Path], object]) -> None:
         with new.open("rb") as file:
             os.fsync(file.fileno())
         new.replace(path)
+
+
+def _remove_left(cache_folder: Path) -> None:
+    """Remove the folders of processes that were killed: nobody holds their locks."""
+    for folder in cache_folder.glob(f"{ASSEMBLING}*"):
+        with contextlib.suppress(OSError), _locked(folder, fcntl.LOCK_NB):
+            shutil.rmtree(folder)
+
+
+@contextmanager
+def _locked(folder: Path, how: int = 0) -> Iterator[None]:
+    """Hold the folder's lock, which ends with the process; with LOCK_NB raises BlockingIOError if another holds it."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | how)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _verify(path: Path, sha256: str, cache_folder: Path) -> None:

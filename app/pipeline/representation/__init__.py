@@ -8,11 +8,13 @@ from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCode
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.parts import PartsCodec
+from app.pipeline.representation.sums import SumsCodec
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
 
 PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
 KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
+SUMS_FORMAT = "sums"  # of absolute rows only, for small models
 REPRESENTATIONS = ("absolute", "object_frame", "action_tokens", "parts")
 
 
@@ -25,7 +27,8 @@ def fit_codec(
     """The named representation, fitted to the demonstrations of one prompt.
 
     Args:
-        prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `kat` is KAT's.
+        prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `kat` is KAT's,
+            `sums` writes the numbers of absolute rows as sums.
 
     Raises:
         InvalidInputError: for an unknown name, a format that the representation does not have, without
@@ -39,10 +42,23 @@ def fit_codec(
         return ObjectFrameCodec.fit(demonstrations, workspace, with_instruction)
     if representation == "parts":
         return PartsCodec.fit(demonstrations, with_instruction)
+    if prompt_format == SUMS_FORMAT:
+        return SumsCodec.fit(demonstrations, workspace)
     codec = AbsoluteCodec if representation == "absolute" else ActionTokensCodec
     if prompt_format == KAT_FORMAT:
         codec = KatCodec
     return codec(workspace, tuple(demonstrations), with_instruction)
+
+
+def formats_of(representation: str) -> tuple[str, ...]:
+    """The prompt formats that a representation has."""
+    own = {"absolute": (SUMS_FORMAT,), "action_tokens": (KAT_FORMAT,)}
+    return (*PROMPT_FORMATS, *own.get(representation, ()))
+
+
+def usual_format(representation: str, preferred: str) -> str:
+    """The format that is preferred where the representation has it, else the paper's."""
+    return preferred if preferred in formats_of(representation) else "paper"
 
 
 def check_style(representation: str, prompt_format: str) -> None:
@@ -53,11 +69,7 @@ def check_style(representation: str, prompt_format: str) -> None:
     """
     if representation not in REPRESENTATIONS:
         raise InvalidInputError("representation", f"is {representation!r}", ", ".join(REPRESENTATIONS))
-    formats = (*PROMPT_FORMATS, KAT_FORMAT) if representation == "action_tokens" else PROMPT_FORMATS
-    if prompt_format not in formats:
-        valid = ", ".join(formats)
-        if prompt_format == KAT_FORMAT:
-            valid += f"; {KAT_FORMAT} with the representation action_tokens"
-        raise InvalidInputError(
-            "prompt_format", f"is {prompt_format!r} with the representation {representation!r}", valid
-        )
+    if prompt_format not in (formats := formats_of(representation)):
+        message = f"is {prompt_format!r} with the representation {representation!r}"
+        others = f"{KAT_FORMAT} with the representation action_tokens; {SUMS_FORMAT} with absolute"
+        raise InvalidInputError("prompt_format", message, f"{', '.join(formats)}; {others}")

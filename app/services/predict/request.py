@@ -11,7 +11,7 @@ from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
 from app.pipeline.alike import Alike
-from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.representation import KAT_FORMAT, usual_format
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
 from roboprompt_client.motion.limits import MAX_ACTIONS
@@ -158,7 +158,8 @@ class PromptStyle:
         """What the request says, else the task's setting, else what suits the model."""
         options = request.options
         representation = options.representation or settings.representation or profile.representation
-        prompt_format = options.prompt_format or settings.prompt_format or profile.prompt_format
+        asked = options.prompt_format or settings.prompt_format
+        prompt_format = asked or usual_format(representation, profile.prompt_format)
         system_prompt = options.system_prompt or settings.system_prompt
         if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
             lists = profile.style == "chat" and representation not in ("object_frame", "parts")

@@ -17,6 +17,7 @@ from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.episode import stretches
 from app.pipeline.keyframes import Motion, Rule
+from app.pipeline.representation import usual_format
 from app.services.container import Services
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.scene_images import read_frame
@@ -188,9 +189,11 @@ def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, 
         representation, prompt_format = settings.representation or "absolute", settings.prompt_format or "paper"
         return representation, prompt_format, f"The default model is not available: {error}"
     if settings.representation:
-        return settings.representation, settings.prompt_format or profile.prompt_format, "First as the task is set."
+        usual = usual_format(settings.representation, profile.prompt_format)
+        return settings.representation, settings.prompt_format or usual, "First as the task is set."
     whose = f"First as {profile.name} reads it."
-    return profile.representation, settings.prompt_format or profile.prompt_format, whose
+    usual = usual_format(profile.representation, profile.prompt_format)
+    return profile.representation, settings.prompt_format or usual, whose
 
 
 @router.get("/ui/episodes/{episode_id}/object")

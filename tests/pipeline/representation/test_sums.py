@@ -1,0 +1,180 @@
+from dataclasses import replace
+
+import pytest
+
+from app.pipeline.episode import Query
+from app.pipeline.errors import ReplyParseError
+from app.pipeline.prompt import PromptTemplate
+from app.pipeline.reply import ReplyReader
+from app.pipeline.representation import fit_codec
+from app.pipeline.workspace import discretize_actions
+from tests.pipeline.asking import parse_reply
+
+from ..gbnf import matches
+from ..scenes import DOWN_DEG, WORKSPACE, action, demonstration, pose, rotated
+
+PUSH = "push the {} button"
+COLORS = ("red", "blue")
+
+
+def buttons(x_m, y_m):
+    return [pose("red button", (x_m, y_m, 0.805)), pose("blue button", (y_m, x_m, 0.805))]
+
+
+def pushed(color, x_m, y_m):
+    """Above a button, and down onto it."""
+    objects = buttons(x_m, y_m)
+    x, y, z = objects[COLORS.index(color)].position_m
+    return demonstration(PUSH.format(color), objects, [action((x, y, z + 0.1)), action((x, y, z), gripper_open=False)])
+
+
+def opened(x_m, yaw_deg, at_deg=0.0):
+    """At a drawer's handle, then 20 cm along the drawer's own x axis."""
+    turned = rotated(at_deg, 0, yaw_deg)
+    drawer = pose("drawer", (x_m, 0.105, 1.005), turned)
+    hand = (turned * rotated(*DOWN_DEG)).as_euler("xyz", degrees=True)
+    ways = [turned.apply((along, 0, 0)) for along in (0.0, 0.2)]
+    return demonstration("open the drawer", [drawer], [action(drawer.position_m + way, hand) for way in ways])
+
+
+PUSHES = (pushed("red", 0.105, 0.205), pushed("blue", 0.125, 0.305), pushed("red", 0.305, -0.105))
+OPENINGS = (opened(0.105, 0), opened(0.155, 40), opened(0.205, -60), opened(0.305, 90))
+
+
+def fitted(demonstrations):
+    return fit_codec("absolute", "sums", demonstrations, WORKSPACE)
+
+
+def bins(actions):
+    return [item.bins for item in discretize_actions(actions, WORKSPACE)]
+
+
+def test_a_demonstration_repeats_the_instruction_and_names_what_each_row_follows():
+    assert fitted(PUSHES).demonstration_text(PUSHES[0]) == (
+        "{'red button': [40,70,20], 'blue button': [50,60,20], 'push the red button'}>push the red button "
+        "[1 red button +0 +0 +10: [40+0=40,70+0=70,20+10=30,0,36,36,1]; "
+        "2 red button +0 +0 +0: [40+0=40,70+0=70,20+0=20,0,36,36,0]]\n"
+    )
+
+
+def test_a_difference_that_turns_with_an_object_is_listed_beside_it():
+    codec = fitted(OPENINGS)
+    assert codec.observation_text(opened(0.105, 90)) == (
+        "{'drawer': [40,60,40,36,36,54] a(+0 +20 +0), 'open the drawer'}>"
+    )
+    row = "2 drawer a +20 +0 +0: [40+20=60,60+0=60,40+0=40,0,36,36+0=36,1]]"
+    assert codec.actions_text(OPENINGS[0]).endswith(row)
+
+
+def test_a_step_of_a_tilted_object_has_the_rotation_too():
+    tilted = [opened(0.105, 0, 30), opened(0.155, 40, 20), opened(0.205, -60, 45)]
+    codec = fitted(tilted)
+    one, two = bins(tilted[1].actions)
+    along = [f"{there - here:+d}" for here, there in zip(one[:3], two[:3], strict=True)]
+    assert f" b({' '.join([*along, *map(str, two[3:6])])})" in codec.observation_text(tilted[1])
+
+
+@pytest.mark.parametrize("demonstrations", [PUSHES, OPENINGS])
+def test_replies_like_the_demonstrations_are_read_as_their_actions(demonstrations):
+    codec = fitted(demonstrations)
+    for shown in demonstrations:
+        text = codec.actions_text(shown)
+        assert matches(codec.grammar(shown, 25), text)
+        assert bins(ReplyReader(codec, shown).finish(text)) == bins(shown.actions)
+        assert codec.reply_text(codec.rows(text, complete=True)) == text
+
+
+def test_rows_are_read_as_they_arrive():
+    codec = fitted(PUSHES)
+    text, reader, seen = codec.actions_text(PUSHES[0]), ReplyReader(codec, PUSHES[0]), []
+    for at, character in enumerate(text):
+        seen += [(at, item) for item in reader.feed(character)]
+    assert [item.bins for item in discretize_actions([item for _, item in seen], WORKSPACE)] == bins(PUSHES[0].actions)
+    assert [text[at] for at, _ in seen] == ["]", "]"]
+    assert len(reader.finish(text)) == 2
+
+
+@pytest.mark.parametrize(
+    ("yaw", "expected"), [("71+20=91", 19), ("3-20=-17", 55), ("71+1=72", 0), ("36", 36), ("36+0=36", 36)]
+)
+def test_a_yaw_is_read_modulo_a_turn(yaw, expected):
+    reply = f"open the drawer [1 drawer +0 +11 +6: [60+0=60,51+11=62,6+6=12,0,29,{yaw},1]]"
+    one_row = [replace(item, actions=item.actions[:1]) for item in OPENINGS]
+    assert matches(fitted(one_row).grammar(OPENINGS[0], 25), reply)
+    (read,) = parse_reply(reply, fitted(OPENINGS), OPENINGS[0].objects, OPENINGS[0].instruction)
+    assert bins([read]) == [(60, 62, 12, 0, 29, expected, 1)]
+
+
+ROW = "1 drawer: [60+0=60, 51+11=62, 6+6=12, 0, 29, 18, 1]"
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "",
+        "open the drawer",
+        f"[{ROW}",
+        f"[{ROW}; ]",
+        f"[{ROW}, {ROW}]",
+        "[1 drawer: []]",
+        "[1 drawer: [60+0=60, 51+11=62, 6+6=12, 0, 29, 18]]",
+        "[1 drawer: [60+0=60, 51+11=62, 6+6=100, 0, 29, 18, 1]]",
+        "[1 drawer: [60+0=60, 51+11=62, 6-7=-1, 0, 29, 18, 1]]",
+        "[1 drawer: [60+0=60, 51+11=62, 6+6=12, 0, 72, 18, 1]]",
+        "[1 drawer: [60+0=60, 51+11=62, 6+6=12, 0, 29, 71+71=142, 1]]",
+        "[1 drawer: [60+0=60, 51+11, 6+6=12, 0, 29, 18, 1]]",
+    ],
+)
+def test_what_is_no_list_of_rows_is_refused(reply):
+    with pytest.raises(ReplyParseError):
+        parse_reply(reply, fitted(OPENINGS), OPENINGS[0].objects, OPENINGS[0].instruction)
+    assert parse_reply(f"[{ROW}]", fitted(OPENINGS), OPENINGS[0].objects, OPENINGS[0].instruction)
+
+
+def test_the_grammar_repeats_the_instruction_as_it_is():
+    said = 'push the red button, "quickly" \\ now'
+    assert '"push the red button, \\"quickly\\" \\\\ now [" row' in fitted(PUSHES).grammar(
+        Query(said, PUSHES[0].objects), 25
+    )
+
+
+def test_what_one_demonstration_shows_of_another_object_is_asked_of_the_one_named():
+    """A step belongs to a role: it is listed beside the object that the instruction names."""
+    top, bottom = (
+        [
+            replace(
+                item,
+                instruction=f"open the {name} drawer",
+                objects=(replace(item.objects[0], name=f"{name} drawer"), pose(f"{other} drawer", (0, 0, 1.2), 0)),
+            )
+            for item in OPENINGS
+        ]
+        for name, other in (("top", "bottom"), ("bottom", "top"))
+    )
+    text = fitted([*top[:2], *bottom[2:]]).observation_text(bottom[0])
+    assert "'bottom drawer': [40,60,40,36,36,36] a(+20 +0 +0)" in text
+    assert text.count("a(") == 1
+
+
+def test_rows_at_fixed_places_are_written_as_they_are():
+    at_home = action((0.305, 0.305, 1.305))
+    shown = [replace(item, actions=(*item.actions, at_home), plan=0) for item in OPENINGS]
+    codec = fitted(shown)
+    assert codec.actions_text(shown[0]).endswith("; 3 world: [60,80,70,0,36,36,1]]")
+    assert matches(codec.grammar(shown[0], 25), codec.actions_text(shown[0]))
+
+
+def test_rows_at_the_start_follow_it():
+    shown = []
+    for k, item in enumerate(OPENINGS):
+        start = action((0.105 + 0.1 * k, -0.305, 1.205 + 0.05 * k))
+        shown.append(replace(item, actions=(*item.actions, start), start=start, plan=0))
+    codec = fitted(shown)
+    assert "'start': [40,19,60,0,36,36]" in codec.observation_text(shown[0])
+    assert codec.actions_text(shown[0]).endswith("; 3 start +0 +0 +0: [40+0=40,19+0=19,60+0=60,0,36,36,1]]")
+
+
+def test_demonstrations_that_say_nothing_new_are_left_out():
+    shown = [pushed(COLORS[k % 2], 0.1 + 0.02 * k, 0.2 - 0.03 * k) for k in range(8)]
+    prompt = PromptTemplate.write(fitted(shown), shown, "").prefix
+    assert prompt.count("\n") == 3
