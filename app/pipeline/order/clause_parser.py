@@ -4,12 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.clauses import DIRECT, ParsedClause, without
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.words import NUMBERS, PhraseTable
 
 MAX_OBJECTS = 8  # of one role
-_NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it"])
+_NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it", "again", "use"])
 
 
 class ClauseParser:
@@ -90,9 +90,12 @@ class ClauseParser:
             yield from self._arguments(end, ParsedClause(verb), forbidden)
         yield from self._arguments(at, ParsedClause(None), forbidden)
         yield from self._passive(at, forbidden)
-        role, start = self._preposition(at)
+        used = self._text(at) == "use"  # "use the cloth to wipe the table"
+        role, start = (INSTRUMENT, at + 1) if used else self._preposition(at)
         for phrases, end in self._objects(start, forbidden) if role else ():
-            begin = end + 1 if self._text(end) == "," else end
+            begin = end + 1 if self._text(end) == ("to" if used else ",") else end
+            if used and begin == end:
+                continue
             for verb, after in self._verb(self._skip(begin, vocabulary.FILLERS)):
                 yield from self._arguments(after, ParsedClause(verb, ((role, phrases),)), forbidden)
 
@@ -133,6 +136,10 @@ class ClauseParser:
             for phrases, end in self._objects(start, forbidden):
                 more = clause.with_objects(DIRECT, phrases, after_article=after_article)
                 yield from self._arguments(end, more, forbidden)
+        for phrases, end in self._objects(start, forbidden) if not clause.objects_in("of") else ():
+            if self._text(end) == "'s":  # "the printer's button" is the button of the printer
+                whole = clause.with_objects("of", phrases, after_article=False)
+                yield from self._with_fixed(end + 1, whole, forbidden)
         if clause.objects_in(DIRECT) and f"{clause.verb} {self._text(start)}" in verbs.PHRASES:
             verb = f"{clause.verb} {self._text(start)}"
             yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
@@ -143,13 +150,13 @@ class ClauseParser:
     def _with_fixed(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
         """Yield the clause with a further fixed word, and the preposition and article before it."""
         role, start = self._preposition(at)
-        while self._text(start) in vocabulary.DETERMINERS:
+        while self._text(start) in vocabulary.SOME:
             start += 1
         if not self._text(start):
             return
         word = self._fixed_word(start)
         wanted = (*((f"{role}:",) if role else ()), word)
-        if word and (self._fixed is None or self._fixed.issuperset(wanted)):
+        if word and (self._fixed is None or self._fixed.issuperset(wanted) or (not role and word in vocabulary.RETURNING)):
             yield from self._arguments(start + 1, clause.with_fixed(role, word), forbidden)
 
     def _fixed_word(self, at: int) -> str:
@@ -160,7 +167,7 @@ class ClauseParser:
         return word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
 
     def _may_end(self, at: int) -> bool:
-        separated = not self._text(at) or self._separator(at)[0] > at or self._end(at, vocabulary.FIRST) is not None
+        separated = self._text(at) in ("", "again") or self._separator(at)[0] > at or self._end(at, vocabulary.FIRST) is not None
         return separated or self._forbids(at) or next(self._verb(at), None) is not None
 
     def _preposition(self, at: int) -> tuple[str, int]:

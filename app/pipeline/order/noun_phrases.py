@@ -146,7 +146,8 @@ class NounPhrases:
         said = before._replace(end=at + 1, means=means, plural=before.plural or self.words[at].plural, nested=False)
         yield from self._whole_names(at, said)
         loose = self._lexicon.loose
-        for word in sorted({text, vocabulary.PLACES_IN_NAMES.get(text, text)} & loose - set(said.words)):
+        number = "1" if text == "one" and said.has_noun else ""  # "mug one"
+        for word in sorted({text, number, vocabulary.IN_NAMES.get(text, text)} & loose - set(said.words)):
             if said.has_noun and word in vocabulary.PLACE_ADJECTIVES:
                 continue  # "turn the tap left" names no left tap
             means = said.means if word in self._lexicon.name_words else said.means | {"alias"}

@@ -112,8 +112,10 @@ def _best(taught: Taught, clause: ParsedClause) -> list[Filled]:
         if (objects := frame.filled(clause, taught.names)) is not None
     ]
     by_signature: dict[object, Filled] = {}
+    said = {phrase.name for phrase in clause.phrases}
     for filled in sorted(closest(every), key=lambda filled: any(a != b for a, b in filled.objects.items())):
-        by_signature.setdefault(filled.frame.clause.signature, filled)
+        added = frozenset(filled.objects.values()) - said  # instruments and sources that the clause leaves out
+        by_signature.setdefault((filled.frame.clause.signature, added), filled)
     return list(by_signature.values())
 
 

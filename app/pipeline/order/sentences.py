@@ -120,6 +120,8 @@ class Sentences(ClauseParser):
             and self._separator(first)[1]
         ):
             at = first  # "push the red button first, then the blue one"
+        if self._of_steps and len(units) > 1 and self._text(at) == "again":
+            at += 1  # "open the box, put it in and close the box again"
         end, joined = self._separator(at)
         if not self._text(end):
             if joined <= {",", "stop"}:  # "now and then" and "after that" say when

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice, permutations
 
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, Signature, fits
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits
 from app.pipeline.order.lexicon import Lexicon, noun_of, phrase_of
 from app.pipeline.order.noun_phrases import NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Grounding, Mention, Order, clause_of, clause_texts, mentions_in
 from app.pipeline.order.sentences import Sentences
+from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import PLACE_ADJECTIVES
 from app.pipeline.order.words import IsWord
 
@@ -40,7 +41,9 @@ class Frame:
     def filled(self, clause: ParsedClause, names: Sequence[str]) -> Mapping[str, str] | None:
         """Return the object of `clause` for each object of the frame; None if the clause asks for something else."""
         one_destination = self._one_destination(clause)
-        if one_destination is None or not fits(clause.fixed_phrases, self.clause.fixed_phrases):
+        if one_destination is None or not fits(
+            clause.fixed_phrases, self.clause.fixed_phrases, has_destination=clause.has_destination
+        ):
             return None
         asked, taught = (
             {"to" if one_destination and role in ("in", "on") else role: phrases for role, phrases in each.roles}
@@ -50,8 +53,10 @@ class Frame:
             return None  # two destinations: "push the block to the wall in the box"
         if len(names) == 1 and not (set(asked) | set(taught)) - {DIRECT}:
             return self._of_the_only(clause, names[0])
-        if INSTRUMENT in taught and INSTRUMENT not in asked:
-            asked[INSTRUMENT] = taught[INSTRUMENT]  # "wipe the table": with what it was taught with
+        # "wipe the table": with what it was taught with; "take the lid" alone says nothing of where it lies
+        for role in (INSTRUMENT,) if clause.verb in PICKING else (INSTRUMENT, SOURCE):
+            if role in taught and asked:
+                asked.setdefault(role, taught[role])
         if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
             return None
         pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]

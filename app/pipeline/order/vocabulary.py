@@ -5,6 +5,8 @@ from app.pipeline.order.words import NUMBERS, Phrase, PhraseTable
 from app.pipeline.order.words import phrases as _phrases
 
 DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
+SOME = DETERMINERS | {"some"}  # before what is no object: "pour some water"
+RETURNING = frozenset({"away", "back"})  # with a destination they say nothing more: "put it back on the shelf"
 GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])
 # Nouns that may stand for each other where something else tells the objects apart.
 NOUN_KINDS = (frozenset({"cube", "block", "brick"}), frozenset({"cup", "mug"}), frozenset({"tap", "faucet"}))
@@ -80,11 +82,11 @@ PICKS: dict[Phrase, Pick] = {
     **dict.fromkeys(_phrases("middle,center,centre,central"), in_the_middle),
 }
 PLACES = PhraseTable(PICKS)
-# What such a word says where names say it, too: the upper drawer is `drawer_top`.
-PLACES_IN_NAMES = {
+# Adjectives of place and size that stand for another one in names: the upper drawer is `drawer_top`.
+IN_NAMES = {
     "upper": "top", "topmost": "top", "uppermost": "top", "highest": "top", "lower": "bottom", "bottommost": "bottom",
     "lowest": "bottom", "lowermost": "bottom", "leftmost": "left", "rightmost": "right", "center": "middle",
-    "centre": "middle", "central": "middle",
+    "centre": "middle", "central": "middle", "big": "large", "large": "big", "little": "small", "small": "little",
 }  # fmt: skip
 EDGES = frozenset({"left", "right", "top", "bottom"})
 COUNTED_FROM = {
@@ -165,7 +167,7 @@ _TABLES = (
 )
 _ALONE = frozenset(
     {"and", "but", "or", "nor", "it", "between", "middle", "center", "centre", "extreme", "very", "to", "of", "away"}
-    | {"all", "them", "both"}
+    | {"all", "them", "both", "use", "some", "again", "away", "back", "'s"}
 )
 # Words that never tell an object apart by themselves, even where a name has them: "a block" is not `block a`.
 NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for word in phrase} - {

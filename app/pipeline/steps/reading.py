@@ -203,7 +203,7 @@ class _Reader:
             group = before.objects_in(DIRECT)
             return group if at == DIRECT and len(group) > 1 else ()
         found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
-        if len(found) > 1 and clause.verb in CONTAINING and at == DIRECT:
+        if len(found) > 1 and at == DIRECT and (clause.verb in CONTAINING or DIRECT not in found):
             found = {role: one for role, one in found.items() if self._choices(several.with_objects(clause, [one]))}
             found = {} if DIRECT in found else found
         elif (same := found.get(at)) is not None and same.by == several.IT:
