@@ -144,7 +144,7 @@ class ClauseParser:
             verb = f"{clause.verb} {self._text(start)}"
             yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
         yield from self._with_fixed(start, clause, forbidden)
-        if (clause.verb or clause.roles) and self._may_end(start):
+        if (clause.verb or clause.roles) and not clause.has_two_destinations and self._may_end(start):
             yield clause, start
 
     def _with_fixed(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
@@ -156,8 +156,11 @@ class ClauseParser:
             return
         word = self._fixed_word(start)
         wanted = (*((f"{role}:",) if role else ()), word)
-        if word and (self._fixed is None or self._fixed.issuperset(wanted) or (not role and word in vocabulary.RETURNING)):
+        if word and (self._fixed is None or self._fixed.issuperset(wanted)):
             yield from self._arguments(start + 1, clause.with_fixed(role, word), forbidden)
+        elif word in vocabulary.RETURNING and not role:
+            apart = replace(replace(clause, goes_on=False).with_fixed(role, word), goes_on=False)
+            yield from self._arguments(start + 1, apart, forbidden)
 
     def _fixed_word(self, at: int) -> str:
         """Return the word as written, for "blocks" differs from "block"; "" for a word that may not be fixed."""

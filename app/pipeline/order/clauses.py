@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from app.pipeline.order.noun_phrases import NounPhrase
-from app.pipeline.order.verbs import DESTINATIONS, FAMILIES, Family
+from app.pipeline.order.verbs import DESTINATIONS, FAMILIES, PICKING, Family
 from app.pipeline.order.vocabulary import ADJECTIVES, RETURNING
 from app.pipeline.order.words import NUMBERS
 
@@ -86,6 +86,18 @@ def without(group: Sequence[NounPhrase], excepted: Sequence[NounPhrase]) -> tupl
     return left if is_group and names and len(left) == len(group) - len(names) else ()
 
 
+def picks_with_full_hand(clauses: Sequence["ParsedClause"]) -> bool:
+    """Return whether a clause picks an object up while the hand holds another one."""
+    held: set[str | None] = set()
+    for clause in clauses:
+        direct = {phrase.name for phrase in clause.objects_in(DIRECT)}
+        if clause.picks_up and len(held | direct) > 1:
+            return True
+        if clause.picks_up or clause.takes_somewhere:
+            held = direct if clause.picks_up else set()
+    return False
+
+
 @dataclass(frozen=True)
 class ParsedClause:
     """One thing to do.
@@ -120,9 +132,20 @@ class ParsedClause:
         return any(role in DESTINATIONS for role, _ in self.roles)
 
     @property
+    def has_two_destinations(self) -> bool:
+        """Whether a relation that no object needs may be a destination beside another one."""
+        somewhere = self.has_destination or any(phrase.role in DESTINATIONS for phrase in self.fixed)
+        return somewhere and any(phrase.superfluous for phrase in self.phrases)
+
+    @property
     def takes_somewhere(self) -> bool:
         """Whether it has a destination, or "off"."""
         return self.has_destination or any(role == SOURCE for role, _ in self.roles)
+
+    @property
+    def picks_up(self) -> bool:
+        """Whether its object stays in the hand."""
+        return self.verb in PICKING and {role for role, _ in self.roles} <= {DIRECT}
 
     @property
     def phrases(self) -> tuple[NounPhrase, ...]:

@@ -27,6 +27,8 @@ class NounPhrase(NamedTuple):
         plural: whether its noun is in the plural, as the last one of "the red and the blue buttons".
         with_noun: whether it has a noun, unlike "the red" there.
         nested: whether it ends with another noun phrase: "the cup next to the plate".
+        superfluous: whether it names the object without the relation at its end, which may then be a destination:
+            "put mug 1 next to mug 2 on the tray".
     """
 
     start: int
@@ -36,6 +38,7 @@ class NounPhrase(NamedTuple):
     plural: bool = False
     with_noun: bool = True
     nested: bool = False
+    superfluous: bool = False
 
 
 class Unmatched(NamedTuple):
@@ -115,7 +118,9 @@ class NounPhrases:
                 continue  # "turn left" is a direction, "the top and bottom" are things
             candidates = said.candidates(self._lexicon, self._layout)
             if len(candidates) == 1:
-                yield NounPhrase(start, said.end, candidates[0], said.by(), said.plural, said.has_noun, said.nested)
+                superfluous = said.is_superfluous(self._lexicon, self._layout)
+                kind = said.plural, said.has_noun, said.nested, superfluous
+                yield NounPhrase(start, said.end, candidates[0], said.by(), *kind)
             else:
                 self.unmatched.add(Unmatched(start, said.end, candidates))
 
@@ -129,8 +134,10 @@ class NounPhrases:
 
     def _related(self, said: Description) -> Iterator[Description]:
         self.count_step()
+        relative = vocabulary.BEING.end_at(self._texts, said.end) is not None
         for more in self._relations(said):
-            yield from self._related(more)
+            unneeded = len(said.picks) if said.needed is None and not relative else said.needed
+            yield from self._related(more._replace(needed=unneeded))
         yield said
 
     def _modified(self, before: Description, *, is_predicate: bool = False) -> Iterator[Description]:
@@ -150,8 +157,9 @@ class NounPhrases:
         for word in sorted({text, number, vocabulary.IN_NAMES.get(text, text)} & loose - set(said.words)):
             if said.has_noun and word in vocabulary.PLACE_ADJECTIVES:
                 continue  # "turn the tap left" names no left tap
+            after = at + 2 if word in vocabulary.EDGES and self._text(at + 1) == "hand" else at + 1
             means = said.means if word in self._lexicon.name_words else said.means | {"alias"}
-            yield said._replace(words=(*said.words, word), means=means)
+            yield said._replace(end=after, words=(*said.words, word), means=means)
         if text in loose:
             return
         yield from self._colored(at, said)

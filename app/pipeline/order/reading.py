@@ -9,7 +9,7 @@ from itertools import islice, product
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, picks_with_full_hand
 from app.pipeline.order.descriptions import MEANS
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError, Unmatched
 from app.pipeline.order.order import Grounding, Order, clause_of
@@ -89,7 +89,9 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Fi
         plan = tuple(filled for part in choice for filled in part)
         signatures = tuple(filled.frame.clause.signature for filled in plan)
         alone = all(filled.frame.may_stand_alone for filled in plan)
-        if any(signatures == frame.plan for frame in taught.frames) or (alone and not _wants_moved(plan)):
+        if any(signatures == frame.plan for frame in taught.frames) or (
+            alone and not _wants_moved(plan) and not picks_with_full_hand([filled.clause for filled in plan])
+        ):
             yield plan
 
 

@@ -6,6 +6,7 @@ meaning of the others.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 from app.pipeline.order import vocabulary
@@ -64,6 +65,8 @@ class Sentences(ClauseParser):
 
     def _is_order(self, units: Sequence[Unit]) -> bool:
         """Return whether the text asks for an action: "the red button?" and "it" alone do not."""
+        if not _lists_end_with_and(units):
+            return False
         if any(unit.own_verb for unit in units):
             return True
         phrases = units[0].clause.phrases
@@ -130,6 +133,19 @@ class Sentences(ClauseParser):
             yield from self._units(end, units, joined)
 
 
+def _lists_end_with_and(units: Sequence[Unit]) -> bool:
+    """Return whether each clause that a comma alone adds without a verb is followed by one that "and" adds.
+
+    "Put the cup on the tray, the plate on the shelf" may be a correction.
+    """
+    open_ended = False
+    for before, unit in pairwise(units):
+        if open_ended and unit.own_verb:
+            return False
+        open_ended = before.mood == unit.mood == "do" and not unit.own_verb and unit.joined == {","}
+    return not open_ended
+
+
 def wanted(units: Sequence[Unit]) -> tuple[Unit, ...]:
     """Return the units to carry out; empty where what is forbidden leaves the order unclear, see `_is_other`."""
     done = tuple(unit for unit in units if unit.mood == "do")
@@ -179,7 +195,8 @@ def _may_follow(clause: ParsedClause, units: Sequence[Unit], joined: frozenset[s
         return True
     if before.mood in ("do", "rather"):
         fronted = before.mood == "rather" and len(units) == 1
-        return clause.verb is not None or fronted or bool(joined & {"and", "then", *vocabulary.ORDERING})
+        listed = joined == {","} and len(clause.roles) > 1  # a correction unless "and" follows, see `_is_order`
+        return clause.verb is not None or fronted or listed or bool(joined & {"and", "then", *vocabulary.ORDERING})
     if before.mood in ("skip", "except"):
         return clause.verb is not None
     if "but" in joined or clause.verb:

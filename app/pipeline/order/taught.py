@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice, permutations
 
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, picks_with_full_hand
 from app.pipeline.order.lexicon import Lexicon, noun_of, phrase_of
 from app.pipeline.order.noun_phrases import NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Grounding, Mention, Order, clause_of, clause_texts, mentions_in
@@ -80,6 +80,8 @@ class Frame:
         None if a particle may refer to the robot instead: "turn around".
         """
         number = len(clause.objects_in(DIRECT))
+        if not number and self.clause.objects_in(DIRECT):
+            return None  # "stop" may be said to the robot where "stop the belt" was taught
         clear = number == 1 or clause.verb is None or " " not in clause.verb or clause.verb == self.clause.verb
         return {name: name} if number <= 1 and clear else None
 
@@ -180,6 +182,8 @@ class Taught:
         named = [name for clause in clauses for name in clause.objects]
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
         alike = apart and all(clause.form in parts for clause in clauses)
+        if alike and len(clauses) > 1:
+            alike = not picks_with_full_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
         if not alike and clause_of(instruction, self.names).form not in whole:
             return None
         if instruction not in self.instructions and self._says_where_only(instruction):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.findings.scene import strangers
-from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.clauses import DIRECT, ParsedClause, picks_with_full_hand
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Order, clause_of
 from app.pipeline.order.reading import FIELD, Filled, closest, refusal
@@ -165,7 +165,10 @@ class _Reader:
             if not choice:
                 self._miss(place, unit, "is nothing that a task was taught to do with these objects")
                 return
-        if clauses and not several.is_placed_after_moving([clauses[place] for place in order]):
+        in_order = [clauses[place] for place in order] if clauses else []
+        if picks_with_full_hand(in_order):
+            self._miss(len(done), units[-1], "needs a hand that still holds something")
+        elif in_order and not several.is_placed_after_moving(in_order):
             of_each = [choices[place] for place in order]
             every = (tuple(step for part in parts for step in part) for parts in product(*of_each))
             yield from (steps for steps in every if left_out.isdisjoint(steps))
