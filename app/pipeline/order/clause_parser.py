@@ -150,6 +150,8 @@ class ClauseParser:
     def _with_fixed(self, at: int, clause: ParsedClause, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
         """Yield the clause with a further fixed word, and the preposition and article before it."""
         role, start = self._preposition(at)
+        if start == at + 1 and self._may_end(start):
+            role, start = "", at  # an adverb: "screw the cap on"
         while self._text(start) in vocabulary.SOME:
             start += 1
         if not self._text(start):

@@ -108,12 +108,16 @@ def tokens_of(text: str) -> list[Token]:
 def plurals_of(singular: str) -> set[str]:
     """The regular plurals of a word."""
     plurals = {f"{singular}s", f"{singular}es"}
-    return plurals | {f"{singular[:-1]}ies"} if singular.endswith("y") else plurals
+    for ending, plural in (("y", "ies"), ("f", "ves"), ("fe", "ves")):
+        if singular.endswith(ending):
+            plurals.add(singular.removesuffix(ending) + plural)
+    return plurals
 
 
 def singulars_of(plural: str) -> set[str]:
     """The words that may have it as a regular plural."""
-    return {word for word in (plural[:-1], plural[:-2], f"{plural[:-3]}y") if plural in plurals_of(word)}
+    stem = plural[:-3]
+    return {word for word in (plural[:-1], plural[:-2], f"{stem}y", f"{stem}f", f"{stem}fe") if plural in plurals_of(word)}
 
 
 def verb_forms(verb: str) -> set[str]:
