@@ -20,9 +20,10 @@ from app.pipeline.findings.rules import NUMBERED
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.lexicon import Lexicon
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_texts
-from app.pipeline.order.reading import FIELD, forbids
+from app.pipeline.order.post_modifiers import TooInvolvedError
+from app.pipeline.order.refusals import FIELD, forbids
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import MARGIN_M, Layout
 from app.pipeline.order.taught import taught_verb

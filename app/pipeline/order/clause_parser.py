@@ -172,8 +172,9 @@ class ClauseParser:
         return word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
 
     def _may_end(self, at: int) -> bool:
-        separated = self._text(at) in ("", "again") or self._separator(at)[0] > at or self._end(at, vocabulary.FIRST) is not None
-        return separated or self._forbids(at) or next(self._verb(at), None) is not None
+        separated = self._text(at) in ("", "again") or self._separator(at)[0] > at
+        first = self._end(at, vocabulary.FIRST) is not None
+        return separated or first or self._forbids(at) or next(self._verb(at), None) is not None
 
     def _preposition(self, at: int) -> tuple[str, int]:
         end = self._end(at, vocabulary.PREPOSITIONS)

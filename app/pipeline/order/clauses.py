@@ -20,14 +20,13 @@ DIRECT = ""  # the role of a direct object; the others are named after prepositi
 INSTRUMENT, SOURCE = "with", "off"  # the roles that may be left out
 # Words that change what a clause asks for, as numbers do: "in the reverse order"
 _ALTERING = frozenset({
-    "reverse", "reversed", "backward", "backwards", "inverse", "inverted", "opposite", "contrary", "alternate",
+    "reverse", "reversed", "backward", "inverse", "inverted", "opposite", "contrary", "alternate",
     "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
     "nearly", "slightly", "only", "except", "without", "once", "twice", "thrice", "never",
 })  # fmt: skip
 _DIRECTIONS = frozenset({
-    "up", "down", "upward", "upwards", "downward", "downwards", "forward", "forwards", "clockwise", "counterclockwise",
-    "anticlockwise", "counter", "sideways", "upside", "inside", "outside", "leftward", "leftwards", "rightward",
-    "rightwards", "left", "right", "forward", "backward", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
+    "left", "right", "up", "down", "forward", "backward", "clockwise", "counterclockwise", "sideways", "upside",
+    "inside", "outside", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
 })  # fmt: skip
 _DECIDING = _ALTERING | _DIRECTIONS | ADJECTIVES | set(NUMBERS.values())
 _PLACES = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
@@ -84,18 +83,6 @@ def without(group: Sequence[NounPhrase], excepted: Sequence[NounPhrase]) -> tupl
     left = tuple(phrase for phrase in group if phrase.name not in names)
     is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
     return left if is_group and names and len(left) == len(group) - len(names) else ()
-
-
-def picks_with_full_hand(clauses: Sequence["ParsedClause"]) -> bool:
-    """Return whether a clause picks an object up while the hand holds another one."""
-    held: set[str | None] = set()
-    for clause in clauses:
-        direct = {phrase.name for phrase in clause.objects_in(DIRECT)}
-        if clause.picks_up and len(held | direct) > 1:
-            return True
-        if clause.picks_up or clause.takes_somewhere:
-            held = direct if clause.picks_up else set()
-    return False
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice, permutations
 
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, picks_with_full_hand
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits
 from app.pipeline.order.lexicon import Lexicon, noun_of, phrase_of
-from app.pipeline.order.noun_phrases import NounPhrases, TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Mention, Order, clause_of, clause_texts, mentions_in
+from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.sentences import Sentences
+from app.pipeline.order.sequence import picks_with_full_hand
 from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import PLACE_ADJECTIVES
 from app.pipeline.order.words import IsWord

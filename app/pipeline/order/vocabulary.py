@@ -94,11 +94,14 @@ COUNTED_FROM = {
     "above": "top", "below": "bottom", "highest": "top", "lowest": "bottom",
 }  # fmt: skip
 REACHES = {"closest": "near", "nearest": "near", "farthest": "far", "furthest": "far"}
-ROBOT = _phrases("robot,robot arm,arm,robot base,base,you,yourself,your base,robot's base")
-BEING = _phrases(
-    "that is,which is,that stands,which stands,that lies,which lies,that sits,which sits,located,placed,standing,lying,"
-    "sitting,positioned,situated,that is located,that is placed,that is standing,that is lying,which is located"
-)
+ROBOT = _phrases("robot,robot arm,arm,robot base,base,you,yourself,your base,robot 's base")
+_PLACED = ["located", "placed", "standing", "lying", "sitting", "positioned", "situated"]
+BEING = PhraseTable(
+    [(word,) for word in _PLACED]
+    + [(pronoun, *said) for pronoun in ("that", "which") for said in (
+        ("is",), ("stands",), ("lies",), ("sits",), *(("is", word) for word in _PLACED)
+    )]
+)  # fmt: skip
 EXACTLY = _phrases("directly,immediately,just,right")
 QUANTIFIERS = frozenset({"all", "both", "each", "every"})
 BESIDE = _phrases("next to,beside,near,close to,adjacent to,alongside")

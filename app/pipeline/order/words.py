@@ -12,7 +12,9 @@ from app.pipeline.names import folded_characters
 Phrase = tuple[str, ...]
 IsWord = Callable[[str], bool]
 
-_TOKEN = re.compile(r"[^\W_]+-(?:most|clockwise)\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE)
+_TOKEN = re.compile(
+    r"[^\W_]+-(?:most|clockwise)\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE
+)
 _DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
 _STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
 _CONTRACTIONS = {
@@ -116,8 +118,8 @@ def plurals_of(singular: str) -> set[str]:
 
 def singulars_of(plural: str) -> set[str]:
     """The words that may have it as a regular plural."""
-    stem = plural[:-3]
-    return {word for word in (plural[:-1], plural[:-2], f"{stem}y", f"{stem}f", f"{stem}fe") if plural in plurals_of(word)}
+    endings = (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("ves", "fe"))
+    return {plural.removesuffix(ending) + singular for ending, singular in endings if plural.endswith(ending)}
 
 
 def verb_forms(verb: str) -> set[str]:

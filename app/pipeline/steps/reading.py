@@ -12,11 +12,14 @@ from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.findings.scene import strangers
-from app.pipeline.order.clauses import DIRECT, ParsedClause, picks_with_full_hand
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_of
-from app.pipeline.order.reading import FIELD, Filled, closest, refusal
+from app.pipeline.order.post_modifiers import TooInvolvedError
+from app.pipeline.order.reading import FilledFrame, closest
+from app.pipeline.order.refusals import FIELD, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
+from app.pipeline.order.sequence import is_placed_after_moving, picks_with_full_hand
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Frame, Taught
 from app.pipeline.order.words import IsWord
@@ -48,7 +51,7 @@ class Skill:
         alone = {frame.text for frame in self.taught.frames if frame.may_stand_alone}
         return tuple(text for text in self.taught.instructions if text not in alone)
 
-    def steps(self, clause: ParsedClause) -> Iterator[tuple[Filled, Step]]:
+    def steps(self, clause: ParsedClause) -> Iterator[tuple[FilledFrame, Step]]:
         """What the task may do for a clause: only with objects, or kinds of objects, that it was taught with so."""
         names, asked = self.taught.names, {phrase.name for phrase in clause.phrases}
         for frame in self.taught.frames if asked <= set(names) else ():
@@ -56,7 +59,7 @@ class Skill:
             filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
             text = None if filled is None else frame.text_for(filled, names)
             if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
-                yield Filled(frame, filled, clause), Step(self.task, text.rstrip(". "))
+                yield FilledFrame(frame, filled, clause), Step(self.task, text.rstrip(". "))
 
 
 class Scene(Taught):
@@ -168,7 +171,7 @@ class _Reader:
         in_order = [clauses[place] for place in order] if clauses else []
         if picks_with_full_hand(in_order):
             self._miss(len(done), units[-1], "needs a hand that still holds something")
-        elif in_order and not several.is_placed_after_moving(in_order):
+        elif in_order and not is_placed_after_moving(in_order):
             of_each = [choices[place] for place in order]
             every = (tuple(step for part in parts for step in part) for parts in product(*of_each))
             yield from (steps for steps in every if left_out.isdisjoint(steps))

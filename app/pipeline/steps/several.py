@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 from app.pipeline.order.clauses import DIRECT, FixedPhrase, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
@@ -96,12 +96,3 @@ def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> 
         says_no_more = [role for role, _ in clause.roles] == [DIRECT] and not clause.fixed_phrases
         if clause.verb in PICKING and says_no_more and puts_it:
             yield place
-
-
-def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
-    """Whether an object is identified by its place after something was moved: only where objects are now is known."""
-    return any(
-        any(phrase.by == "relation" for phrase in later.phrases)
-        and (earlier.verb in PICKING or earlier.takes_somewhere)
-        for earlier, later in combinations(clauses, 2)
-    )
