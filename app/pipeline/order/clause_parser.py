@@ -96,9 +96,9 @@ class ClauseParser(Coordination):
         role, start = (INSTRUMENT, at + 1) if used else self._preposition(at)
         for phrases, end in self._objects(start, forbidden) if role else ():
             introduced = self._text(end) == ("to" if used else ",")
-            for verb, after in (
-                self._verb(self._skip(end + introduced, vocabulary.FILLERS)) if introduced >= used else ()
-            ):
+            if used and not introduced:
+                continue
+            for verb, after in self._verb(self._skip(end + introduced, vocabulary.FILLERS)):
                 yield from self._arguments(after, ParsedClause(verb, ((role, phrases),)), forbidden)
 
     def _verb(self, at: int, *, passive: bool = False) -> Iterator[tuple[str, int]]:

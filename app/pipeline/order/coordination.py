@@ -8,6 +8,7 @@ from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.words import PhraseTable
 
 MAX_OBJECTS = 8  # of one role
+Objects = tuple[tuple[NounPhrase, ...], int]  # and the end of their words
 
 
 class Coordination:
@@ -24,19 +25,25 @@ class Coordination:
         self._of_steps = of_steps
 
     def _text(self, at: int) -> str:
-        """The word there; empty at the end."""
+        """Return the word there; empty at the end."""
         return "" if at >= len(self._texts) else self._texts[at]
 
     def _end(self, at: int, table: PhraseTable) -> int | None:
         return table.end_at(self._texts, at)
 
     def _preposition(self, at: int) -> tuple[str, int]:
+        """Return the role of the preposition there, and its end; an empty role without one."""
         end = self._end(at, vocabulary.PREPOSITIONS)
         if end is None:
             return "", at
         return vocabulary.ROLES[tuple(self._texts[at:end])], end
 
-    def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+    def _objects(self, at: int, forbidden: bool) -> Iterator[Objects]:
+        """Yield the objects that a noun phrase or a list there names, and its end.
+
+        Args:
+            forbidden: whether the clause forbids something, so that it may also name things that are not known.
+        """
         if self._of_steps and not forbidden and self._text(at) in vocabulary.QUANTIFIERS:
             yield from self._each(at)
         if self._of_steps and self._text(at) == "them":
@@ -47,24 +54,29 @@ class Coordination:
             if (is_clear or forbidden) and (not both or len(phrases) == 2):
                 yield phrases, end
 
-    def _each(self, at: int) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+    def _each(self, at: int) -> Iterator[Objects]:
         """Yield all objects that a noun phrase matches: "all red mugs", "both tubes", "each of the tubes"."""
-        quantifier, start, of = self._text(at), at + 1, False
+        quantifier, start = self._text(at), at + 1
         while self._text(start) in ("of", "the"):
-            start, of = start + 1, True
+            start += 1
+        in_plural = quantifier in ("all", "both") or start > at + 1
         self._phrases.at(start)
         found = sorted((each.end, each.candidates) for each in self._phrases.unmatched if each.start == start)
         for end, names in found:
             words = self._words[start:end]
-            right_number = words[-1].plural == (quantifier in ("all", "both") or of)
             described = all(word.text not in vocabulary.FUNCTION_WORDS for word in words)
-            if right_number and described and (len(names) == 2 or (len(names) > 2 and quantifier != "both")):
+            right_number = len(names) == 2 or (len(names) > 2 and quantifier != "both")
+            if described and right_number and words[-1].plural == in_plural:
                 group = tuple(NounPhrase(at, end, name, "name", plural=True) for name in names)
                 yield group, end
-                begin = self._end(end, vocabulary.EXCEPT)
-                for excepted, after in () if begin is None else self._listed(begin, forbidden=False):
-                    if (left := without(group, excepted)) and self._preposition(after)[0]:
-                        yield left, after
+                yield from self._excepting(group, end)
+
+    def _excepting(self, group: tuple[NounPhrase, ...], at: int) -> Iterator[Objects]:
+        """Parse "except the red one" right after a group, where a preposition continues the clause."""
+        begin = self._end(at, vocabulary.EXCEPT)
+        for excepted, after in () if begin is None else self._listed(begin, forbidden=False):
+            if (left := without(group, excepted)) and self._preposition(after)[0]:
+                yield left, after
 
     def _is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
         """Return whether a list may name a single object.
@@ -78,7 +90,8 @@ class Coordination:
         nouns = first.with_noun, last.with_noun
         return with_article == (True, False) and nouns == (False, True) and not last.plural
 
-    def _listed(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+    def _listed(self, at: int, forbidden: bool) -> Iterator[Objects]:
+        """Yield a noun phrase, and the lists that begin with it."""
         conjunctions = ("and", "or", "nor") if forbidden else ("and",)
         for phrase in self._object(at, forbidden):
             yield (phrase,), phrase.end

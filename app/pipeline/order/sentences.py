@@ -6,7 +6,7 @@ meaning of the others.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Literal
 
 from app.pipeline.order import vocabulary
@@ -87,14 +87,22 @@ class Sentences(ClauseParser):
         if units and not goes_on and all(self._text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
+        wanted = [self._wanted(begin, units, joined) for begin in sorted({at, start})]
+        for unit in chain(self._forbidden(start, units, joined), *wanted):
+            yield from self._after(unit.end, (*units, unit))
+
+    def _forbidden(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
+        """Yield the units that begin there with "do not", "skip", "instead of" or "except"."""
         for mood, table in FORBIDDING.items():
-            if (self._of_steps or mood != "except") and (end := self._end(start, table)) is not None:
+            if (self._of_steps or mood != "except") and (end := self._end(at, table)) is not None:
                 for clause, after in self._clauses_at(end, forbidden=True):
-                    yield from self._after(after, (*units, _unit(clause, units, mood, joined, start, after)))
-        for begin in {at, start}:
-            for clause, after in self._clauses_at(begin, forbidden=False):
-                if _may_follow(clause, units, joined) and not self._goes_on(clause, units, joined):
-                    yield from self._after(after, (*units, _unit(clause, units, "do", joined, begin, after)))
+                    yield _unit(clause, units, mood, joined, at, after)
+
+    def _wanted(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
+        """Yield the units that begin there and are to be carried out."""
+        for clause, after in self._clauses_at(at, forbidden=False):
+            if _may_follow(clause, units, joined) and not self._goes_on(clause, units, joined):
+                yield _unit(clause, units, "do", joined, at, after)
 
     def _goes_on(self, clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
         """Return whether a clause without a verb may be a further description of the object before it."""
