@@ -32,7 +32,7 @@ from roboprompt_client.types.arrays import Array
 
 GOES_TO_M = 0.2  # a hand that closes, opens or is lowest within this of an object's origin may act on it,
 CLEARLY = 2.0  # if all others of its name are so many times as far
-# Verbs without and with a destination: "press the button next to the plate" says which button, "put the bowl next to the
+# Verbs without and with a destination: "press the button next to the plate" says which, "put the bowl next to the
 # plate" where to. "Push" and "take" may have one.
 STAYING = frozenset({
     "pick", "pick up", "grasp", "grab", "grip", "press", "tap", "hit", "click", "poke", "touch", "open", "close",

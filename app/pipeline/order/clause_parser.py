@@ -154,13 +154,14 @@ class ClauseParser(Coordination):
         role, start = self._preposition(at)
         if start == at + 1 and self._may_end(start):
             role, start = "", at  # an adverb: "screw the cap on"
+        returns = self._text(start) in vocabulary.RETURNING and not clause.has_destination
         while self._text(start) in vocabulary.SOME:
             start += 1
         if not (word := self._fixed_word(start)):
             return
         if self._fixed is None or self._fixed.issuperset((f"{role}:", word) if role else (word,)):
             yield clause.with_fixed(role, word), start + 1
-        elif word in vocabulary.RETURNING and not role:
+        elif returns and not role:
             apart = replace(clause, goes_on=False).with_fixed(role, word)
             yield replace(apart, goes_on=False), start + 1
 
