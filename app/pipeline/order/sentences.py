@@ -11,7 +11,7 @@ from typing import Literal
 
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clause_parser import ClauseParser
-from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause
 from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.words import PhraseTable
 
@@ -167,11 +167,13 @@ def _is_other(forbidden: ParsedClause, wanted: Sequence[ParsedClause]) -> bool:
     """Return whether the forbidden clause is an alternative to the wanted ones.
 
     It is none if it contradicts a wanted clause, nor if it forbids another kind of motion: "do not touch the blue one"
-    would restrict the path to the red one, which this parser cannot express.
+    would restrict the path to the red one, which this parser cannot express. "Wipe it, not with the cloth" leaves open
+    what to wipe it with.
     """
-    return any(_same_verb(forbidden, clause) for clause in wanted) and not any(
-        _contradict(forbidden, clause) for clause in wanted
-    )
+    similar = [clause for clause in wanted if _same_verb(forbidden, clause)]
+    omitted = {role for role in (INSTRUMENT, SOURCE) if forbidden.objects_in(role)}
+    leaves_open = any(not clause.objects_in(role) for clause in similar for role in omitted)
+    return bool(similar) and not leaves_open and not any(_contradict(forbidden, clause) for clause in wanted)
 
 
 def _same_verb(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
