@@ -18,6 +18,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import NUMBERED
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.frames import taught_verb
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_texts
@@ -25,7 +26,6 @@ from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.refusals import FIELD, forbids
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import MARGIN_M, Layout
-from app.pipeline.order.taught import taught_verb
 from app.pipeline.order.verbs import DESTINATIONS
 from app.pipeline.order.words import IsWord
 from roboprompt_client.types.arrays import Array

@@ -7,7 +7,7 @@
       -> lists             coordination           "the red and the blue button", "all mugs"
       -> clauses           clause_parser          a verb, objects in roles, fixed words: a `ParsedClause` (clauses)
       -> a sentence        sentences              the clauses to carry out, in their order, without what is forbidden
-      -> frames            reading                each clause put into a clause of a taught instruction (taught),
+      -> frames            reading                each clause put into a frame (frames) of what was taught (taught),
                                                   if the sequence is possible (sequence)
       -> `Order`           order                  the canonical text, its clauses and objects
 

@@ -10,6 +10,7 @@ from itertools import islice, product
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.descriptions import MEANS
+from app.pipeline.order.frames import Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.post_modifiers import TooInvolvedError
@@ -17,7 +18,7 @@ from app.pipeline.order.refusals import refusal, unfamiliar_text
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.sequence import picks_with_full_hand, uses_moved_object
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Frame, Taught
+from app.pipeline.order.taught import Taught
 
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.findings.scene import strangers
 from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.frames import Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_of
 from app.pipeline.order.post_modifiers import TooInvolvedError
@@ -21,7 +22,7 @@ from app.pipeline.order.refusals import FIELD, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.sequence import is_placed_after_moving, picks_with_full_hand
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Frame, Taught
+from app.pipeline.order.taught import Taught
 from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
