@@ -2,6 +2,7 @@
 
 ``python -m benchmarks.plans [FILE] [--room NAME] [--json]``. The file has rooms, each with its objects, its tasks
 (their objects and taught instructions), and what people ask with the plans that are right; no plan: it must be refused.
+`may_refuse` marks requests that may be obeyed or refused; `places_m` are the objects' positions.
 """
 
 import argparse
@@ -13,9 +14,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import Console
 
 from app.pipeline.errors import InstructionError
+from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.steps.reading import Scene, Skill, read_steps
 from app.services.predict.instruction import is_english
@@ -48,20 +51,22 @@ def answers(rooms: dict[str, Any]) -> Iterator[Answer]:
             for task, taught in room["tasks"].items()
         ]
         scene = Scene(room["objects"], {}, skills, is_english)
+        places_m = {name: np.array(place_m) for name, place_m in room.get("places_m", {}).items()}
+        layout = Layout(places_m, np.zeros(3)) if places_m else None
         for ask in room["asks"]:
             steps, why, began_s = list[str](), "", time.perf_counter()
             try:
-                steps = [step.instruction for step in read_steps(ask["said"], scene, None)]
+                steps = [step.instruction for step in read_steps(ask["said"], scene, layout)]
             except InstructionError as error:
                 why = error.message
             took_ms = 1000 * (time.perf_counter() - began_s)
-            yield Answer(name, ask["said"], _kind(steps, ask["plans"]), steps, why, took_ms)
+            yield Answer(name, ask["said"], _kind(steps, ask), steps, why, took_ms)
 
 
-def _kind(steps: list[str], plans: list[list[str]]) -> str:
+def _kind(steps: list[str], ask: dict[str, Any]) -> str:
     if not steps:
-        return UNCLEAR if plans else REFUSED
-    return RIGHT if steps in plans else WRONG
+        return UNCLEAR if ask["plans"] and not ask.get("may_refuse") else REFUSED
+    return RIGHT if steps in ask["plans"] else WRONG
 
 
 def main() -> None:

@@ -1,12 +1,11 @@
-"""Several objects of one name in a scene: numbered by where they stand, never by the order in which they were sent.
+"""Several objects of one name in a scene, numbered by their positions.
 
 The first stands farthest left as the robot sees it (world frame: the greatest y), then nearest (the least x), then
 lowest. Objects of one name that stand almost equally far left may change their numbers from one look to the next: words
 of place tell them apart, their numbers do not.
 
-An uploaded instruction is kept with the number of the object that it is about. Where the hand went says which one was
-meant; words of place, decided by the scene, must say the same. What reads in two ways is refused: a demonstration of
-the wrong object would teach it.
+An uploaded instruction is stored with the number of its object. The object is the one that the hand goes to, and words
+of place must agree. An instruction with two meanings is refused: a demonstration of the wrong object would teach it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,21 +18,22 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import NUMBERED
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.frames import taught_verb
 from app.pipeline.order.lexicon import Lexicon
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_texts
-from app.pipeline.order.reading import FIELD, forbids
+from app.pipeline.order.post_modifiers import TooInvolvedError
+from app.pipeline.order.refusals import FIELD, forbids
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import MARGIN_M, Layout
-from app.pipeline.order.taught import taught_verb
 from app.pipeline.order.verbs import DESTINATIONS
 from app.pipeline.order.words import IsWord
 from roboprompt_client.types.arrays import Array
 
 GOES_TO_M = 0.2  # a hand that closes, opens or is lowest within this of an object's origin may act on it,
 CLEARLY = 2.0  # if all others of its name are so many times as far
-# What is done with a thing where it is, and what takes it somewhere: "press the button next to the plate" says which
-# button, "put the bowl next to the plate" where to. "Push" and "take" may mean either.
+# Verbs without and with a destination: "press the button next to the plate" says which, "put the bowl next to the
+# plate" where to. "Push" and "take" may have one.
 STAYING = frozenset({
     "pick", "pick up", "grasp", "grab", "grip", "press", "tap", "hit", "click", "poke", "touch", "open", "close",
     "shut",
@@ -46,8 +46,8 @@ class Alike(NamedTuple):
     """Objects that came with one name.
 
     Attributes:
-        called: as they were sent.
-        positions_m: (3,) by the name that each has here, in the order of the numbers.
+        called: the name as sent.
+        positions_m: (3,) by numbered name, in the order of the numbers.
     """
 
     called: str
@@ -55,7 +55,7 @@ class Alike(NamedTuple):
 
     @property
     def unsteady(self) -> frozenset[str]:
-        """Those that another would take the number of if both moved a little."""
+        """The objects whose numbers change if they move a little."""
         names, left_m = list(self.positions_m), [float(place_m[1]) for place_m in self.positions_m.values()]
         close = [k for k in range(len(names) - 1) if left_m[k] - left_m[k + 1] < MARGIN_M]
         return frozenset(names[j] for k in close for j in (k, k + 1))
@@ -64,10 +64,10 @@ class Alike(NamedTuple):
 def numbered(
     names: Sequence[str], positions_m: Sequence[Sequence[float] | None]
 ) -> tuple[tuple[str, ...], tuple[Alike, ...]]:
-    """The objects' names, of which no two are equal, and those that were.
+    """Return the names with equal ones numbered, and the groups of equal ones.
 
     Raises:
-        ObjectSetError: where a place is not known, two objects of one name stand in one place, or a number is taken.
+        ObjectSetError: if a position is unknown, two objects of one name are in one place, or a name is taken.
     """
     found, groups = list(names), []
     for name in [name for name in dict.fromkeys(names) if names.count(name) > 1]:
@@ -95,7 +95,7 @@ def _check(alike: Alike, names: Sequence[str]) -> None:
 
 
 def gone_to(alike: Alike, positions_m: Mapping[str, Array], acts_m: Array) -> tuple[str | None, ...]:
-    """Which of them a hand goes to, in the order in which it does; None where that is not clear.
+    """Return the objects of the group that a hand goes to, in its order; None for one that is not clear.
 
     Args:
         positions_m: (3,) of all objects of the scene.
@@ -114,13 +114,13 @@ def gone_to(alike: Alike, positions_m: Mapping[str, Array], acts_m: Array) -> tu
 
 
 def check_named(order: Order, followed: frozenset[str], groups: Sequence[Alike]) -> None:
-    """Refuse what would depend on numbers that may change with the next look.
+    """Refuse an instruction whose meaning depends on numbers that may change with the next observation.
 
     Args:
         followed: the objects that the motion follows.
 
     Raises:
-        UngroundedInstructionError: saying how to name the object.
+        UngroundedInstructionError: its `valid` says how to name the object.
     """
     said = {phrase.object_name for phrase in order.phrases if phrase.by == "name"}
     for alike in groups:
@@ -134,7 +134,7 @@ def check_named(order: Order, followed: frozenset[str], groups: Sequence[Alike])
 
 
 def alike_findings(groups: Sequence[Alike], instruction: str | None = None) -> Iterator[Finding]:
-    """Says which number is where.
+    """Yield a finding for each group that says where each number is.
 
     Args:
         instruction: of an upload, as it is stored.
@@ -148,14 +148,14 @@ def alike_findings(groups: Sequence[Alike], instruction: str | None = None) -> I
 
 
 def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequence[Alike], is_word: IsWord) -> str:
-    """The instruction with each of several objects of one name by its number.
+    """Return an uploaded instruction with the numbers of objects of one name.
 
     Args:
         layout: of all objects of the scene, by their numbers.
         acts_m: (K, 3) where the hand closes, opens or is lowest.
 
     Raises:
-        UngroundedInstructionError: if it may mean another one, or the hand goes to another.
+        UngroundedInstructionError: if it may mean another object, or the hand goes to another.
     """
     names, called = tuple(layout.positions_m), " or ".join(group.called for group in groups)
     gone = [gone_to(group, layout.positions_m, acts_m) for group in groups]
@@ -186,7 +186,7 @@ def _listed(names: Sequence[str | None], group: Alike) -> str:
 
 
 def _speaks_of(instruction: str, lexicon: Lexicon, groups: Sequence[Alike]) -> bool:
-    """Whether some word may stand for one of them."""
+    """Return whether a word may name an object of the groups."""
     alike = {name for group in groups for name in group.positions_m}
     texts = {word.text for word in lexicon.read(instruction)}
     return any(
@@ -212,12 +212,12 @@ def _readings(instruction: str, lexicon: Lexicon, layout: Layout | None) -> Iter
 
 
 def _is_whole(clause: ParsedClause) -> bool:
-    """Whether it says where something is put if, and only if, its verb needs that."""
+    """Return whether the clause has a destination exactly if its verb needs one."""
     number = sum(role in DESTINATIONS for role, _ in clause.roles)
     return number == 1 if clause.verb in GOING else number == 0 if clause.verb in STAYING else number <= 1
 
 
 def _in_order(clause: ParsedClause) -> list[NounPhrase]:
-    """Its objects, what is acted on before where it goes."""
+    """Return the objects of a clause, the direct ones first."""
     direct = clause.objects_in(DIRECT)
     return [*direct, *(phrase for phrase in clause.phrases if phrase not in direct)]

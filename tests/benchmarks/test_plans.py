@@ -6,9 +6,9 @@ from collections import Counter
 from benchmarks.plans import ASKED, RIGHT, UNCLEAR, WRONG, answers
 
 
-def test_of_a_hundred_requests_none_becomes_a_wrong_plan():
+def test_no_request_becomes_a_wrong_plan():
     found = list(answers(json.loads(ASKED.read_text())))
     counts = Counter(answer.kind for answer in found)
-    assert len(found) == 100
+    assert len(found) == 540
     assert [answer for answer in found if answer.kind == WRONG] == []
     assert counts[RIGHT] >= 0.6 * (counts[RIGHT] + counts[UNCLEAR])

@@ -1,7 +1,18 @@
-"""What people say -> an `Order`: words -> noun phrases -> clauses -> sentences -> what was taught, about which objects.
+"""How the text of an instruction becomes an `Order`, or a refusal. Each step is a module:
 
-`words` cuts the text and `lexicon` knows the words of a task; `noun_phrases` finds the object that a stretch of words
-stands for, by `descriptions` and relations in `space`; `clause_parser` finds `clauses`, each a verb with its objects in
-their roles; `sentences` keeps what is to be done and leaves out what is forbidden; `reading` puts the clauses into the
-frames of `taught` instructions, or says why that fails. `vocabulary` and `verbs` are the English that all tasks share.
+    text
+      -> words             words, lexicon         base forms, spelling corrected to the words of the task
+      -> noun phrases      noun_phrases           determiner, adjectives and noun describe an object (descriptions)
+                           post_modifiers         "that is red", "next to the plate": relations in space
+      -> lists             coordination           "the red and the blue button", "all mugs"
+      -> clauses           clause_parser          a verb, objects in roles, fixed words: a `ParsedClause` (clauses)
+      -> a sentence        sentences              the clauses to carry out, in their order, without what is forbidden
+      -> frames            reading                each clause put into a frame (frames) of what was taught (taught),
+                                                  if the sequence is possible (sequence)
+      -> `Order`           order                  the canonical text, its clauses and objects
+
+    or a refusal           refusals               which words are not understood, and what the task knows
+
+Every step yields all of its parses, and every word must have a place in one. Parses of one meaning are an order; none,
+or several meanings, is a refusal. `vocabulary` and `verbs` are the closed classes of English that all tasks share.
 """

@@ -12,22 +12,21 @@ from functools import cached_property
 from typing import NamedTuple
 
 from app.pipeline.order.noun_phrases import NounPhrase
-from app.pipeline.order.verbs import DESTINATIONS, FAMILIES, Family
-from app.pipeline.order.vocabulary import ADJECTIVES
+from app.pipeline.order.verbs import DESTINATIONS, FAMILIES, PICKING, Family
+from app.pipeline.order.vocabulary import ADJECTIVES, RETURNING
 from app.pipeline.order.words import NUMBERS
 
 DIRECT = ""  # the role of a direct object; the others are named after prepositions
-INSTRUMENT = "with"  # the role that may be left out
+INSTRUMENT, SOURCE = "with", "off"  # the roles that may be left out
 # Words that change what a clause asks for, as numbers do: "in the reverse order"
 _ALTERING = frozenset({
-    "reverse", "reversed", "backward", "backwards", "inverse", "inverted", "opposite", "contrary", "alternate",
+    "reverse", "reversed", "backward", "inverse", "inverted", "opposite", "contrary", "alternate",
     "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
     "nearly", "slightly", "only", "except", "without", "once", "twice", "thrice", "never",
 })  # fmt: skip
 _DIRECTIONS = frozenset({
-    "up", "down", "upward", "upwards", "downward", "downwards", "forward", "forwards", "clockwise", "counterclockwise",
-    "anticlockwise", "counter", "sideways", "upside", "inside", "outside", "leftward", "leftwards", "rightward",
-    "rightwards", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
+    "left", "right", "up", "down", "forward", "backward", "clockwise", "counterclockwise", "sideways", "upside",
+    "inside", "outside", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
 })  # fmt: skip
 _DECIDING = _ALTERING | _DIRECTIONS | ADJECTIVES | set(NUMBERS.values())
 _PLACES = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
@@ -56,14 +55,17 @@ class FixedPhrase(NamedTuple):
 Signature = tuple[str | None, tuple[tuple[str, int], ...], tuple[FixedPhrase, ...]]
 
 
-def fits(asked: Sequence[FixedPhrase], taught: Sequence[FixedPhrase]) -> bool:
+def fits(asked: Sequence[FixedPhrase], taught: Sequence[FixedPhrase], *, has_destination: bool) -> bool:
     """Return whether a clause with the phrases `asked` means the same as one taught with the phrases `taught`."""
     remaining = Counter((phrase.role, phrase.words) for phrase in taught)
     loose = {word for phrase in taught if not phrase.role for word in phrase.words}
+    repeating = {(word,) for word in RETURNING} if has_destination else set()
     for phrase in asked:
         whole = next((key for key in _keys(phrase) if remaining[key]), None)
         if whole is not None:
             remaining[whole] -= 1
+        elif not phrase.role and phrase.words in repeating:
+            continue
         elif phrase.role or phrase.decides or not loose.issuperset(phrase.words):
             return False
     return not any(remaining[phrase.role, phrase.words] for phrase in taught if phrase.decides)
@@ -106,12 +108,31 @@ class ParsedClause:
     def families_with(self, verb: str | None) -> list[Family]:
         """Return the families of similar verbs that contain both its verb and another."""
         roles = {role for role, _ in self.roles if role != DIRECT}
-        return [family for family in FAMILIES if {verb, self.verb} <= family.verbs and family.holds(roles)]
+        sides = any(not _DIRECTIONS.isdisjoint(phrase.words) for phrase in self.fixed if phrase.role in ("", "to"))
+        toward = roles | {"to"} if sides else roles
+        alike = [family for family in FAMILIES if {verb, self.verb} <= family.verbs]
+        return [family for family in alike if family.holds(roles) or family.holds(toward)]
+
+    @property
+    def has_destination(self) -> bool:
+        """Whether it says where something goes."""
+        return any(role in DESTINATIONS for role, _ in self.roles)
+
+    @property
+    def has_two_destinations(self) -> bool:
+        """Whether a relation that no object needs may be a destination beside another one."""
+        somewhere = self.has_destination or any(phrase.role in DESTINATIONS for phrase in self.fixed)
+        return somewhere and any(phrase.superfluous for phrase in self.phrases)
 
     @property
     def takes_somewhere(self) -> bool:
         """Whether it has a destination, or "off"."""
-        return any(role in DESTINATIONS or role == "off" for role, _ in self.roles)
+        return self.has_destination or any(role == SOURCE for role, _ in self.roles)
+
+    @property
+    def picks_up(self) -> bool:
+        """Whether its object stays in the hand."""
+        return self.verb in PICKING and {role for role, _ in self.roles} <= {DIRECT}
 
     @property
     def phrases(self) -> tuple[NounPhrase, ...]:

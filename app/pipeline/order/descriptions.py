@@ -23,6 +23,7 @@ class Description(NamedTuple):
         generic: whether it has "one" or "thing" as its noun.
         plural: whether its noun is in the plural.
         nested: whether it ends with another noun phrase: "the cup next to the plate".
+        needed: the number of `picks` before the first relation that follows the noun without "that is".
     """
 
     end: int
@@ -36,6 +37,7 @@ class Description(NamedTuple):
     generic: bool = False
     plural: bool = False
     nested: bool = False
+    needed: int | None = None
     means: frozenset[str] = frozenset({"name"})
 
     @property
@@ -88,6 +90,12 @@ class Description(NamedTuple):
         picked = [pick(layout, pool) for pick in complete.picks]
         agree = len(pool) > 1 and all(set(named) <= set(each) and len(each) < len(pool) for each in picked)
         return named if agree else ()
+
+    def is_superfluous(self, lexicon: Lexicon, layout: Layout | None) -> bool:
+        """Return whether the relations after the noun are not needed to tell its object."""
+        if self.needed is None:
+            return False
+        return len(self._replace(picks=self.picks[: self.needed]).candidates(lexicon, layout)) == 1
 
     def _named(self, lexicon: Lexicon) -> tuple[str, ...]:
         sets = [lexicon.objects_of[word] for word in self.words]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 
 from app.pipeline.names import folded
 from app.pipeline.order import verbs, vocabulary
@@ -63,7 +64,21 @@ class Lexicon:
 
     def read(self, text: str) -> list[Word]:
         """Return the text's words in base form, corrected where they are misspelled."""
-        return [self._word(token) for token in tokens_of(text)]
+        return [self._word(token) for token in self._compounds(tokens_of(text))]
+
+    def _compounds(self, tokens: Sequence[Token]) -> list[Token]:
+        """Return the tokens with compounds written as the task has them: "hotplate" and "peg board" among its words."""
+        found: list[Token] = []
+        for token in tokens:
+            before = found[-1] if found else token
+            joined = before.text + token.text
+            if token.text in self._open_compounds and self._known(token.text) is None:
+                found += [token._replace(text=part) for part in self._open_compounds[token.text]]
+            elif self._is_compound(joined) and None in (self._known(before.text), self._known(token.text)):
+                found[-1] = Token(joined, before.start, token.end)
+            else:
+                found.append(token)
+        return found
 
     def kind_of(self, noun: str) -> frozenset[str]:
         """Return the objects that a synonym of their noun may name: "block" for `red cube`."""
@@ -117,8 +132,16 @@ class Lexicon:
 
     @cached_property
     def _exact(self) -> frozenset[str]:
-        colors = frozenset((*vocabulary.COLORS, *vocabulary.SHADES_OF, *NUMBERS.values()))
+        colors = frozenset((*vocabulary.COLORS, *vocabulary.SHADES_OF, *vocabulary.IN_NAMES, *NUMBERS.values()))
         return colors | _NOUNS | verbs.PARTICLES | verbs.FIRST_WORDS | FUNCTION_WORDS | self._taught
+
+    def _is_compound(self, word: str) -> bool:
+        return word in self.objects_of or word in self._taught
+
+    @cached_property
+    def _open_compounds(self) -> dict[str, Phrase]:
+        pairs = [pair for phrases in self.phrases.values() for phrase in phrases for pair in pairwise(phrase)]
+        return {"".join(pair): pair for pair in pairs}
 
     @cached_property
     def _speller(self) -> Speller:

@@ -6,11 +6,12 @@ meaning of the others.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, pairwise
 from typing import Literal
 
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clause_parser import ClauseParser
-from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause
 from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.words import PhraseTable
 
@@ -64,6 +65,8 @@ class Sentences(ClauseParser):
 
     def _is_order(self, units: Sequence[Unit]) -> bool:
         """Return whether the text asks for an action: "the red button?" and "it" alone do not."""
+        if not _lists_end_with_and(units):
+            return False
         if any(unit.own_verb for unit in units):
             return True
         phrases = units[0].clause.phrases
@@ -84,14 +87,22 @@ class Sentences(ClauseParser):
         if units and not goes_on and all(self._text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
+        wanted = [self._wanted(begin, units, joined) for begin in sorted({at, start})]
+        for unit in chain(self._forbidden(start, units, joined), *wanted):
+            yield from self._after(unit.end, (*units, unit))
+
+    def _forbidden(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
+        """Yield the units that begin there with "do not", "skip", "instead of" or "except"."""
         for mood, table in FORBIDDING.items():
-            if (self._of_steps or mood != "except") and (end := self._end(start, table)) is not None:
+            if (self._of_steps or mood != "except") and (end := self._end(at, table)) is not None:
                 for clause, after in self._clauses_at(end, forbidden=True):
-                    yield from self._after(after, (*units, _unit(clause, units, mood, joined, start, after)))
-        for begin in {at, start}:
-            for clause, after in self._clauses_at(begin, forbidden=False):
-                if _may_follow(clause, units, joined) and not self._goes_on(clause, units, joined):
-                    yield from self._after(after, (*units, _unit(clause, units, "do", joined, begin, after)))
+                    yield _unit(clause, units, mood, joined, at, after)
+
+    def _wanted(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
+        """Yield the units that begin there and are to be carried out."""
+        for clause, after in self._clauses_at(at, forbidden=False):
+            if _may_follow(clause, units, joined) and not self._goes_on(clause, units, joined):
+                yield _unit(clause, units, "do", joined, at, after)
 
     def _goes_on(self, clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
         """Return whether a clause without a verb may be a further description of the object before it."""
@@ -120,12 +131,27 @@ class Sentences(ClauseParser):
             and self._separator(first)[1]
         ):
             at = first  # "push the red button first, then the blue one"
+        if self._of_steps and len(units) > 1 and self._text(at) == "again":
+            at += 1  # "open the box, put it in and close the box again"
         end, joined = self._separator(at)
         if not self._text(end):
             if joined <= {",", "stop"}:  # "now and then" and "after that" say when
                 yield units
         elif end > at or units[-1].mood == "rather" or self._forbids(at):
             yield from self._units(end, units, joined)
+
+
+def _lists_end_with_and(units: Sequence[Unit]) -> bool:
+    """Return whether each clause that a comma alone adds without a verb is followed by one that "and" adds.
+
+    "Put the cup on the tray, the plate on the shelf" may be a correction.
+    """
+    open_ended = False
+    for before, unit in pairwise(units):
+        if open_ended and unit.own_verb:
+            return False
+        open_ended = before.mood == unit.mood == "do" and not unit.own_verb and unit.joined == {","}
+    return not open_ended
 
 
 def wanted(units: Sequence[Unit]) -> tuple[Unit, ...]:
@@ -141,11 +167,13 @@ def _is_other(forbidden: ParsedClause, wanted: Sequence[ParsedClause]) -> bool:
     """Return whether the forbidden clause is an alternative to the wanted ones.
 
     It is none if it contradicts a wanted clause, nor if it forbids another kind of motion: "do not touch the blue one"
-    would restrict the path to the red one, which this parser cannot express.
+    would restrict the path to the red one, which this parser cannot express. "Wipe it, not with the cloth" leaves open
+    what to wipe it with.
     """
-    return any(_same_verb(forbidden, clause) for clause in wanted) and not any(
-        _contradict(forbidden, clause) for clause in wanted
-    )
+    similar = [clause for clause in wanted if _same_verb(forbidden, clause)]
+    omitted = {role for role in (INSTRUMENT, SOURCE) if forbidden.objects_in(role)}
+    leaves_open = any(not clause.objects_in(role) for clause in similar for role in omitted)
+    return bool(similar) and not leaves_open and not any(_contradict(forbidden, clause) for clause in wanted)
 
 
 def _same_verb(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
@@ -177,7 +205,8 @@ def _may_follow(clause: ParsedClause, units: Sequence[Unit], joined: frozenset[s
         return True
     if before.mood in ("do", "rather"):
         fronted = before.mood == "rather" and len(units) == 1
-        return clause.verb is not None or fronted or bool(joined & {"and", "then", *vocabulary.ORDERING})
+        listed = joined == {","} and len(clause.roles) > 1  # a correction unless "and" follows, see `_is_order`
+        return clause.verb is not None or fronted or listed or bool(joined & {"and", "then", *vocabulary.ORDERING})
     if before.mood in ("skip", "except"):
         return clause.verb is not None
     if "but" in joined or clause.verb:

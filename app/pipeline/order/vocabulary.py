@@ -5,6 +5,8 @@ from app.pipeline.order.words import NUMBERS, Phrase, PhraseTable
 from app.pipeline.order.words import phrases as _phrases
 
 DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
+SOME = DETERMINERS | {"some"}  # before what is no object: "pour some water"
+RETURNING = frozenset({"away", "back"})  # with a destination they say nothing more: "put it back on the shelf"
 GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])
 # Nouns that may stand for each other where something else tells the objects apart.
 NOUN_KINDS = (frozenset({"cube", "block", "brick"}), frozenset({"cup", "mug"}), frozenset({"tap", "faucet"}))
@@ -80,11 +82,11 @@ PICKS: dict[Phrase, Pick] = {
     **dict.fromkeys(_phrases("middle,center,centre,central"), in_the_middle),
 }
 PLACES = PhraseTable(PICKS)
-# What such a word says where names say it, too: the upper drawer is `drawer_top`.
-PLACES_IN_NAMES = {
+# Adjectives of place and size that stand for another one in names: the upper drawer is `drawer_top`.
+IN_NAMES = {
     "upper": "top", "topmost": "top", "uppermost": "top", "highest": "top", "lower": "bottom", "bottommost": "bottom",
     "lowest": "bottom", "lowermost": "bottom", "leftmost": "left", "rightmost": "right", "center": "middle",
-    "centre": "middle", "central": "middle",
+    "centre": "middle", "central": "middle", "big": "large", "large": "big", "little": "small", "small": "little",
 }  # fmt: skip
 EDGES = frozenset({"left", "right", "top", "bottom"})
 COUNTED_FROM = {
@@ -92,11 +94,14 @@ COUNTED_FROM = {
     "above": "top", "below": "bottom", "highest": "top", "lowest": "bottom",
 }  # fmt: skip
 REACHES = {"closest": "near", "nearest": "near", "farthest": "far", "furthest": "far"}
-ROBOT = _phrases("robot,robot arm,arm,robot base,base,you,yourself,your base,robot's base")
-BEING = _phrases(
-    "that is,which is,that stands,which stands,that lies,which lies,that sits,which sits,located,placed,standing,lying,"
-    "sitting,positioned,situated,that is located,that is placed,that is standing,that is lying,which is located"
-)
+ROBOT = _phrases("robot,robot arm,arm,robot base,base,you,yourself,your base,robot 's base")
+_PLACED = ["located", "placed", "standing", "lying", "sitting", "positioned", "situated"]
+BEING = PhraseTable(
+    [(word,) for word in _PLACED]
+    + [(pronoun, *said) for pronoun in ("that", "which") for said in (
+        ("is",), ("stands",), ("lies",), ("sits",), *(("is", word) for word in _PLACED)
+    )]
+)  # fmt: skip
 EXACTLY = _phrases("directly,immediately,just,right")
 QUANTIFIERS = frozenset({"all", "both", "each", "every"})
 BESIDE = _phrases("next to,beside,near,close to,adjacent to,alongside")
@@ -165,7 +170,7 @@ _TABLES = (
 )
 _ALONE = frozenset(
     {"and", "but", "or", "nor", "it", "between", "middle", "center", "centre", "extreme", "very", "to", "of", "away"}
-    | {"all", "them", "both"}
+    | {"all", "them", "both", "use", "some", "again", "away", "back", "'s"}
 )
 # Words that never tell an object apart by themselves, even where a name has them: "a block" is not `block a`.
 NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for word in phrase} - {

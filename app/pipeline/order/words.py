@@ -12,7 +12,9 @@ from app.pipeline.names import folded_characters
 Phrase = tuple[str, ...]
 IsWord = Callable[[str], bool]
 
-_TOKEN = re.compile(r"[^\W_]+-most\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE)
+_TOKEN = re.compile(
+    r"[^\W_]+-(?:most|clockwise)\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE
+)
 _DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
 _STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
 _CONTRACTIONS = {
@@ -21,6 +23,13 @@ _CONTRACTIONS = {
     "i'll": "i will", "let's": "let us", "that's": "that is", "it's": "it is", "you'd": "you would",
     "you'll": "you will", "there's": "there is", "which's": "which is",
 }  # fmt: skip
+# Spellings of one direction
+_DIRECTIONS = {
+    "anticlockwise": "counterclockwise", "leftward": "left", "leftwards": "left", "rightward": "right",
+    "rightwards": "right", "forwards": "forward", "backwards": "backward", "upward": "up", "upwards": "up",
+    "downward": "down", "downwards": "down",
+}  # fmt: skip
+_GENITIVE = re.compile(r"(\w)'s$")
 NUMBERS = {
     "two": "2", "three": "3", "four": "4", "five": "5", "six": "6", "seven": "7", "eight": "8", "nine": "9",
     "ten": "10", "eleven": "11", "twelve": "12",
@@ -91,22 +100,26 @@ def tokens_of(text: str) -> list[Token]:
     found: list[Token] = []
     for match in _TOKEN.finditer(text):
         said = folded_characters(match[0]) if match[0].isalnum() else match[0].lower()
-        token = said.replace("\u2019", "'").replace("-most", "most")
+        token = said.replace("\u2019", "'").replace("-most", "most").replace("-clock", "clock")
         if token not in _DROPPED:
-            written_out = _CONTRACTIONS.get(token) or _STOPS.get(token) or token
-            found += [Token(part, *match.span()) for part in written_out.split()]
+            written_out = _CONTRACTIONS.get(token) or _STOPS.get(token) or _DIRECTIONS.get(token) or token
+            found += [Token(part, *match.span()) for part in _GENITIVE.sub(r"\1 's", written_out).split()]
     return found
 
 
 def plurals_of(singular: str) -> set[str]:
     """The regular plurals of a word."""
     plurals = {f"{singular}s", f"{singular}es"}
-    return plurals | {f"{singular[:-1]}ies"} if singular.endswith("y") else plurals
+    for ending, plural in (("y", "ies"), ("f", "ves"), ("fe", "ves")):
+        if singular.endswith(ending):
+            plurals.add(singular.removesuffix(ending) + plural)
+    return plurals
 
 
 def singulars_of(plural: str) -> set[str]:
     """The words that may have it as a regular plural."""
-    return {word for word in (plural[:-1], plural[:-2], f"{plural[:-3]}y") if plural in plurals_of(word)}
+    endings = (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("ves", "fe"))
+    return {plural.removesuffix(ending) + singular for ending, singular in endings if plural.endswith(ending)}
 
 
 def verb_forms(verb: str) -> set[str]:

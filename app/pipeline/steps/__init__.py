@@ -1,1 +1,1 @@
-"""One sentence about what several tasks do, as their steps."""
+"""A sentence over several tasks as steps, each an instruction of one task."""

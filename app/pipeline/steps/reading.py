@@ -1,24 +1,28 @@
-"""A sentence about what several tasks do -> steps, each in the words of the one task that does it, or a refusal.
+"""Read a sentence over several tasks as steps, each in the words of the task that does it, or refuse it.
 
-Every word must find its place, as in the instruction of one task, and every step must be one that its task was taught
-with objects of these kinds. A sentence that can be read in two ways is refused.
+Every word must have a role, as in the instruction of one task, and every step must be one that its task was taught with
+objects of these kinds. A sentence with two meanings is refused.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
 from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.findings.scene import strangers
 from app.pipeline.order.clauses import DIRECT, ParsedClause
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.order.frames import Frame
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_of
-from app.pipeline.order.reading import FIELD, Filled, closest, refusal
+from app.pipeline.order.post_modifiers import TooInvolvedError
+from app.pipeline.order.reading import FilledFrame, closest
+from app.pipeline.order.refusals import FIELD, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
+from app.pipeline.order.sequence import is_placed_after_moving, picks_with_full_hand
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Frame, Taught
+from app.pipeline.order.taught import Taught
 from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
@@ -29,7 +33,7 @@ TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does
 
 
 class Step(NamedTuple):
-    """What one task is to do, in its own words."""
+    """The instruction of one task, in the words that it was taught."""
 
     task: str
     instruction: str
@@ -37,34 +41,34 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Skill:
-    """A task as sentences are read against it."""
+    """A task and what it was taught."""
 
     task: str
     taught: Taught
 
     @cached_property
     def wholes(self) -> tuple[str, ...]:
-        """The taught instructions that are understood as they stand only: of different clauses, or beyond grammar."""
+        """The taught instructions that must be said as a whole: of several clauses, or without a parse."""
         alone = {frame.text for frame in self.taught.frames if frame.may_stand_alone}
         return tuple(text for text in self.taught.instructions if text not in alone)
 
-    def steps(self, clause: ParsedClause) -> Iterator[tuple[Filled, Step]]:
-        """What the task may do for a clause: only with objects, or kinds of objects, that it was taught with so."""
+    def steps(self, clause: ParsedClause) -> Iterator[tuple[FilledFrame, Step]]:
+        """Yield what the task may do for a clause, with objects or kinds of objects that were taught in these roles."""
         names, asked = self.taught.names, {phrase.name for phrase in clause.phrases}
         for frame in self.taught.frames if asked <= set(names) else ():
             named = asked or not frame.clause.phrases
             filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
             text = None if filled is None else frame.text_for(filled, names)
             if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
-                yield Filled(frame, filled, clause), Step(self.task, text.rstrip(". "))
+                yield FilledFrame(frame, filled, clause), Step(self.task, text.rstrip(". "))
 
 
 class Scene(Taught):
-    """The objects of a scene, and all that the tasks were taught that may be used in it.
+    """The objects of a scene, and what the tasks with these objects were taught.
 
     Args:
-        names, aliases: of all objects, also of those that no task is about.
-        skills: of these objects.
+        names, aliases: of all objects, with or without a task.
+        skills: the tasks.
         is_word: as of `Taught`.
     """
 
@@ -76,19 +80,19 @@ class Scene(Taught):
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
-        """As each task has them: what its instructions name is clear among its own objects."""
+        """The frames of each task, parsed among its own objects."""
         return tuple(frame for skill in self.skills for frame in skill.taught.frames)
 
 
 def read_steps(instruction: str, scene: Scene, layout: Layout | None, others: str = "") -> tuple[Step, ...]:
-    """The steps that the instruction asks for, in their order.
+    """Return the steps that the instruction asks for, in their order.
 
     Args:
         layout: where the objects are, for relations; None: unknown.
-        others: what a refusal says of tasks that may not be used.
+        others: why further tasks cannot be used, for the refusal.
 
     Raises:
-        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; names the part that is not.
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; they name the part.
     """
     said = instruction.strip().rstrip(".").lower()
     found: list[tuple[Step, ...]] = [
@@ -117,11 +121,10 @@ class _Reader:
         self._scene = scene
         self._phrases = phrases
         self._known: dict[ParsedClause, list[tuple[Step, ...]]] = {}
-        # How many parts are understood before the one that is not, and why that is not.
-        self._missed = (-1, "")
+        self._missed = (-1, "")  # the number of parts before the one that is not understood, and why it is not
 
     def read(self) -> list[tuple[Step, ...]]:
-        """The different sequences of steps that may be meant; of very many the first."""
+        """Return the meanings, each a sequence of steps; at most `MAX_LISTED`."""
         fixed = self._scene.fixed_words | several.TIMES_WORDS
         sentences = Sentences(self._phrases, fixed, self._scene.verbs, of_steps=True)
         found: dict[tuple[Step, ...], None] = {}
@@ -135,7 +138,7 @@ class _Reader:
         return list(found)
 
     def refusal(self, found: Sequence[tuple[Step, ...]]) -> InstructionError:
-        """Why there is no plan."""
+        """Return the error for a sentence with no meaning or several."""
         if found:
             meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found[:MAX_LISTED]]
             message = f"{self._phrases.instruction!r} may mean {' or '.join(meanings)}"
@@ -149,6 +152,7 @@ class _Reader:
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
+        """Yield the sequences of steps that one parse of the sentence may mean."""
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
         done = wanted(several.without_excepted([unit for unit in units if not forbidden.get(unit)]))
@@ -158,20 +162,27 @@ class _Reader:
         if done and not order:
             self._miss(len(done), units[-1], 'leaves open what comes first: say "then"')
         clauses = self._resolved(done) if order else ()
+        choices = self._choices_of(done, clauses)
+        in_order = [clauses[place] for place in order] if choices else []
+        if picks_with_full_hand(in_order):
+            self._miss(len(done), units[-1], "needs a hand that still holds something")
+        elif in_order and not is_placed_after_moving(in_order):
+            every = (tuple(chain.from_iterable(parts)) for parts in product(*(choices[place] for place in order)))
+            yield from (steps for steps in every if left_out.isdisjoint(steps))
+
+    def _choices_of(self, done: Sequence[Unit], clauses: Sequence[ParsedClause]) -> list[list[tuple[Step, ...]]]:
+        """Return the choices of each clause; empty if a clause has none."""
         choices = [self._choices(clause) for clause in clauses]
         for place in several.picked_up_to_put(done, clauses):
             choices[place] = [*choices[place], ()]
         for place, (unit, choice) in enumerate(zip(done, choices, strict=False)):
             if not choice:
                 self._miss(place, unit, "is nothing that a task was taught to do with these objects")
-                return
-        if clauses and not several.is_placed_after_moving([clauses[place] for place in order]):
-            of_each = [choices[place] for place in order]
-            every = (tuple(step for part in parts for step in part) for parts in product(*of_each))
-            yield from (steps for steps in every if left_out.isdisjoint(steps))
+                return []
+        return choices
 
     def _resolved(self, units: Sequence[Unit]) -> tuple[ParsedClause, ...]:
-        """The clauses with "it" replaced, in the order of the text; none where that is not certain."""
+        """Return the clauses with pronouns replaced by their objects; none if a pronoun is not clear."""
         found: list[ParsedClause] = []
         for place, unit in enumerate(units):
             clause = unit.clause
@@ -189,10 +200,10 @@ class _Reader:
         return tuple(found)
 
     def _antecedent(self, clause: ParsedClause, before: ParsedClause) -> Sequence[NounPhrase]:
-        """What "it" stands for: the one object of the clause before, or what "it" was there in the same role.
+        """Return the objects of a pronoun: "it" is the one object of the clause before, or "it" there in this role.
 
-        Of a thing and the place that it was put in, the place is opened and closed if the thing cannot be. "Them" are
-        the several objects of that clause's verb.
+        After "put the mug in the drawer, then close it" the drawer is meant if no task closes a mug. After "pour water
+        from the can into the pot" the object is meant for which a task exists. "Them" are several direct objects.
         """
         own = {phrase.name for phrase in clause.phrases}
         pronouns = {role: phrase for role, phrases in clause.roles for phrase in phrases if phrase.name is None}
@@ -203,7 +214,7 @@ class _Reader:
             group = before.objects_in(DIRECT)
             return group if at == DIRECT and len(group) > 1 else ()
         found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
-        if len(found) > 1 and clause.verb in CONTAINING and at == DIRECT:
+        if len(found) > 1 and at == DIRECT and (clause.verb in CONTAINING or DIRECT not in found):
             found = {role: one for role, one in found.items() if self._choices(several.with_objects(clause, [one]))}
             found = {} if DIRECT in found else found
         elif (same := found.get(at)) is not None and same.by == several.IT:
@@ -211,7 +222,7 @@ class _Reader:
         return tuple(found.values()) if len(found) == 1 else ()
 
     def _choices(self, clause: ParsedClause) -> list[tuple[Step, ...]]:
-        """What a clause may ask for: several where tasks or words leave it open, nothing where no task does it."""
+        """Return the alternatives of steps that a clause may ask for; none if no task does it."""
         if clause not in self._known:
             self._known[clause] = self._chosen(clause)
         return self._known[clause]
@@ -235,6 +246,6 @@ class _Reader:
         return list(product(*map(self._whole, each)))
 
     def _whole(self, clause: ParsedClause) -> list[Step]:
-        """The single steps that do what a clause asks for; words as taught count more than others of their family."""
+        """Return the single steps that a clause may ask for, preferring the taught verb to others of its family."""
         every = {filled: step for skill in self._scene.skills for filled, step in skill.steps(clause)}
         return list(dict.fromkeys(every[filled] for filled in closest(list(every))))

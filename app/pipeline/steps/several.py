@@ -1,8 +1,8 @@
-"""What a sentence says of several clauses together: in which order, how often, of which objects but for some."""
+"""What a sentence says of several clauses: their order, how often, and exceptions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 from app.pipeline.order.clauses import DIRECT, FixedPhrase, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
@@ -11,7 +11,7 @@ from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import ORDERING
 from app.pipeline.order.words import NUMBERS
 
-IT = "taught"  # by which an "it" is found, see `NounPhrase.by`
+IT = "taught"  # how the object of a pronoun was matched, see `NounPhrase.by`
 TIMES: dict[tuple[str, ...], int] = {
     ("twice",): 2,
     ("thrice",): 3,
@@ -21,7 +21,7 @@ TIMES_WORDS = frozenset(word for words in TIMES for word in words)
 
 
 def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedClause:
-    """The clause with objects instead of the one pronoun that it has."""
+    """Return the clause with objects in place of its pronoun."""
     they = tuple(phrase._replace(by=IT) for phrase in meant)
     roles = tuple(
         (role, they if any(phrase.name is None for phrase in phrases) else phrases) for role, phrases in clause.roles
@@ -30,7 +30,7 @@ def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedCla
 
 
 def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
-    """The clause without how often it is to be done, and that."""
+    """Return the clause without its count ("twice"), and the count."""
     *others, last = clause.fixed if clause.goes_on else (FixedPhrase("", ()),)
     for words, times in TIMES.items():
         if last.words[-len(words) :] == words:
@@ -41,13 +41,13 @@ def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
 
 
 def is_akin(one: ParsedClause, other: ParsedClause) -> bool:
-    """Whether two clauses share verb or objects, so that "twice" behind the second may be said of both."""
+    """Return whether two clauses share a verb or an object, so that "twice" after the second may count for both."""
     shared = {phrase.name for phrase in one.phrases} & {phrase.name for phrase in other.phrases}
     return one.verb == other.verb or bool(shared)
 
 
 def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
-    """The order in which units are done; empty where "before" and "after" leave it open."""
+    """Return the indices of the units in the order in which they are done; empty if "before" or "after" is unclear."""
     in_text = range(len(done))
     ordered = [place for place, unit in enumerate(units) if unit.joined & ORDERING]
     if not ordered:
@@ -64,7 +64,7 @@ def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
 
 
 def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
-    """The units, of "all mugs except the red one" the other mugs; none where what is excepted is none of a group."""
+    """Return the units without exceptions ("all mugs except the red one"); none for an exception of another group."""
     kept: list[Unit] = []
     for unit in units:
         if unit.mood != "except":
@@ -80,13 +80,13 @@ def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
 
 
 def is_unclear_what_is_forbidden(units: Sequence[Unit]) -> bool:
-    """Whether more may be meant: "do not press it, then open it" may forbid both, "not twice" may want it once."""
+    """Return whether "do not press it, then open it" may forbid both, or "not twice" may ask for once."""
     counts = any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do")
     return counts or any(one.mood == "not" and next_.joined & {"and", "then"} for one, next_ in pairwise(units))
 
 
 def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> Iterator[int]:
-    """The places of the clauses that may be no step of their own.
+    """Yield the indices of the clauses that may be part of the next one.
 
     Demonstrations begin with an empty gripper: "pick up X and put it on Y" is "put X on Y", unless to pick it up is a
     task of its own. Then it may be meant as well, and is refused.
@@ -96,12 +96,3 @@ def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> 
         says_no_more = [role for role, _ in clause.roles] == [DIRECT] and not clause.fixed_phrases
         if clause.verb in PICKING and says_no_more and puts_it:
             yield place
-
-
-def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
-    """Whether an object is identified by its place after something was moved: only where objects are now is known."""
-    return any(
-        any(phrase.by == "relation" for phrase in later.phrases)
-        and (earlier.verb in PICKING or earlier.takes_somewhere)
-        for earlier, later in combinations(clauses, 2)
-    )

@@ -26,7 +26,7 @@ from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.types.poses import ObjectPose
 
-MAX_TASKS = 256  # whose words are kept: a task of 100 instructions takes 1 MB
+MAX_TASKS = 256  # whose vocabularies are kept: a task of 100 instructions takes 1 MB
 SYSTEM = (
     "You check instructions for a robot arm. The robot knows a list of instructions and nothing else. You get the list "
     "and what a person said, in any language. Reply with the number of the one instruction that the person asks for. "

@@ -1,4 +1,4 @@
-"""Which tasks do what a sentence says: its steps, or the one task of a prediction that names none."""
+"""Find the tasks that a sentence asks for: its steps, or the task of a prediction that names none."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,18 +22,18 @@ from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.names import checked_instruction
 
-MAX_SCENES = 16  # whose words are kept
+MAX_SCENES = 16  # whose vocabularies are kept
 
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A task with demonstrations: what it does, and where its robot's base stands."""
+    """A task with demonstrations, and the position of its robot's base (m, world frame)."""
 
     skill: Skill
     robot_base_m: tuple[float, ...]
 
     def unlike(self, names: set[str], *, exactly: bool) -> str:
-        """Why the task is not one for a scene of these objects; empty if it is."""
+        """Return why the task does not fit a scene of these objects; empty if it does."""
         own = set(self.skill.taught.names)
         parts = {"not seen": own - names, "not of this task": names - own if exactly else ()}
         return ", ".join(f"{what}: {', '.join(sorted(which))}" for what, which in parts.items() if which)
@@ -48,7 +48,7 @@ class ReadSteps:
         self._scenes: Cache[tuple[tuple[str, ...], tuple[Skill, ...]], Scene] = Cache(MAX_SCENES)
 
     def __call__(self, instruction: str, objects: Sequence[ObjectQuery], *, exactly: bool = False) -> tuple[Step, ...]:
-        """The steps that the instruction asks for, each in the words of its task.
+        """Return the steps that the instruction asks for, each in the words of its task.
 
         Args:
             objects: all of the scene.
@@ -74,7 +74,7 @@ class ReadSteps:
         return read_steps(instruction, scene, _layout(objects, usable), others)
 
     def with_task(self, request: PredictRequest) -> PredictRequest:
-        """The request with the one task that does what it asks for, of exactly its objects.
+        """Return the request with the task that does what it asks for, among tasks of exactly its objects.
 
         Raises:
             as `__call__`; InvalidInputError if its options name episodes.
@@ -89,7 +89,7 @@ class ReadSteps:
         return replace(request, task=names[0])
 
     def _of(self, connection: Connection, task: TaskRecord) -> _Known:
-        """The task as its prompts show it."""
+        """Return the task with the instructions that its prompts show."""
 
         def make() -> _Known:
             settings = TaskSettings.model_validate(task.settings)
@@ -107,7 +107,7 @@ def _scene(names: Sequence[str], skills: Sequence[Skill]) -> Scene:
 
 
 def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_Known]) -> Layout | None:
-    """Where the objects are, seen from the one robot; None where that is not known."""
+    """Return the objects' positions from the robot's base; None if a position or the base is not known."""
     places_m = {item.name: np.array(item.position_m) for item in objects if item.position_m is not None}
     bases_m = {item.robot_base_m for item in usable}
     return Layout(places_m, np.array(bases_m.pop())) if len(places_m) == len(objects) and len(bases_m) == 1 else None

@@ -185,3 +185,13 @@ def test_no_instruction_takes_long(said):  # fmt: skip
     with suppress(UngroundedInstructionError, UnfamiliarInstructionError):
         read(said, words)
     assert time.process_time() - started_s < 0.5
+
+
+def test_a_relation_that_no_object_needs_may_be_a_destination():
+    places_m = {"mug 1": [0.5, 0.2, 0.0], "mug 2": [0.5, -0.2, 0.0], "tray": [0.9, 0.0, 0.0]}
+    layout = Layout({name: np.array(place_m) for name, place_m in places_m.items()}, np.zeros(3))
+    words = taught(tuple(places_m), ["put mug 1 on the tray"])
+    assert read("put the mug next to mug 2 on the tray", words, layout).text == "put mug 1 on the tray"
+    for said in ("put mug 1 next to mug 2 on the tray", "put mug 2 on the tray next to mug 1"):
+        with pytest.raises((UngroundedInstructionError, UnfamiliarInstructionError)):
+            read(said, words, layout)

@@ -33,6 +33,15 @@ TASKS = {
     "block": (("block", "wall", "box"), ("push the block to the wall",)),
     "cubes": (("red cube", "blue cube", "green cube"), ("stack the red cube on the blue cube",)),
     "dirt": (("broom", "dustpan"), ("sweep the dirt away to the dustpan",)),
+    "belt": (("conveyor belt",), ("stop the conveyor belt",)),
+    "hot plate": (("small flask", "large flask", "hot plate"), ("put the small flask on the hot plate",)),
+    "printer": (("label printer",), ("press the button of the label printer",)),
+    "cans": (("oil can", "rain barrel"), ("fill the oil can from the rain barrel",)),
+    "rags": (("bench", "sponge", "rag"), ("wipe the bench with the sponge", "wipe the bench with the rag")),
+    "cap": (("fuel cap",), ("screw the fuel cap on", "screw the fuel cap off")),
+    "crank": (("crank",), ("turn the crank counterclockwise",)),
+    "bin": (("parts bin",), ("push the parts bin to the left",)),
+    "mugs": (("mug 1", "mug 2", "tray"), ("put mug 1 on the tray", "pick up mug 1")),
 }
 TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in TASKS.items()}
 
@@ -67,6 +76,17 @@ TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in
         ("buttons", "the red and the blue button", "push the red button, then push the blue button"),
         ("dirt", "sweep the dirt to the dustpan", "sweep the dirt away to the dustpan"),
         ("dirt", "sweep away the dirt to the dustpan", "sweep the dirt away to the dustpan"),
+        ("hot plate", "put the big flask back on the hotplate", "put the large flask on the hot plate"),
+        ("hot plate", "place the little flask on the hot-plate", "put the small flask on the hot plate"),
+        ("printer", "press the label printer's button", "press the button of the label printer"),
+        ("cans", "fill the oil can", "fill the oil can from the rain barrel"),
+        ("rags", "use the rag to wipe the bench", "wipe the bench with the rag"),
+        ("cap", "please screw the fuel cap off", "screw the fuel cap off"),
+        ("crank", "rotate the crank anti-clockwise", "turn the crank counterclockwise"),
+        ("bin", "slide the parts bin leftwards", "push the parts bin to the left"),
+        ("pour", "pour some water into the glass", "pour water from the bottle into the glass"),
+        ("mugs", "put mug one on the tray", "put mug 1 on the tray"),
+        ("mugs", "pick up mug 2 and put it on the tray", "put mug 2 on the tray"),
     ],
 )
 def test_what_is_meant_is_understood(task, said, canonical):
@@ -108,6 +128,11 @@ REFUSED = {
         "pick up the apple, then put the banana on the apple"],
     "tubes": ["place test tube -1 in the rack"],
     "pour": ["pour water from the glass into the bottle"],
+    "belt": ["stop", "please stop!"],
+    "rags": ["wipe the bench", "wipe the bench, not with the rag"],
+    "cap": ["screw the fuel cap", "screw the cap back"],
+    "hot plate": ["put the back flask on the hot plate", "put the flask on the hot plate away"],
+    "mugs": ["put mug 1 next to mug 2 on the tray", "pick up mug 1, then pick up mug 2", "pick up both mugs"],
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ KNOWN = (("red", "blue", "yellow", "button", "mug", "bowl", "leftmost"), ("below
             ["the", "left", "hand", ",", "bottommost", "tap", ",", "not", "the", "other"],
         ),
         ("I\u2019d like no. 5", ["i", "would", "like", "no", ".", "5"]),
+        ("the cup's lid, anti-clockwise", ["the", "cup", "'s", "lid", ",", "counterclockwise"]),
     ],
 )
 def test_words_are_cut_out_and_contractions_written_out(text, words):
@@ -54,7 +55,10 @@ def test_regular_forms_of_verbs(verb, form):
     assert form in verb_forms(verb)
 
 
-@pytest.mark.parametrize(("plural", "singular"), [("mugs", "mug"), ("boxes", "box"), ("berries", "berry")])
+@pytest.mark.parametrize(
+    ("plural", "singular"),
+    [("mugs", "mug"), ("boxes", "box"), ("berries", "berry"), ("loaves", "loaf"), ("knives", "knife")],
+)
 def test_plurals(plural, singular):
     assert plural in plurals_of(singular)
     assert singular not in plurals_of(plural)

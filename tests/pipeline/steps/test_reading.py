@@ -77,6 +77,10 @@ def texts(steps):
         ("shake the tin, but do not close the tin", [SHAKE]),
         ("shake the tin and press the left button twice", [SHAKE, LEFT, LEFT]),
         ("turn the knob left twice", ["turn the knob to the left twice"]),
+        ("open the upper box, then close the upper box again", [OPEN, CLOSE]),
+        ("put the green pear in the upper box, the red pear in the lower box and the tin in the upper box",
+         [GREEN, "put the red pear in the lower box", "put the tin in the upper box"]),
+        ("use the cloth to wipe the tin", ["wipe the tin with the cloth"]),
         ("rinse the cloth, then wring it", ["rinse the cloth, then wring it"]),
         ("press the left button instead of the right one, then wipe the tin", [LEFT, "wipe the tin with the cloth"]),
         ("hoist the red pear", None),
@@ -135,7 +139,10 @@ NOT_CERTAIN = [
     # nothing that a task was taught, or no order
     "open the box", "the left button", "shake the tin slowly", "shake the tin and dance", "close the lower tin",
     "close the cloth", "put the upper box in the tin", "put the cloth in the upper box", "turn the knob to the left",
-    "shook the tin",
+    "shook the tin", "shake", "shake the tin again",
+    # what the hand cannot do, and two destinations
+    "lift the green pear, then lift the red pear", "lift both pears",
+    "put the green pear in the upper box, the red pear in the lower box", "wipe the tin, but not with the cloth",
 ]  # fmt: skip
 
 
