@@ -15,23 +15,24 @@ parts together as no demonstration does. It cannot follow the scene's numbers: i
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Anchor, anchor_pose, tilted_objects
+from app.pipeline.order.order import Order, mentions_in
+from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
+from app.pipeline.representation.carried import Scene
 from app.pipeline.representation.common_parts import Part, Step, find_steps, kind_of
-from app.pipeline.representation.object_rows import actions_at
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
-NEAR_M = 0.10  # beside each other, seen from above; of other kinds: on, in or at it
+NEAR_M, LOWER_M = 0.10, 0.005  # an object is at another of a lower position that is so near, seen from above
 _STEP = re.compile(r"(\d{1,3})\. (.+)", re.ASCII)
 
 
@@ -46,6 +47,7 @@ class PartsCodec(Codec):
 
     demonstrations: tuple[Demonstration, ...]
     steps: tuple[tuple[Step, ...] | None, ...]
+    parts: tuple[Part, ...]
     tilted: frozenset[str]
     with_instruction: bool
     stop: tuple[str, ...] = ("\n\n",)
@@ -60,16 +62,11 @@ class PartsCodec(Codec):
             InvalidInputError: if no demonstration consists of parts that others have, too.
         """
         tilted = tilted_objects(demonstrations)
-        steps = find_steps(demonstrations, tilted)
+        steps, parts = find_steps(demonstrations, tilted)
         if not any(steps):
             message = "is 'parts', but no demonstration consists of parts that others have at objects of the same kind"
             raise InvalidInputError("representation", message, "absolute, object_frame")
-        return cls(tuple(demonstrations), tuple(steps), tilted, with_instruction)
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """In the order in which they first occur."""
-        return tuple(dict.fromkeys(step.part for steps in self.steps for step in steps or ()))
+        return cls(tuple(demonstrations), tuple(steps), parts, tilted, with_instruction)
 
     def needed(self) -> tuple[Demonstration, ...]:
         return tuple(item for item, steps in zip(self.demonstrations, self.steps, strict=True) if steps)
@@ -78,16 +75,16 @@ class PartsCodec(Codec):
         return clause_by_clause(self.demonstrations, order)
 
     def observation_text(self, query: Query) -> str:
-        objects = ", ".join(_object_text(pose, query.objects) for pose in query.ordered_objects)
-        instruction = f"Instruction: {query.instruction}\n" if self.with_instruction else ""
-        return f"Objects: {objects}\n{instruction}Steps:"
+        said = in_sequence(query.instruction, query.order.names)
+        instruction = f"Instruction: {said}\n" if self.with_instruction else ""
+        return f"{_scene_text(replace(query, instruction=said).ordered_objects)}{instruction}Steps:"
 
     def actions_text(self, demonstration: Demonstration) -> str:
         steps = self.steps[self.demonstrations.index(demonstration)] or ()
         return "\n".join(f"{number}. {step.text}" for number, step in enumerate(steps, 1))
 
     def grammar(self, query: Query, max_actions: int) -> str:
-        steps = " | ".join(f'"{step.text}"' for step in self._possible(query))
+        steps = " | ".join(f'"{text}"' for text in self.possible(query))
         most = max(1, max_actions // min(len(part.rows) for part in self.parts))
         return f'root ::= "\\n"? step ("\\n" step){{0,{most - 1}}} "\\n\\n"?\nstep ::= [1-9] [0-9]? ". " ({steps})\n'
 
@@ -99,51 +96,77 @@ class PartsCodec(Codec):
         return "\n" + "\n".join(rows)
 
     def decoder(self, query: Query) -> Decoder:
-        return partial(self._actions, query, {step.text: step for step in self._possible(query)})
+        return _Placer(self, query)
 
-    def _possible(self, query: Query) -> list[Step]:
-        """Each part at each object of its kind."""
-        return [
-            Step(part, pose.name)
+    def possible(self, query: Query) -> dict[str, Step]:
+        """Return each part at each object of its kind, by its text."""
+        return {
+            part.text(pose.name): Step(part, pose.name)
             for part in self.parts
             for pose in query.ordered_objects
             if kind_of(pose.name) == part.kind
             and (pose.quaternion_xyzw is not None or all(row.frame == "w" for row in part.rows))
-        ]
-
-    def _actions(
-        self, query: Query, possible: dict[str, Step], first: int, rows: Sequence[str]
-    ) -> list[EndEffectorAction]:
-        return [
-            action
-            for index, row in enumerate(rows, first)
-            for action in _placed(_read(index, row, possible), query, self.tilted)
-        ]
+        }
 
 
-def _object_text(pose: ObjectPose, others: Sequence[ObjectPose]) -> str:
-    """Its name, and the nearest object of another kind, if that is near."""
+class _Placer:
+    """Reads the steps of a reply in their order, and places each in the scene that the steps before it leave."""
+
+    def __init__(self, codec: PartsCodec, query: Query) -> None:
+        self._tilted, self._query, self._possible = codec.tilted, query, codec.possible(query)
+        self._scenes = [Scene(query.objects)]  # before each step that has been read, and after the last
+
+    def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+        actions: list[EndEffectorAction] = []
+        del self._scenes[first + 1 :]
+        for index, row in enumerate(rows, first):
+            step, scene = self._read(index, row), self._scenes[-1]
+            placed = list(step.part.placed(step.object_name, scene, self._query, self._tilted))
+            self._scenes.append(reduce(Scene.after, placed, scene))
+            actions += placed
+        return actions
+
+    def _read(self, index: int, row: str) -> Step:
+        match = _STEP.fullmatch(row)
+        if not match or int(match[1]) != index + 1:
+            raise ReplyParseError(f"step {index} is {row[:80]!r}, expected '{index + 1}. PART OBJECT'", row)
+        if match[2] not in self._possible:
+            valid = ", ".join(self._possible)
+            raise ReplyParseError(f"step {index} is {match[2][:80]!r}, expected one of {valid}", row)
+        return self._possible[match[2]]
+
+
+def _scene_text(objects: Sequence[ObjectPose]) -> str:
+    """Return which objects are at which others, a line each, after a line of those that are at none."""
+    host = {pose.name: _host(pose, objects) for pose in objects}
+    hosts = [pose.name for pose in objects if pose.name in host.values()]
+    free = [name for name in host if host[name] is None and name not in hosts]
+    lines = {"Objects": free} | {f"At {name}": [at for at in host if host[at] == name] for name in hosts}
+    return "".join(f"{what}: {', '.join(names)}\n" for what, names in lines.items() if names)
+
+
+def _host(pose: ObjectPose, others: Sequence[ObjectPose]) -> str | None:
+    """Return the nearest object of another kind that is lower and near: what it stands on, in or at."""
     away_m = {
         other.name: float(np.linalg.norm((other.position_m - pose.position_m)[:2]))
         for other in others
-        if kind_of(other.name) != kind_of(pose.name)
+        if kind_of(other.name) != kind_of(pose.name) and other.position_m[2] < pose.position_m[2] - LOWER_M
     }
     nearest = min(away_m, key=away_m.__getitem__, default="")
-    return f"{pose.name} near {nearest}" if nearest and away_m[nearest] <= NEAR_M else pose.name
+    return nearest if nearest and away_m[nearest] <= NEAR_M else None
 
 
-def _read(index: int, row: str, possible: dict[str, Step]) -> Step:
-    match = _STEP.fullmatch(row)
-    if not match or int(match[1]) != index + 1:
-        raise ReplyParseError(f"step {index} is {row[:80]!r}, expected '{index + 1}. PART OBJECT'", row)
-    if match[2] not in possible:
-        raise ReplyParseError(f"step {index} is {match[2][:80]!r}, expected one of {', '.join(possible)}", row)
-    return possible[match[2]]
+def in_sequence(text: str, names: Sequence[str]) -> str:
+    """Return an instruction that says "A after B" or "A before B" as "A, then B" in the order of execution.
 
-
-def _placed(step: Step, query: Query, tilted: frozenset[str]) -> list[EndEffectorAction]:
-    """The step's actions in the scene."""
-    rows = step.part.rows
-    anchored = [anchor_pose(Anchor(step.object_name, row.frame), query, tilted) for row in rows]
-    numbers = np.array([row.numbers for row in rows])
-    return actions_at(anchored, numbers, [row.gripper_open for row in rows])
+    Other instructions stay as they are, also those in which more than the name of an object follows such a word.
+    """
+    mentions = mentions_in(text, names)
+    between = [text[one.end : other.start] for one, other in pairwise(mentions)]
+    words = {word for word in ("after", "before") if f" {word} " in text.lower()}
+    if len(words) != 1 or not all(re.fullmatch(rf" {word} (the )?", said) for word in words for said in between):
+        return text
+    said = [mention.name for mention in mentions]
+    first, *later = said[::-1] if "after" in words else said
+    head, tail = text[: mentions[0].start], text[mentions[-1].end :]
+    return head + first + "".join(f", then the {name}" for name in later) + tail
