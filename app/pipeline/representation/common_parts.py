@@ -29,7 +29,8 @@ ENOUGH = 3  # demonstrations that must contain a part (or all, if there are fewe
 # Weights of an explanation, times the number of demonstrations that agree with it
 MENTIONED = 2.0  # by an object that the instruction mentions
 MIXED = 0.5  # by the frames `ow` and `wo`: most demonstrations must contradict the others
-CHANGED = 0.9  # by an object that the hand has moved, or the hand's rotation before: only where they explain more
+MOVED = 0.9  # by an object that the hand has moved
+BESIDE_M = 0.03  # from an object's middle; what is nearer has no side
 SIDES = (("behind", "", "ahead of"), ("right of", "", "left of"))  # where a part is on the -, 0 and + side: along x, y
 Sides = tuple[int, int]  # -1, 0 or 1 along x and along y; 0: not beside the object
 _LEAST_COSINE = math.cos(math.radians(ALIKE_DEG / 2))  # of quaternions, which turn by half the angle
@@ -109,7 +110,7 @@ class _Piece:
     def beside_m(self) -> tuple[float, float]:
         """How far its first action that is beside the object is beside it, along x and along y; 0 if none is."""
         x, y = (
-            next((a.offset_m[axis] for a in self.actions if abs(a.offset_m[axis]) > ALIKE_M), 0.0) for axis in (0, 1)
+            next((a.offset_m[axis] for a in self.actions if abs(a.offset_m[axis]) > BESIDE_M), 0.0) for axis in (0, 1)
         )
         return x, y
 
@@ -150,16 +151,16 @@ def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[li
                     found[k].append(_Candidate(seen, weight * (MIXED if frame in MIXED_FRAMES else 1.0)))
                     if k and frame in OBJECT_FRAMES:
                         keeping = replace(seen, spot=spot._replace(keeps=True), rotation_xyzw=kept[k - 1])
-                        found[k].append(_Candidate(keeping, weight * CHANGED))
+                        found[k].append(_Candidate(keeping, weight))
     return found
 
 
 def _places(observed: Sequence[ObjectPose], now: Sequence[ObjectPose]) -> Iterator[tuple[ObjectPose, bool, float]]:
     """Yield each object where it is and, if the hand has moved it, where it was; with the weight of that."""
     for before, pose in zip(observed, now, strict=True):
-        yield pose, False, 1.0 if pose is before else CHANGED
+        yield pose, False, 1.0 if pose is before else MOVED
         if pose is not before:
-            yield before, True, CHANGED
+            yield before, True, MOVED
 
 
 def _count(candidates: Sequence[Sequence[Sequence[_Candidate]]]) -> None:
@@ -176,7 +177,9 @@ def _count(candidates: Sequence[Sequence[Sequence[_Candidate]]]) -> None:
     for group in comparable.values():
         numbers = np.array([number for number, _ in group])
         offsets_m = np.array([candidate.action.offset_m for _, candidate in group])
-        offsets_m[:, :2] = np.abs(offsets_m[:, :2])
+        beside = np.abs(offsets_m) > BESIDE_M
+        beside[:, 2] = False
+        offsets_m[beside] = np.abs(offsets_m[beside])
         turned = np.array([candidate.action.rotation_xyzw for _, candidate in group])
         for k, (_, candidate) in enumerate(group):
             near = np.linalg.norm(offsets_m - offsets_m[k], axis=1) <= ALIKE_M
@@ -185,9 +188,14 @@ def _count(candidates: Sequence[Sequence[Sequence[_Candidate]]]) -> None:
 
 
 def _described(demonstration: Demonstration, candidates: Sequence[Sequence[_Candidate]]) -> list[SpotAction]:
-    """Return the best description of each action of a demonstration."""
+    """Return the best description of each action of a demonstration.
+
+    The hand keeps its turn only where more demonstrations agree on that than on any other description.
+    """
     chosen: list[SpotAction] = []
-    for row in candidates:
+    for every in candidates:
+        most = max(candidate.count for candidate in every if not candidate.action.spot.keeps)
+        row = [candidate for candidate in every if not candidate.action.spot.keeps or candidate.count > most]
         before = chosen[-1].spot if chosen else None
         merit = partial(_Candidate.merit, mentioned=demonstration.order.objects, before=before)
         chosen.append(max(row, key=merit).action)
@@ -227,7 +235,9 @@ def _named(clusters: Sequence[Sequence[_Piece]]) -> dict[tuple[int, Sides], Part
     for (word, *_), members in families.items():
         shown = [{piece.sides[axis] for k in members for piece in clusters[k]} - {0} for axis in (0, 1)]
         found = [(k, sides) for k in members for sides in _sides(clusters[k][0].sides, shown)]
-        places = [_place(clusters[k][0].beside_m, sides) if len(found) > 1 else "" for k, sides in found]
+        places = [_place(clusters[k][0].beside_m, sides) for k, sides in found]
+        if len(set(places)) == 1:  # it tells nothing apart
+            places = [""] * len(places)
         numbers = Counter[str]()
         for (k, sides), place in zip(found, places, strict=True):
             numbers[place] += 1
@@ -243,8 +253,8 @@ def _sides(own: Sides, shown: Sequence[set[int]]) -> list[Sides]:
 
 
 def _place(beside_m: tuple[float, float], sides: Sides) -> str:
-    """Return a place in words: " 4 cm ahead of and 6 cm left of"; the axes are those of the part's frame."""
-    words = [f"{100 * abs(m):.0f} cm {SIDES[axis][1 + sides[axis]]}" for axis, m in enumerate(beside_m) if m]
+    """Return a place in words: " 3.5 cm ahead of and 6 cm left of"; the axes are those of the part's frame."""
+    words = [f"{round(200 * abs(m)) / 2:g} cm {SIDES[axis][1 + sides[axis]]}" for axis, m in enumerate(beside_m) if m]
     return "".join(f" {word}" for word in " and ".join(words).split())
 
 

@@ -35,6 +35,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 NEAR_M, LOWER_M = 0.10, 0.005  # an object is at a lower one of another kind that is so near, seen from above
+_TO = "(?:at|in|into|on|onto|to)"  # before the name of where things go
 _STEP = re.compile(r"(\d{1,3})\. (.+)", re.ASCII)
 
 
@@ -81,7 +82,7 @@ class PartsCodec(Codec):
         return clause_by_clause(self.demonstrations, order)
 
     def observation_text(self, query: Query) -> str:
-        said = in_sequence(query.instruction, query.order.names)
+        said = in_sequence(each_named(query), query.order.names)
         instruction = f"Instruction: {said}\n" if self.with_instruction else ""
         return f"{_scene_text(replace(query, instruction=said).ordered_objects)}{instruction}Steps:"
 
@@ -160,6 +161,23 @@ def _host(pose: ObjectPose, others: Sequence[ObjectPose]) -> str | None:
     }
     nearest = min(away_m, key=away_m.__getitem__, default=None)
     return nearest if nearest is not None and away_m[nearest] <= NEAR_M else None
+
+
+def each_named(query: Query) -> str:
+    """Return "put every red block in the tray" with a list of the red blocks, without those that are at the tray."""
+    words = [pose.name.split() for pose in query.objects]
+    kinds = {" ".join(name[k:]) for name in words for k in range(len(name))}
+    every = rf"\b(?:every|each) ({'|'.join(map(re.escape, sorted(kinds, key=len, reverse=True)))})\b"
+    goals = [
+        name for name in query.order.objects if re.search(rf"\b{_TO} (?:the )?{re.escape(name)}\b", query.instruction)
+    ]
+
+    def listed(match: re.Match[str]) -> str:
+        group = [pose for pose in query.objects if f" {pose.name}".endswith(f" {match[1]}")]
+        names = [f"the {pose.name}" for pose in group if _host(pose, query.objects) not in goals]
+        return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part) or match[0]
+
+    return re.sub(every, listed, query.instruction)
 
 
 def in_sequence(text: str, names: Sequence[str]) -> str:

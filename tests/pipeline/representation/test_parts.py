@@ -6,7 +6,7 @@ import pytest
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import PromptTemplate
-from app.pipeline.representation.parts import PartsCodec, in_sequence
+from app.pipeline.representation.parts import PartsCodec, each_named, in_sequence
 from roboprompt_client.errors import InvalidInputError
 from tests.pipeline.asking import grammar_of, parse_reply
 
@@ -170,7 +170,12 @@ def test_a_distance_and_a_side_that_were_shown_apart_go_together():
     right = placed_beside(100, -1, 0.18)
     assert list(codec.steps(right)) == [
         *(f"grasp {color} block" for color in COLORS),
-        *(f"release {cm} cm {side} of {block} block" for cm in (10, 18) for side in ("left", "right") for block in COLORS),
+        *(
+            f"release {cm} cm {side} of {block} block"
+            for cm in (10, 18)
+            for side in ("left", "right")
+            for block in COLORS
+        ),
     ]
     reply = "1. grasp red block\n2. release 18 cm right of green block"
     actions = parse_reply(reply, codec, right.objects, right.instruction)
@@ -214,3 +219,17 @@ def test_steps_that_nothing_in_the_text_decides_are_refused():
     sides = [replace(placed_beside(seed, 1 - 2 * (seed % 2), 0.1), instruction="tidy up") for seed in range(8)]
     with pytest.raises(InvalidInputError, match="read alike have different steps"):
         PartsCodec.fit(sides, with_instruction=True)
+
+
+def test_every_object_of_a_kind_is_listed_unless_it_is_there_already():
+    plate, *blocks = scene(100)
+    there = pose("red block", plate.position_m + np.array([0.02, 0, BLOCK_M]), 0.0)
+    objects = (plate, there, *blocks[1:])
+    said = "put the green block, the blue block and the yellow block on the white plate"
+    assert each_named(Query("put every block on the white plate", objects)) == said
+    assert each_named(Query("press each red block", objects)) == "press the red block"
+    assert (
+        each_named(Query("take each red block off the white plate", objects))
+        == "take the red block off the white plate"
+    )
+    assert each_named(Query("put every red block on the white plate", objects)).startswith("put every red block")
