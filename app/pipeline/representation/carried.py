@@ -1,6 +1,5 @@
 """Where objects are while a motion goes on: what the hand grasps moves with it until it lets go."""
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 

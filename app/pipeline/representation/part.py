@@ -1,4 +1,4 @@
-"""A part: what the hand does at one object, as several demonstrations show it, placed at any object of the same kind."""
+"""A part: what the hand does at one object in several demonstrations, placed at any object of the same kind."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

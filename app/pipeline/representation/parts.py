@@ -144,7 +144,7 @@ class _Placer:
 
 
 def _scene_text(objects: Sequence[ObjectPose]) -> str:
-    """Return which objects are at which others, a line for each of these, below a line of all that are by themselves."""
+    """Return which objects are at which others, a line for each of these, below a line of those by themselves."""
     host = {pose.name: _host(pose, objects) for pose in objects}
     hosts = [name for name in host if name in host.values()]
     alone = [name for name in host if host[name] is None and name not in hosts]

@@ -157,7 +157,7 @@ def test_an_instruction_is_written_in_the_order_of_execution(said, written):
 
 def placed_beside(seed, side, by_m):
     """Put the red block to the left (+1) or right of the green one."""
-    _, red, green, *others = objects = scene(seed)
+    _, red, green, *_ = objects = scene(seed)
     words = f"put the red block {'far' if by_m > 0.15 else 'close'} to the {'left' if side > 0 else 'right'}"
     on_m = green.position_m + np.array([0, side * by_m, 0])
     actions = [action(red.position_m), action(red.position_m, gripper_open=False), action(on_m, gripper_open=False)]
