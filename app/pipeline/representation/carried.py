@@ -52,9 +52,10 @@ def scenes_before(demonstration: Demonstration) -> list[Scene]:
 
 
 def _grasped(objects: Objects, hand: EndEffectorAction) -> tuple[ObjectPose, EndEffectorAction] | None:
-    away_m = [float(np.linalg.norm(pose.position_m - hand.position_m)) for pose in objects]
-    nearest = int(np.argmin(away_m))
-    return (objects[nearest], hand) if away_m[nearest] <= GRASPED_M else None
+    nearest = min(objects, key=lambda pose: float(np.linalg.norm(pose.position_m - hand.position_m)), default=None)
+    if nearest is None or np.linalg.norm(nearest.position_m - hand.position_m) > GRASPED_M:
+        return None
+    return nearest, hand
 
 
 def _moved(pose: ObjectPose, grasp: EndEffectorAction, release: EndEffectorAction) -> ObjectPose:

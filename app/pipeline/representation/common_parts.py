@@ -136,6 +136,8 @@ class _Piece:
 def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[list[_Candidate]]:
     """Return [action][candidate]: each action relative to each object, where it is and where it was, in each frame."""
     actions, scenes = demonstration.actions, scenes_before(demonstration)
+    if not actions:
+        return []
     hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     kept = (hands[:-1].inv() * hands[1:]).as_quat() if len(actions) > 1 else np.zeros((0, 4))
     found: list[list[_Candidate]] = [[] for _ in actions]

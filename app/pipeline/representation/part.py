@@ -79,7 +79,8 @@ class Part:
         for action in self.actions:
             at = observed if action.spot.was else Query("", scene.objects)
             pose = anchor_pose(Anchor(object_name, action.spot.frame), at, tilted)
-            if action.spot.keeps and hand is not None:
+            if action.spot.keeps:
+                assert hand is not None
                 pose = pose._replace(hand_axes=Rotation.from_quat(hand.quaternion_xyzw))
             position_m, rotation = pose.placed(action.offset_m, Rotation.from_quat(action.rotation_xyzw))
             hand = EndEffectorAction(position_m, rotation.as_quat(canonical=True), action.gripper_open)

@@ -128,6 +128,8 @@ class _Placer:
         del self._scenes[first + 1 :]
         for index, row in enumerate(rows, first):
             (part, name), scene = self._read(index, row), self._scenes[-1]
+            if scene.hand is None and part.actions[0].spot.keeps:
+                raise ReplyParseError(f"step {index} is {row[:80]!r}, but the hand holds nothing before", row)
             placed = list(part.placed(name, scene, self._observed, self._tilted))
             self._scenes.append(reduce(Scene.after, placed, scene))
             actions += placed

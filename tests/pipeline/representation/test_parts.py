@@ -213,6 +213,8 @@ def test_what_was_put_down_is_grasped_there_and_what_is_held_keeps_its_turn():
     for item, expected in zip(parse_reply(reply, codec, asked.objects, asked.instruction), asked.actions, strict=True):
         np.testing.assert_allclose(item.position_m, expected.position_m, atol=1e-6)
         assert angle_deg(item.quaternion_xyzw, expected.quaternion_xyzw) < 1e-3
+    with pytest.raises(ReplyParseError, match="holds nothing before"):
+        parse_reply("1. release pad", codec, asked.objects, asked.instruction)
 
 
 def test_steps_that_nothing_in_the_text_decides_are_refused():
