@@ -21,6 +21,7 @@ from app.evaluation.teach import suffix_of
 from app.pipeline.workspace import Workspace, discretize_actions
 from app.sim.moves import action_from_move
 from app.sim.tasks import COMPOSITION_TASKS, make_task
+from app.sim.tasks.rearranging import BLOCKS
 from roboprompt_client.client import RoboPromptClient
 from tests.evaluation.copying_llm import copying_llm
 from tests.evaluation.test_run import InlineExecutor
@@ -37,14 +38,44 @@ def unseen(task):
     return make_task(task, Panda.first_test_seed, COMPOSITION_TASKS[task].test_variation(Panda.first_test_seed))
 
 
+def swap_steps(scene):
+    (first, second), pad = scene.combination
+    carried = (first, pad), (second, f"where {first} was"), (first, f"where {second} was")
+    return [step for cube, place in carried for step in (f"grasp {cube}", f"release {place}")]
+
+
+def clear_steps(scene):
+    beside = ("7 cm ahead of", "{} ahead of and {} left of", "{} behind and {} left of")
+    beside += ("7 cm behind", "{} behind and {} right of", "{} ahead of and {} right of")
+    slots = {block: at.format("3.5 cm", "6 cm") for block, at in zip(BLOCKS, beside, strict=True)}
+    return [step for block in scene._to_clear for step in (f"grasp {block}", f"release {slots[block]} tray")]
+
+
+# What a model that reads should reply; `way_round` has no parts
+RIGHT_STEPS = {
+    "build_tower": lambda scene: [
+        step
+        for number, block in enumerate(scene.blocks[: scene.height], 1)
+        for step in (f"grasp {block}", f"release {number} white plate")
+    ],
+    "press_in_order": lambda scene: [f"reach {color} button" for color in scene.asked],
+    "swap_cubes": swap_steps,
+    "place_beside": lambda scene: ["grasp red block", f"release 18 cm right of {scene.combination[1][0]}"],
+    "clear_kind": clear_steps,
+}
+
+
 class Solver:
-    """Replies with the expert's poses, as integers of the task's workspace."""
+    """Replies with the expert's poses, as integers of the task's workspace, or with parts."""
 
     def __init__(self):
         self.scenes = {(scene := unseen(task)).instruction: scene for task in COMPOSITION_TASKS}
         self.client, self.task = None, ""
 
     def __call__(self, message):
+        if message.endswith("Steps:"):
+            steps = RIGHT_STEPS[self.task.split(".")[0]](unseen(self.task.split(".")[0]))
+            return "\n".join(f"{number}. {step}" for number, step in enumerate(steps, 1))
         if not (query := QUERY.search(message)):
             return "none"  # asked which of the taught instructions is meant
         scene = self.scenes[query[1]]
@@ -115,6 +146,17 @@ def test_the_right_answer_succeeds_where_it_is_allowed(service, lessons, tmp_pat
     query = prompt["user"][prompt["user"].rindex("{") :]
     assert all(f"'{name}': [" in query for name in COMPOSITION_TASKS[task].object_names)
     assert_shown_as_recorded(prompt["user"], lessons[0].taught, solver.workspace)
+
+
+@pytest.mark.parametrize(
+    "task", [name if name == "swap_cubes" else pytest.param(name, marks=pytest.mark.long) for name in RIGHT_STEPS]
+)
+def test_the_right_parts_succeed_and_have_a_danger(service, tmp_path, task):
+    solver, _ = service
+    (method,) = chosen(SWEEP.with_models([MODEL]), ["parts"], [])
+    (trial,) = run(solver, tmp_path, task, (method,), 10).trials
+    assert trial.succeeded, trial.failure
+    assert "danger" in {finding["severity"] for finding in trial.answer["findings"]}
 
 
 def test_what_the_scene_decides_is_shown_and_not_averaged(service, lessons, tmp_path):

@@ -2,7 +2,8 @@
 
 ::
 
-    Objects: white plate, red block near white plate, green block
+    Objects: green block
+    At white plate: red block
     Instruction: build a tower 2 high on the white plate
     Steps:
     1. grasp green block
@@ -10,28 +11,31 @@
 
 Each part stands for actions relative to an object, as several demonstrations have them; the service places them in the
 scene. A prompt has a third of the tokens of other representations and a reply a tenth, and a model that reads may put
-parts together as no demonstration does. It cannot follow the scene's numbers: it reads what is near what.
+parts together as no demonstration does. Of the scene's numbers it reads one thing: which object is at which.
 """
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Anchor, anchor_pose, tilted_objects
+from app.pipeline.order.order import Order, mentions_in
+from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
-from app.pipeline.representation.common_parts import Part, Step, find_steps, kind_of
-from app.pipeline.representation.object_rows import actions_at
+from app.pipeline.representation.carried import Scene
+from app.pipeline.representation.common_parts import CommonParts, find_parts
+from app.pipeline.representation.part import Part, kind_of
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
-NEAR_M = 0.10  # beside each other, seen from above; of other kinds: on, in or at it
+NEAR_M, LOWER_M = 0.10, 0.005  # an object is at a lower one of another kind that is so near, seen from above
+_TO = "(?:at|in|into|on|onto|to)"  # before the name of where things go
 _STEP = re.compile(r"(\d{1,3})\. (.+)", re.ASCII)
 
 
@@ -40,12 +44,11 @@ class PartsCodec(Codec):
     """Demonstrations as steps, fitted to those of one prompt.
 
     Attributes:
-        steps: of each demonstration; None where it has actions that too few others have.
         tilted: objects whose frame `o` is their full rotation.
     """
 
     demonstrations: tuple[Demonstration, ...]
-    steps: tuple[tuple[Step, ...] | None, ...]
+    common: CommonParts
     tilted: frozenset[str]
     with_instruction: bool
     stop: tuple[str, ...] = ("\n\n",)
@@ -57,38 +60,39 @@ class PartsCodec(Codec):
         """Find the parts.
 
         Raises:
-            InvalidInputError: if no demonstration consists of parts that others have, too.
+            InvalidInputError: if no demonstration consists of parts that others have, too, or if demonstrations that
+                read alike have different steps: then what decides between them is not in the text.
         """
         tilted = tilted_objects(demonstrations)
-        steps = find_steps(demonstrations, tilted)
-        if not any(steps):
+        codec = cls(tuple(demonstrations), find_parts(demonstrations, tilted), tilted, with_instruction)
+        needed = codec.needed()
+        if not needed:
             message = "is 'parts', but no demonstration consists of parts that others have at objects of the same kind"
             raise InvalidInputError("representation", message, "absolute, object_frame")
-        return cls(tuple(demonstrations), tuple(steps), tilted, with_instruction)
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """In the order in which they first occur."""
-        return tuple(dict.fromkeys(step.part for steps in self.steps for step in steps or ()))
+        steps = {codec.observation_text(item): codec.actions_text(item) for item in needed}
+        if any(steps[codec.observation_text(item)] != codec.actions_text(item) for item in needed):
+            message = "is 'parts', but demonstrations that read alike have different steps: no words say which to take"
+            raise InvalidInputError("representation", message, "absolute, object_frame")
+        return codec
 
     def needed(self) -> tuple[Demonstration, ...]:
-        return tuple(item for item, steps in zip(self.demonstrations, self.steps, strict=True) if steps)
+        return tuple(item for item, steps in zip(self.demonstrations, self.common.steps, strict=True) if steps)
 
     def questions(self, order: Order) -> tuple[str, ...]:
         return clause_by_clause(self.demonstrations, order)
 
     def observation_text(self, query: Query) -> str:
-        objects = ", ".join(_object_text(pose, query.objects) for pose in query.ordered_objects)
-        instruction = f"Instruction: {query.instruction}\n" if self.with_instruction else ""
-        return f"Objects: {objects}\n{instruction}Steps:"
+        said = in_sequence(each_named(query), query.order.names)
+        instruction = f"Instruction: {said}\n" if self.with_instruction else ""
+        return f"{_scene_text(replace(query, instruction=said).ordered_objects)}{instruction}Steps:"
 
     def actions_text(self, demonstration: Demonstration) -> str:
-        steps = self.steps[self.demonstrations.index(demonstration)] or ()
-        return "\n".join(f"{number}. {step.text}" for number, step in enumerate(steps, 1))
+        steps = self.common.steps[self.demonstrations.index(demonstration)] or ()
+        return "\n".join(f"{number}. {step}" for number, step in enumerate(steps, 1))
 
     def grammar(self, query: Query, max_actions: int) -> str:
-        steps = " | ".join(f'"{step.text}"' for step in self._possible(query))
-        most = max(1, max_actions // min(len(part.rows) for part in self.parts))
+        steps = " | ".join(f'"{step}"' for step in self.steps(query))
+        most = max(1, max_actions // min(len(part.actions) for part in self.common.parts))
         return f'root ::= "\\n"? step ("\\n" step){{0,{most - 1}}} "\\n\\n"?\nstep ::= [1-9] [0-9]? ". " ({steps})\n'
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -99,51 +103,95 @@ class PartsCodec(Codec):
         return "\n" + "\n".join(rows)
 
     def decoder(self, query: Query) -> Decoder:
-        return partial(self._actions, query, {step.text: step for step in self._possible(query)})
+        return _Placer(self, query)
 
-    def _possible(self, query: Query) -> list[Step]:
-        """Each part at each object of its kind."""
-        return [
-            Step(part, pose.name)
-            for part in self.parts
+    def steps(self, query: Query) -> dict[str, tuple[Part, str]]:
+        """Return every step that a reply may have, by its text: each part at each object of its kind."""
+        return {
+            part.text(pose.name): (part, pose.name)
+            for part in self.common.parts
             for pose in query.ordered_objects
             if kind_of(pose.name) == part.kind
-            and (pose.quaternion_xyzw is not None or all(row.frame == "w" for row in part.rows))
-        ]
-
-    def _actions(
-        self, query: Query, possible: dict[str, Step], first: int, rows: Sequence[str]
-    ) -> list[EndEffectorAction]:
-        return [
-            action
-            for index, row in enumerate(rows, first)
-            for action in _placed(_read(index, row, possible), query, self.tilted)
-        ]
+            and (pose.quaternion_xyzw is not None or all(action.spot.frame == "w" for action in part.actions))
+        }
 
 
-def _object_text(pose: ObjectPose, others: Sequence[ObjectPose]) -> str:
-    """Its name, and the nearest object of another kind, if that is near."""
+class _Placer:
+    """Reads the steps of a reply in their order, and places each in the scene that the steps before it leave."""
+
+    def __init__(self, codec: PartsCodec, query: Query) -> None:
+        self._tilted, self._observed, self._steps = codec.tilted, query, codec.steps(query)
+        self._scenes = [Scene(query.objects)]  # before each step that was read, and after the last
+
+    def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+        actions: list[EndEffectorAction] = []
+        del self._scenes[first + 1 :]
+        for index, row in enumerate(rows, first):
+            (part, name), scene = self._read(index, row), self._scenes[-1]
+            if scene.hand is None and part.actions[0].spot.keeps:
+                raise ReplyParseError(f"step {index} is {row[:80]!r}, but the hand holds nothing before", row)
+            placed = list(part.placed(name, scene, self._observed, self._tilted))
+            self._scenes.append(reduce(Scene.after, placed, scene))
+            actions += placed
+        return actions
+
+    def _read(self, index: int, row: str) -> tuple[Part, str]:
+        match = _STEP.fullmatch(row)
+        if not match or int(match[1]) != index + 1:
+            raise ReplyParseError(f"step {index} is {row[:80]!r}, expected '{index + 1}. PART OBJECT'", row)
+        if match[2] not in self._steps:
+            valid = ", ".join(self._steps)
+            raise ReplyParseError(f"step {index} is {match[2][:80]!r}, expected one of {valid}", row)
+        return self._steps[match[2]]
+
+
+def _scene_text(objects: Sequence[ObjectPose]) -> str:
+    """Return which objects are at which others, a line for each of these, below a line of those by themselves."""
+    host = {pose.name: _host(pose, objects) for pose in objects}
+    hosts = [name for name in host if name in host.values()]
+    alone = [name for name in host if host[name] is None and name not in hosts]
+    lines = {"Objects": alone} | {f"At {name}": [other for other in host if host[other] == name] for name in hosts}
+    return "".join(f"{where}: {', '.join(names)}\n" for where, names in lines.items() if names)
+
+
+def _host(pose: ObjectPose, others: Sequence[ObjectPose]) -> str | None:
+    """Return the object that another is at: on, in or beside it."""
     away_m = {
         other.name: float(np.linalg.norm((other.position_m - pose.position_m)[:2]))
         for other in others
-        if kind_of(other.name) != kind_of(pose.name)
+        if kind_of(other.name) != kind_of(pose.name) and other.position_m[2] < pose.position_m[2] - LOWER_M
     }
-    nearest = min(away_m, key=away_m.__getitem__, default="")
-    return f"{pose.name} near {nearest}" if nearest and away_m[nearest] <= NEAR_M else pose.name
+    nearest = min(away_m, key=away_m.__getitem__, default=None)
+    return nearest if nearest is not None and away_m[nearest] <= NEAR_M else None
 
 
-def _read(index: int, row: str, possible: dict[str, Step]) -> Step:
-    match = _STEP.fullmatch(row)
-    if not match or int(match[1]) != index + 1:
-        raise ReplyParseError(f"step {index} is {row[:80]!r}, expected '{index + 1}. PART OBJECT'", row)
-    if match[2] not in possible:
-        raise ReplyParseError(f"step {index} is {match[2][:80]!r}, expected one of {', '.join(possible)}", row)
-    return possible[match[2]]
+def each_named(query: Query) -> str:
+    """Return "put every red block in the tray" with a list of the red blocks, without those that are at the tray."""
+    words = [pose.name.split() for pose in query.objects]
+    kinds = {" ".join(name[k:]) for name in words for k in range(len(name))}
+    every = rf"\b(?:every|each) ({'|'.join(map(re.escape, sorted(kinds, key=len, reverse=True)))})\b"
+    goals = [
+        name for name in query.order.objects if re.search(rf"\b{_TO} (?:the )?{re.escape(name)}\b", query.instruction)
+    ]
+
+    def listed(match: re.Match[str]) -> str:
+        group = [pose for pose in query.objects if f" {pose.name}".endswith(f" {match[1]}")]
+        names = [f"the {pose.name}" for pose in group if _host(pose, query.objects) not in goals]
+        return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part) or match[0]
+
+    return re.sub(every, listed, query.instruction)
 
 
-def _placed(step: Step, query: Query, tilted: frozenset[str]) -> list[EndEffectorAction]:
-    """The step's actions in the scene."""
-    rows = step.part.rows
-    anchored = [anchor_pose(Anchor(step.object_name, row.frame), query, tilted) for row in rows]
-    numbers = np.array([row.numbers for row in rows])
-    return actions_at(anchored, numbers, [row.gripper_open for row in rows])
+def in_sequence(text: str, names: Sequence[str]) -> str:
+    """Return "press A after B" and "press B before A" as "press B, then A": in the order of execution.
+
+    Other instructions stay as they are, also those in which such a word has more than the name of an object beside it.
+    """
+    mentions = mentions_in(text, names)
+    between = {text[one.end : other.start].removesuffix("the ") for one, other in pairwise(mentions)}
+    if between not in ({" before "}, {" after "}):
+        return text
+    said = [mention.name for mention in mentions]
+    first, *later = said if between == {" before "} else said[::-1]
+    head, tail = text[: mentions[0].start], text[mentions[-1].end :]
+    return f"{head}{first}{''.join(f', then the {name}' for name in later)}{tail}"
