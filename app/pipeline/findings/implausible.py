@@ -25,6 +25,8 @@ from roboprompt_client.types.arrays import Array
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
+EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
+FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
@@ -41,6 +43,15 @@ ONLY_OPENS = (
     " does the recording run backwards?"
 )
 
+CLOSES_EARLY = (
+    "the gripper closes before the hand comes to what it should take: is gripper_open a command, or early by its clock?"
+)
+FLICKERS = (
+    "the gripper switches to and fro within 0.3 s, which no fingers do: does the measured width tremble about"
+    " gripper_open_above_m?"
+)
+LEAPS = "the hand is suddenly elsewhere: frames are missing, out of order, or of two recordings that were joined."
+
 
 def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
     """What is implausible in more than a third of the recordings of one instruction, and what all of them share.
@@ -51,7 +62,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     if not hands:
         return
     pairs = list(zip(alike, hands, strict=True))
-    gripper = [_gripper_fault(*pair) for pair in pairs]
+    gripper = [_recorder_fault(hand) or _gripper_fault(shown, hand) for shown, hand in pairs]
     ends = end_faults(pairs)
     found = [(rules.IMPLAUSIBLE_GRIPPER, fault) if fault else end for fault, end in zip(gripper, ends, strict=True)]
     for (rule, fault), number in Counter(item for item in found if item is not None).items():
@@ -85,6 +96,12 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
     return closed_m[0] if takes else hand.nearest_m
 
 
+def _recorder_fault(hand: RecordedHand) -> str | None:
+    if hand.leaps:
+        return LEAPS
+    return FLICKERS if any(act.lasts_s < FLICKERS_S for act in hand.acts) else None
+
+
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     clause = demonstration.order.clauses[0]
     found = DIRECT_OBJECT.match(clause.form)
@@ -97,6 +114,9 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
         return PRESSES_OPEN
     if clause.verb in TAKING | PUTTING and not hand.acts:
         return TAKES_NOTHING
+    first = closings[0] if closings else None
+    if first and clause.verb in TAKING | PUTTING and first.nearest_m > EARLY_M and first.later_m < first.nearest_m / 2:
+        return CLOSES_EARLY
     if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
         return None
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):

@@ -144,6 +144,12 @@ NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the pr
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the center where the hand acts", "m", danger=BEYOND_NOISE_M
 )
+EXPLAINED_AWAY = Rule(
+    "scattered-demonstrations",
+    "from the center, explained by the order of recordings, the hand's start or the object's place",
+    "m",
+    danger=0.02,
+)
 TURNED_OTHERWISE = Rule(
     "scattered-demonstrations", "that more than a third turn what they hold more or less", "degrees", danger=45.0
 )

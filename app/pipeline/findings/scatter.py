@@ -11,6 +11,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import (
     APART,
     CONTRADICTING,
+    EXPLAINED_AWAY,
     HAND_APART,
     MISSED,
     NOT_SHOWN_APART,
@@ -20,6 +21,7 @@ from app.pipeline.findings.rules import (
     Rule,
 )
 from app.pipeline.order.order import Order
+from app.pipeline.plans.agreement import left_out_errors_m
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import (
@@ -35,6 +37,9 @@ from app.pipeline.representation.anchors import (
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
+EXPLAINED = 0.8  # the share of the scatter (leave one out) that something explains: then it is no noise
+FEWEST_EXPLAINED = 6  # demonstrations with which chance hardly ever does
+VARIES_M = 0.015  # what varies by less explains nothing
 CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
 
 
@@ -45,6 +50,7 @@ class _Acting:
     Attributes:
         seen_from: the object or frame that the row is relative to, by its name in the observed scene.
         apart_m, hand_apart_deg: see `_apart`.
+        explained_m, by: see `_explained_m`.
         on_a_circle_m: see `_on_a_circle_m`.
         loosely: whether the hand releases something, or acts with a held object; both may happen anywhere, as in a bin.
         turn_off_deg: see `app.pipeline.plans.rows.turn_off_deg`, of a held object.
@@ -55,6 +61,8 @@ class _Acting:
     seen_from: str
     apart_m: float
     hand_apart_deg: float
+    explained_m: float
+    by: str
     on_a_circle_m: float
     loosely: bool
     turn_off_deg: float
@@ -81,6 +89,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
             *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
+            *_explained_m(shown, rows[k]),
             _on_a_circle_m(rows[k], round_objects),
             loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
             turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
@@ -150,6 +159,15 @@ def _contradicting_message(item: _Acting) -> str:
     )
 
 
+def _explained_message(item: _Acting) -> str:
+    return (
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}, relative to {item.seen_from}), they"
+        f" differ by up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no"
+        " noise, and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
+        " frame; delete the recordings made otherwise."
+    )
+
+
 def _turned_message(item: _Acting) -> str:
     return (
         f"More than a third of {len(item.row.off_m)} demonstrations turn the held object by"
@@ -198,6 +216,32 @@ def _apart(
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 
+def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, str]:
+    """Return how far the part of a row's scatter that something explains goes, and what does; (0, "") if nothing does.
+
+    A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both are
+    measured at another point of it), a wrong scale or a turned frame by where the object stands.
+    """
+    if len(shown) < FEWEST_EXPLAINED or row.scatter_m < SCATTER_M or not row.anchors[0].object_name:
+        return 0.0, ""
+    places_m = [d.object(anchor.object_name).position_m for d, anchor in zip(shown, row.anchors, strict=True)]
+    starts_m = [d.start.position_m for d in shown if d.start is not None]
+    causes = {
+        "the order of the recordings": np.linspace(0, 1, len(shown))[:, None],
+        "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 1))),
+        f"the place of {row.anchors[0].object_name}": np.array(places_m),
+    }
+    spread_m = row.offsets_m - row.offsets_m.mean(axis=0)
+    for name, inputs in causes.items():
+        varied = inputs[:, inputs.std(axis=0) > VARIES_M]
+        errors_m = left_out_errors_m(varied, row.offsets_m)
+        if varied.shape[1] and (errors_m**2).sum() < (1 - EXPLAINED) * (spread_m**2).sum():
+            design = np.c_[np.ones(len(shown)), varied]
+            fitted_m = design @ np.linalg.lstsq(design, row.offsets_m, rcond=None)[0]
+            return float(np.linalg.norm(fitted_m - row.center_m, axis=1).max()), name
+    return 0.0, ""
+
+
 def _on_a_circle_m(row: PlanRow, round_objects: frozenset[str]) -> float:
     """Return the scatter of offsets that lie on a circle about a round object's vertical axis; else 0."""
     if row.anchors[0].object_name not in round_objects:
@@ -217,6 +261,7 @@ DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]],
     (APART, lambda item: item.apart_m, _apart_message),
     (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),
     (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
+    (EXPLAINED_AWAY, lambda item: item.explained_m, _explained_message),
     (TURNED_OTHERWISE, lambda item: item.turn_off_deg, _turned_message),
     (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),
 )

@@ -18,7 +18,8 @@ from roboprompt_client.types.poses import Pose
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
-BESIDE_M, AT_M = 0.05, 0.025  # from the nearest object's vertical axis: acts beside it, acts at it
+BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
+SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # a hand at one place that is turned more is described by other axes
 
 
 def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]:
@@ -49,8 +50,6 @@ def frame_findings(
         return
     ways_m = np.array(now.position_m) - [hand.start.position_m for hand in hands]
     far_m = np.linalg.norm(ways_m, axis=1)
-    if far_m.max() < ALONG_M:
-        return
     axis = quaternions.rotated(now.quaternion_xyzw, (0, 0, 1))
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
@@ -62,6 +61,9 @@ def frame_findings(
     )
     how = "and it acts as far beside an object, on the same side. One is in the base frame and the other in the world's"
     yield from _off(how, beside & ~along, far_m)
+    turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
+    how = f"in the same place, but turned about the hand's own axis by {float(np.median(turned_deg)):.0f} degrees"
+    yield from _off(how, alike & (far_m < SAME_PLACE_M) & (turned_deg > TURNED_DEG), far_m)
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
@@ -75,10 +77,23 @@ def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
         yield rules.OTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
 
 
+def _turned_deg(now: Pose, start_xyzw: Array) -> float:
+    """Return the angle between two hands, of which fingers that are turned by 180 degrees are one."""
+    turned_deg = float(np.degrees(quaternions.angle_between_rad(np.array(now.quaternion_xyzw), start_xyzw)))
+    return min(turned_deg, 180 - turned_deg)
+
+
 def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:
-    """Return whether the hand acts beside all objects, and would act at one if it was moved by `way_m`."""
-    beside_m, moved_m = (_beside_m(places_m, shown) for places_m in (hand.acts_at_m, hand.acts_at_m + way_m))
-    return bool(((beside_m > BESIDE_M) & (moved_m < AT_M)).any())
+    """Return whether the hand acts beside all objects, and would act at one if it was moved by `way_m`.
+
+    The way turns with the hand if another point of it is meant, and does not if another frame of the world is.
+    """
+    for at in hand.acts_at:
+        in_hand = quaternions.rotated(quaternions.inverse(hand.start.quaternion_xyzw), way_m)
+        moved_m = at.position_m + np.array([way_m, quaternions.rotated(at.quaternion_xyzw, in_hand)])
+        if _beside_m(at.position_m[None], shown)[0] > BESIDE_M and _beside_m(moved_m, shown).min() < AT_M:
+            return True
+    return False
 
 
 def _beside_m(places_m: Array, shown: Demonstration) -> Array:

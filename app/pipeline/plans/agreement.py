@@ -138,12 +138,15 @@ def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
 
 
 def _left_out_m(inputs: Array, offsets_m: Array) -> float:
-    """Return the median leave-one-out error of a linear regression from inputs (N, D) to offsets (N, 3)."""
-    number = len(offsets_m)
-    design = np.concatenate([np.ones((number, 1)), inputs], axis=1)
+    return float(np.median(np.linalg.norm(left_out_errors_m(inputs, offsets_m), axis=1)))
+
+
+def left_out_errors_m(inputs: Array, offsets_m: Array) -> Array:
+    """Return (N, 3) the leave-one-out errors of a linear regression from inputs (N, D) to offsets (N, 3)."""
+    design = np.concatenate([np.ones((len(inputs), 1)), inputs], axis=1)
     hat = design @ np.linalg.pinv(design)
-    errors_m = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
-    return float(np.median(np.linalg.norm(errors_m, axis=1)))
+    errors_m: Array = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
+    return errors_m
 
 
 def lone_way(group: Sequence[Demonstration]) -> int | None:
