@@ -55,7 +55,11 @@ class Cell:
         """Each action after the other; the cell."""
         place, hand, was_open = None, None, actions[0]["gripper_open"]
         for action in actions:
-            to, turned, is_open = np.array(action["position"]), Rotation.from_quat(action["quaternion_xyzw"]), action["gripper_open"]
+            to, turned, is_open = (
+                np.array(action["position"]),
+                Rotation.from_quat(action["quaternion_xyzw"]),
+                action["gripper_open"],
+            )
             if place is not None:
                 self._move(place, hand, to, turned, was_open)
             if not is_open:

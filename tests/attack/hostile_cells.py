@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from roboprompt_client.types.trajectory import Trajectory
-from tests.attack.cell import Cell, Thing, UP
+from tests.attack.cell import UP, Cell, Thing
 from tests.attack.hostile_sequences import SEQUENCES, moves_wrongly, sequence
 from tests.attack.hostile_skills import DOWN, RATE_HZ, flowing
 
@@ -156,7 +156,7 @@ def _turn(name, degrees=90):
 def _push(name, by_m=0.12):
     def stops(scene):
         place = scene.places[name]
-        behind, ahead = place - [0.08, 0.0, 0.0], place + [by_m - 0.08, 0.0, 0.0]
+        behind, ahead = (place + np.array([x, 0.0, 0.0]) for x in (-0.08, by_m - 0.08))
         return [(over(behind), DOWN, 0), (behind, DOWN, 0), (ahead, DOWN, 0), (over(ahead), DOWN, 0)]
 
     return stops
@@ -208,8 +208,17 @@ PUSH = Skill(
     lambda c, s: c.visited([s.places["block"] - [0.08, 0, 0], s.places["block"] + [0.04, 0, 0]]),
 )
 SKILLS = {
-    "take": TAKE, "bar": BAR, "press": PRESS, "both": BOTH, "put": PUT, "fixed": FIXED, "away": AWAY,
-    "insert": INSERT, "beside": BESIDE, "turn": TURN, "push": PUSH,
+    "take": TAKE,
+    "bar": BAR,
+    "press": PRESS,
+    "both": BOTH,
+    "put": PUT,
+    "fixed": FIXED,
+    "away": AWAY,
+    "insert": INSERT,
+    "beside": BESIDE,
+    "turn": TURN,
+    "push": PUSH,
 }
 
 
@@ -277,7 +286,9 @@ def clock(change):
 
 
 def frames(t, kept):
-    return Trajectory(t.joint_velocities_rad_s[kept], t.positions_m[kept], t.quaternions_xyzw[kept], t.gripper_open[kept])
+    return Trajectory(
+        t.joint_velocities_rad_s[kept], t.positions_m[kept], t.quaternions_xyzw[kept], t.gripper_open[kept]
+    )
 
 
 def joined(first, second):
@@ -338,7 +349,9 @@ def widths(of):
 
 def shows(skill):
     """Another motion under the same words."""
-    return lambda demo, *_: replace(demo, trajectory=flowing(skill.stops(demo.scene) if isinstance(skill, Skill) else skill(demo.scene)))
+    return lambda demo, *_: replace(
+        demo, trajectory=flowing(skill.stops(demo.scene) if isinstance(skill, Skill) else skill(demo.scene))
+    )
 
 
 def after(demo, *_):
@@ -407,8 +420,20 @@ def things(scene, quaternions=None):
     ]
 
 
-def case(name, what, skill, fault=lambda demo, k: demo, wrong=half, *, number=10, asked=None, true=None, arm=START,
-         settings=None, judge=None):
+def case(
+    name,
+    what,
+    skill,
+    fault=lambda demo, k: demo,
+    wrong=half,
+    *,
+    number=10,
+    asked=None,
+    true=None,
+    arm=START,
+    settings=None,
+    judge=None,
+):
     """A sequence: `fault` in the recordings that are `wrong`, and a scene that is seen `asked` and is `true`."""
 
     def tried(a):
@@ -441,9 +466,15 @@ for _skill_name in ("take", "put", "insert", "press"):
     case(f"two_tool_centers_{_skill_name}", "Half report the flange.", SKILLS[_skill_name], FLANGE)
 case("three_tool_centers", "0, 3 and 6 cm up.", PUT, lambda d, k: tool(0, 0, -0.03 * (k % 3))(d), every)
 case("tool_center_aside_in_half", "A bracket: the hand's point lies aside and up.", BAR, CAMERA_ARM)
-case("tool_center_aside_in_all", "The same in all, and the arm says it so too.", BAR, CAMERA_ARM, every,
-     arm={"position": [0.14, 0.0, 1.26], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]},
-     judge=lambda s: BAR.right(s, (0.04, 0.0, -0.06)))
+case(
+    "tool_center_aside_in_all",
+    "The same in all, and the arm says it so too.",
+    BAR,
+    CAMERA_ARM,
+    every,
+    arm={"position": [0.14, 0.0, 1.26], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]},
+    judge=lambda s: BAR.right(s, (0.04, 0.0, -0.06)),
+)
 case("tool_center_aside_in_all_but_the_question", "The arm's own point is asked.", BAR, CAMERA_ARM, every)
 case("flange_turned_45_in_half", "The flange's x axis is 45 degrees from the fingers'.", BAR, tool(turn_deg=45))
 case("flange_turned_45_in_all", "The arm that is asked says its fingers.", BAR, tool(turn_deg=45), every)
@@ -458,42 +489,118 @@ case("base_turned_180_in_half", "A second arm across the table.", PUT, frame(0.8
 case("base_turned_5_in_half", "The arm was mounted a little turned.", PUT, frame(turn_deg=5))
 case("base_turned_12_in_all", "The same in all.", PUT, frame(turn_deg=12), every)
 case("base_4_cm_beside_in_last_four", "The arm was moved between days.", PUT, frame(0.0, 0.04, 0.0), last_four)
-case("camera_bumped_6_cm", "After six recordings all things are seen 6 cm beside.", PUT, view(0.06, 0.0, 0.0), last_four)
+case(
+    "camera_bumped_6_cm", "After six recordings all things are seen 6 cm beside.", PUT, view(0.06, 0.0, 0.0), last_four
+)
 case("camera_turned_8_deg", "After six recordings.", INSERT, view(turn_deg=8), last_four)
 case("camera_drifts", "1 cm more each recording.", PUT, seen(lambda s, k: s.moved(by_m=(0.01 * k, 0, 0))), every)
 case("camera_bumped_before_the_question", "5 cm up and aside.", PUT, asked=lambda s: s.moved(by_m=(0.04, 0, 0.03)))
 case("depth_10_percent_long_in_half", "A depth scale.", PUT, view(scale=1.1))
-case("depth_10_percent_long_in_all", "The same in all, and in the question.", PUT, view(scale=1.1), every,
-     asked=lambda s: view(scale=1.1)(Demo("", s, None), 0).scene)
-case("lower_table_said_the_same", "Things on a table 8 cm lower are said to be on the other one.", PUT,
-     lambda d, k: frame(0, 0, -0.08)(d))
-case("lower_table_said_rightly", "Half on a lower table; asked is a third one.", PUT,
-     lambda d, k: seen(lambda s, _: s.moved(by_m=(0, 0, -0.08)))(frame(0, 0, -0.08)(d), k),
-     asked=lambda s: s.moved(by_m=(0, 0, 0.12)), true=lambda s: s.moved(by_m=(0, 0, 0.12)))
-case("taller_cube_of_one_name", "From the seventh on the cube's center is 5 cm above where it is taken.", TAKE,
-     seen(lambda s, k: s.moved(CUBE, by_m=(0, 0, 0.05))), last_four)
-case("taller_cube_in_the_question", "Its center is 4 cm above where it must be taken.", TAKE,
-     asked=lambda s: s.moved(CUBE, by_m=(0, 0, 0.04)))
-case("origin_at_the_rim_in_half", "Another model of the plate: its origin is 8 cm along its x.", PUT,
-     seen(lambda s, k: replace(s, places={**s.places, PLATE: goal_of(s, PLATE, (0.08, 0, 0))})))
-case("model_turned_30_in_half", "Another model of the peg, whose yaw is 30 degrees more.", INSERT,
-     seen(lambda s, k: s.moved("peg", turn_deg=30)))
-case("model_turned_180_in_half", "A flip of the socket's yaw.", INSERT, seen(lambda s, k: s.moved("socket", turn_deg=180)))
-case("doubled_yaw_in_half", "The whole angle in a quaternion.", BAR, turned_quaternions(lambda r: [0, 0, np.sin(r), np.cos(r)]))
-case("negative_yaw_in_all", "World in object instead of object in world.", BAR,
-     turned_quaternions(lambda r: [0, 0, -np.sin(r / 2), np.cos(r / 2)]), every)
-case("yaw_in_radians_read_as_degrees_in_half", "All objects seem hardly turned.", BAR,
-     turned_quaternions(lambda r: [0, 0, np.sin(np.radians(r) / 2), np.cos(np.radians(r) / 2)]))
-case("finger_travel_in_half", "Half tell the way of one finger, above a bound that is set for two.", PUT,
-     widths(lambda o, k: np.where(o, 0.04 if half(k) else 0.08, 0.005)), every, settings={"gripper_open_above_m": 0.06})
-case("width_in_another_unit_half_way", "Centimeters are decimeters in half.", PUT,
-     widths(lambda o, k: np.where(o, 0.008 if half(k) else 0.08, 0.0)), every, settings={"gripper_open_above_m": 0.04})
-case("thick_thing_and_noisy_width", "Fingers close by 4 mm, and the width has 2 mm of noise.", TAKE,
-     widths(lambda o, k: np.where(o, 0.08, 0.076) + np.random.default_rng(k).normal(0, 0.002, len(o))), every)
+case(
+    "depth_10_percent_long_in_all",
+    "The same in all, and in the question.",
+    PUT,
+    view(scale=1.1),
+    every,
+    asked=lambda s: view(scale=1.1)(Demo("", s, None), 0).scene,
+)
+case(
+    "lower_table_said_the_same",
+    "Things on a table 8 cm lower are said to be on the other one.",
+    PUT,
+    lambda d, k: frame(0, 0, -0.08)(d),
+)
+case(
+    "lower_table_said_rightly",
+    "Half on a lower table; asked is a third one.",
+    PUT,
+    lambda d, k: seen(lambda s, _: s.moved(by_m=(0, 0, -0.08)))(frame(0, 0, -0.08)(d), k),
+    asked=lambda s: s.moved(by_m=(0, 0, 0.12)),
+    true=lambda s: s.moved(by_m=(0, 0, 0.12)),
+)
+case(
+    "taller_cube_of_one_name",
+    "From the seventh on the cube's center is 5 cm above where it is taken.",
+    TAKE,
+    seen(lambda s, k: s.moved(CUBE, by_m=(0, 0, 0.05))),
+    last_four,
+)
+case(
+    "taller_cube_in_the_question",
+    "Its center is 4 cm above where it must be taken.",
+    TAKE,
+    asked=lambda s: s.moved(CUBE, by_m=(0, 0, 0.04)),
+)
+case(
+    "origin_at_the_rim_in_half",
+    "Another model of the plate: its origin is 8 cm along its x.",
+    PUT,
+    seen(lambda s, k: replace(s, places={**s.places, PLATE: goal_of(s, PLATE, (0.08, 0, 0))})),
+)
+case(
+    "model_turned_30_in_half",
+    "Another model of the peg, whose yaw is 30 degrees more.",
+    INSERT,
+    seen(lambda s, k: s.moved("peg", turn_deg=30)),
+)
+case(
+    "model_turned_180_in_half",
+    "A flip of the socket's yaw.",
+    INSERT,
+    seen(lambda s, k: s.moved("socket", turn_deg=180)),
+)
+case(
+    "doubled_yaw_in_half",
+    "The whole angle in a quaternion.",
+    BAR,
+    turned_quaternions(lambda r: [0, 0, np.sin(r), np.cos(r)]),
+)
+case(
+    "negative_yaw_in_all",
+    "World in object instead of object in world.",
+    BAR,
+    turned_quaternions(lambda r: [0, 0, -np.sin(r / 2), np.cos(r / 2)]),
+    every,
+)
+case(
+    "yaw_in_radians_read_as_degrees_in_half",
+    "All objects seem hardly turned.",
+    BAR,
+    turned_quaternions(lambda r: [0, 0, np.sin(np.radians(r) / 2), np.cos(np.radians(r) / 2)]),
+)
+case(
+    "finger_travel_in_half",
+    "Half tell the way of one finger, above a bound that is set for two.",
+    PUT,
+    widths(lambda o, k: np.where(o, 0.04 if half(k) else 0.08, 0.005)),
+    every,
+    settings={"gripper_open_above_m": 0.06},
+)
+case(
+    "width_in_another_unit_half_way",
+    "Centimeters are decimeters in half.",
+    PUT,
+    widths(lambda o, k: np.where(o, 0.008 if half(k) else 0.08, 0.0)),
+    every,
+    settings={"gripper_open_above_m": 0.04},
+)
+case(
+    "thick_thing_and_noisy_width",
+    "Fingers close by 4 mm, and the width has 2 mm of noise.",
+    TAKE,
+    widths(lambda o, k: np.where(o, 0.08, 0.076) + np.random.default_rng(k).normal(0, 0.002, len(o))),
+    every,
+)
 case("gripper_late_in_half", "0.7 s late.", TAKE, clock(lambda t: delayed(t, 0.7)))
 case("gripper_late_in_all", "The fingers seem to close on the way up.", TAKE, clock(lambda t: delayed(t, 0.8)), every)
 case("gripper_early_in_all", "They seem to close on the way down.", TAKE, clock(lambda t: delayed(t, -0.5)), every)
-case("gripper_late_in_all_of_a_put", "They seem to close and open on the way up.", PUT, clock(lambda t: delayed(t, 0.8)), every)
+case(
+    "gripper_late_in_all_of_a_put",
+    "They seem to close and open on the way up.",
+    PUT,
+    clock(lambda t: delayed(t, 0.8)),
+    every,
+)
 case("slipped_in_half", "The thing was lost on the way, and nobody looked.", PUT, clock(slipped))
 case("slipped_in_all", "The same in all.", PUT, clock(slipped), every)
 case("time_runs_twice_in_half", "The whole file is in it twice.", PUT, clock(lambda t: joined(t, t)))
@@ -532,32 +639,83 @@ def _stale(skill, *names, which=every):
 case("goal_stale_in_all", "The plate's pose is the last recording's.", PUT, _stale(PUT, PLATE), every)
 case("goal_stale_in_half", "The same in half.", PUT, _stale(PUT, PLATE, which=half), every)
 case("goal_stale_in_a_third", "The same in a third.", PUT, _stale(PUT, PLATE, which=third), every)
-case("goal_never_moved", "The plate was always in one place, and is asked 20 cm beside.", FIXED,
-     asked=lambda s: s.moved(PLATE, by_m=(-0.2, 0.05, 0)), true=lambda s: s.moved(PLATE, by_m=(-0.2, 0.05, 0)))
-case("bin_never_moved", "The same with a bin that no word names.", AWAY,
-     asked=lambda s: s.moved("bin", by_m=(-0.2, 0.05, 0)), true=lambda s: s.moved("bin", by_m=(-0.2, 0.05, 0)))
-case("bin_never_moved_4_cm", "4 cm beside.", AWAY,
-     asked=lambda s: s.moved("bin", by_m=(-0.04, 0, 0)), true=lambda s: s.moved("bin", by_m=(-0.04, 0, 0)))
+case(
+    "goal_never_moved",
+    "The plate was always in one place, and is asked 20 cm beside.",
+    FIXED,
+    asked=lambda s: s.moved(PLATE, by_m=(-0.2, 0.05, 0)),
+    true=lambda s: s.moved(PLATE, by_m=(-0.2, 0.05, 0)),
+)
+case(
+    "bin_never_moved",
+    "The same with a bin that no word names.",
+    AWAY,
+    asked=lambda s: s.moved("bin", by_m=(-0.2, 0.05, 0)),
+    true=lambda s: s.moved("bin", by_m=(-0.2, 0.05, 0)),
+)
+case(
+    "bin_never_moved_4_cm",
+    "4 cm beside.",
+    AWAY,
+    asked=lambda s: s.moved("bin", by_m=(-0.04, 0, 0)),
+    true=lambda s: s.moved("bin", by_m=(-0.04, 0, 0)),
+)
 SOCKET = replace(INSERT, fixed=("socket",))
-case("socket_never_turned", "It is turned by 40 degrees in the question.", SOCKET,
-     asked=lambda s: s.moved("socket", turn_deg=40), true=lambda s: s.moved("socket", turn_deg=40))
-case("peg_with_a_key_seen_a_quarter_turned", "The estimator takes a face for the next one.", INSERT,
-     asked=lambda s: s.moved("peg", turn_deg=90))
-case("peg_with_a_key_said_to_be_square", "`yaw_symmetry_deg` 90; the key is turned.", INSERT,
-     settings={"yaw_symmetry_deg": {"peg": 90}}, asked=lambda s: s.moved("peg", turn_deg=80),
-     true=lambda s: s.moved("peg", turn_deg=80))
-case("socket_said_to_be_round", "`yaw_symmetry_deg` 0 of a socket with a key.", INSERT,
-     settings={"yaw_symmetry_deg": {"socket": 0}})
+case(
+    "socket_never_turned",
+    "It is turned by 40 degrees in the question.",
+    SOCKET,
+    asked=lambda s: s.moved("socket", turn_deg=40),
+    true=lambda s: s.moved("socket", turn_deg=40),
+)
+case(
+    "peg_with_a_key_seen_a_quarter_turned",
+    "The estimator takes a face for the next one.",
+    INSERT,
+    asked=lambda s: s.moved("peg", turn_deg=90),
+)
+case(
+    "peg_with_a_key_said_to_be_square",
+    "`yaw_symmetry_deg` 90; the key is turned.",
+    INSERT,
+    settings={"yaw_symmetry_deg": {"peg": 90}},
+    asked=lambda s: s.moved("peg", turn_deg=80),
+    true=lambda s: s.moved("peg", turn_deg=80),
+)
+case(
+    "socket_said_to_be_round",
+    "`yaw_symmetry_deg` 0 of a socket with a key.",
+    INSERT,
+    settings={"yaw_symmetry_deg": {"socket": 0}},
+)
 TURNED = lambda s: _put("peg", "socket", (0, 0, 0.02))(s.moved("socket", turn_deg=60))  # noqa: E731
 case("peg_inserted_60_degrees_otherwise_in_half", "The key is elsewhere in half.", INSERT, shows(TURNED))
-case("peg_inserted_25_degrees_otherwise_in_half", "A little elsewhere in half.", INSERT,
-     shows(lambda s: _put("peg", "socket", (0, 0, 0.02))(s.moved("socket", turn_deg=25))))
-case("operator_across_the_table", "To the left of the box, as each of two operators sees it.", BESIDE,
-     shows(_put(CUBE, "box", (0.0, -0.13, 0.0), aligned=False, turns_with=False)))
-case("beside_in_the_other_axis_in_half", "In front of it in half.", BESIDE,
-     shows(_put(CUBE, "box", (-0.13, 0.0, 0.0), aligned=False, turns_with=False)))
+case(
+    "peg_inserted_25_degrees_otherwise_in_half",
+    "A little elsewhere in half.",
+    INSERT,
+    shows(lambda s: _put("peg", "socket", (0, 0, 0.02))(s.moved("socket", turn_deg=25))),
+)
+case(
+    "operator_across_the_table",
+    "To the left of the box, as each of two operators sees it.",
+    BESIDE,
+    shows(_put(CUBE, "box", (0.0, -0.13, 0.0), aligned=False, turns_with=False)),
+)
+case(
+    "beside_in_the_other_axis_in_half",
+    "In front of it in half.",
+    BESIDE,
+    shows(_put(CUBE, "box", (-0.13, 0.0, 0.0), aligned=False, turns_with=False)),
+)
 case("order_of_two_buttons", "White first in half.", BOTH, shows(_press("white button", "green button")))
-case("order_of_two_buttons_in_a_third", "White first in a third.", BOTH, shows(_press("white button", "green button")), third)
+case(
+    "order_of_two_buttons_in_a_third",
+    "White first in a third.",
+    BOTH,
+    shows(_press("white button", "green button")),
+    third,
+)
 case("one_of_two_buttons_in_half", "The second one is left out in half.", BOTH, shows(_press("green button")))
 case("clockwise_in_half", "The knob is turned the other way in half.", TURN, shows(_turn("knob", -90)))
 case("half_as_far_in_half", "Turned by 45 degrees in half.", TURN, shows(_turn("knob", 45)))
@@ -577,16 +735,44 @@ def in_inches(demo, *_):
 case("hand_in_inches_in_half", "Objects are in meters.", TAKE, frame(scale=INCHES))
 case("all_in_inches_in_half", "Hand and objects.", TAKE, in_inches)
 case("all_in_inches", "Hand and objects in all, the question in meters.", TAKE, in_inches, every)
-case("question_in_inches", "Taught in meters.", TAKE,
-     asked=lambda s: Scene({n: INCHES * p for n, p in s.places.items()}, s.yaws))
-case("question_in_feet", "Taught in meters.", TAKE, asked=lambda s: Scene({n: 3.28 * p for n, p in s.places.items()}, s.yaws))
-case("objects_above_the_table_in_half", "z from the table in half.", PUT, seen(lambda s, k: s.moved(by_m=(0, 0, -TABLE_M))))
-case("objects_above_the_table_in_the_question", "z from the table.", PUT, asked=lambda s: s.moved(by_m=(0, 0, -TABLE_M)))
-case("x_and_y_exchanged_in_half", "Of objects.", PUT,
-     seen(lambda s, k: replace(s, places={n: p[[1, 0, 2]] for n, p in s.places.items()})))
-case("x_and_y_exchanged_in_the_question", "Of objects.", PUT,
-     asked=lambda s: replace(s, places={n: p[[1, 0, 2]] for n, p in s.places.items()}))
-case("already_there", "The cube lies on the plate.", PUT,
-     asked=lambda s: replace(s, places={**s.places, CUBE: over(s.places[PLATE], 0.05)}),
-     judge=lambda s: lambda actions: False)
+case(
+    "question_in_inches",
+    "Taught in meters.",
+    TAKE,
+    asked=lambda s: Scene({n: INCHES * p for n, p in s.places.items()}, s.yaws),
+)
+case(
+    "question_in_feet",
+    "Taught in meters.",
+    TAKE,
+    asked=lambda s: Scene({n: 3.28 * p for n, p in s.places.items()}, s.yaws),
+)
+case(
+    "objects_above_the_table_in_half",
+    "z from the table in half.",
+    PUT,
+    seen(lambda s, k: s.moved(by_m=(0, 0, -TABLE_M))),
+)
+case(
+    "objects_above_the_table_in_the_question", "z from the table.", PUT, asked=lambda s: s.moved(by_m=(0, 0, -TABLE_M))
+)
+case(
+    "x_and_y_exchanged_in_half",
+    "Of objects.",
+    PUT,
+    seen(lambda s, k: replace(s, places={n: p[[1, 0, 2]] for n, p in s.places.items()})),
+)
+case(
+    "x_and_y_exchanged_in_the_question",
+    "Of objects.",
+    PUT,
+    asked=lambda s: replace(s, places={n: p[[1, 0, 2]] for n, p in s.places.items()}),
+)
+case(
+    "already_there",
+    "The cube lies on the plate.",
+    PUT,
+    asked=lambda s: replace(s, places={**s.places, CUBE: over(s.places[PLATE], 0.05)}),
+    judge=lambda s: lambda actions: False,
+)
 CELLS = [tried for tried in SEQUENCES if tried.__module__ == __name__]

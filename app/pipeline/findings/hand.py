@@ -1,6 +1,5 @@
 """What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,11 +8,10 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.actions import distances_m
 from app.pipeline.findings.rules import PATH_LEFT, PATH_NOT_KEPT
-from app.pipeline.findings.strokes import Reversals
+from app.pipeline.findings.shown import distances_m
 from app.pipeline.keyframes import Motion, manner_of
-from app.pipeline.keyframes.motion import Switch
+from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.plans.rows import WAY_SHARE
 from app.pipeline.representation.anchors import M_PER_RAD
@@ -27,7 +25,12 @@ NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the o
 END_S = 0.2  # within which a hand that is on its way gets on
 DIPS_M = 0.03  # less up and down is no way to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
+FLICKERS_S = 0.3  # fingers do not open and close again as fast
 LEAP_M, LEAP = 0.10, 4.0  # a step that long, and so many times as long as most others, is no motion of an arm
+
+# (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
+# certainly a reversal, and anything that turns back less is possibly one.
+CERTAIN, POSSIBLE = (0.04, -0.8), (0.015, -0.3)
 
 
 class Kept(NamedTuple):
@@ -79,14 +82,12 @@ class Act(NamedTuple):
         away_m: by name, how far the objects are from the hand there.
         later_m: the least distance from the nearest of them until the gripper switches again, or the recording ends.
         moved_m: how far the hand is from there when that happens; 10 degrees count as 1 cm.
-        lasts_s: the time until then; infinite if it is the last switch.
     """
 
     opens: bool
     away_m: Mapping[str, float]
     later_m: float
     moved_m: float
-    lasts_s: float = math.inf
 
     @property
     def nearest(self) -> str:
@@ -102,6 +103,28 @@ class Act(NamedTuple):
     def at_object(self) -> bool:
         """Whether the hand is at the nearest object, not on its way to it."""
         return self.nearest_m < AT_OBJECT_M and self.later_m >= self.nearest_m - NEARER_M
+
+
+class Reversals(NamedTuple):
+    """How often a hand reverses its direction of motion: at least `certain` times, at most `possible` times."""
+
+    certain: int
+    possible: int
+
+    @classmethod
+    def of(cls, positions_m: Array) -> "Reversals":
+        """Count them in a path (T, 3)."""
+        return cls(*(_count(positions_m, *limits) for limits in (CERTAIN, POSSIBLE)))
+
+
+def _count(positions_m: Array, segment_m: float, cosine: float) -> int:
+    """Count the corners sharper than `cosine` in the path, resampled to steps of at least `segment_m`."""
+    kept = [0]
+    while (far := np.linalg.norm(positions_m[kept[-1] :] - positions_m[kept[-1]], axis=1) >= segment_m).any():
+        kept.append(kept[-1] + int(far.argmax()))
+    segments_m = np.diff(positions_m[kept], axis=0)
+    directions = segments_m / np.linalg.norm(segments_m, axis=1, keepdims=True)
+    return int(((directions[1:] * directions[:-1]).sum(axis=1) < cosine).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +145,7 @@ class RecordedHand:
         may_hold: the objects so near to its first pose that it may hold them from the start.
         reversals: how often it reverses its direction of motion.
         leaps: whether it is suddenly elsewhere, as where recordings are joined or frames are missing.
+        flickers: whether the gripper switches to and fro faster than fingers do, though no single frame is wrong.
     """
 
     kept: Kept
@@ -137,6 +161,7 @@ class RecordedHand:
     may_hold: frozenset[str]
     reversals: Reversals
     leaps: bool = False
+    flickers: bool = False
 
     @property
     def ends_holding(self) -> bool:
@@ -167,6 +192,7 @@ class RecordedHand:
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
             Reversals.of(trajectory.positions_m),
             _leaps(trajectory.positions_m),
+            _flickers(motion),
         )
 
 
@@ -176,9 +202,12 @@ def _act(motion: Motion, switch: Switch, end: int, shown: Demonstration, away_m:
     later_m = float(away_m[frame : end + 1, away_m[frame].argmin()].min())
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
-    is_last = end == len(trajectory) - 1
-    lasts_s = math.inf if is_last else float(motion.times_s[end] - motion.times_s[frame])
-    return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad, lasts_s)
+    return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)
+
+
+def _flickers(motion: Motion) -> bool:
+    lasts_s = np.diff(motion.times_s[list(motion.gripper_changes)])
+    return bool(((lasts_s > BLIP_S) & (lasts_s < FLICKERS_S)).any())
 
 
 def _leaps(positions_m: Array) -> bool:

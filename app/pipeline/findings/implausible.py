@@ -26,7 +26,6 @@ from roboprompt_client.types.arrays import Array
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
-FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
@@ -99,7 +98,7 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
 def _recorder_fault(hand: RecordedHand) -> str | None:
     if hand.leaps:
         return LEAPS
-    return FLICKERS if any(act.lasts_s < FLICKERS_S for act in hand.acts) else None
+    return FLICKERS if hand.flickers else None
 
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:

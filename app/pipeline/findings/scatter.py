@@ -162,8 +162,8 @@ def _contradicting_message(item: _Acting) -> str:
 def _explained_message(item: _Acting) -> str:
     return (
         f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}, relative to {item.seen_from}), they"
-        f" differ by up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no"
-        " noise, and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
+        f" are up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no noise,"
+        " and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
         " frame; delete the recordings made otherwise."
     )
 
@@ -217,28 +217,26 @@ def _apart(
 
 
 def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, str]:
-    """Return how far the part of a row's scatter that something explains goes, and what does; (0, "") if nothing does.
+    """Return how far demonstrations are from the center of a row, and what explains it; (0, "") if nothing does.
 
     A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both are
     measured at another point of it), a wrong scale or a turned frame by where the object stands.
     """
     if len(shown) < FEWEST_EXPLAINED or row.scatter_m < SCATTER_M or not row.anchors[0].object_name:
         return 0.0, ""
-    places_m = [d.object(anchor.object_name).position_m for d, anchor in zip(shown, row.anchors, strict=True)]
+    places_m = np.array([d.object(a.object_name).position_m for d, a in zip(shown, row.anchors, strict=True)])
     starts_m = [d.start.position_m for d in shown if d.start is not None]
     causes = {
         "the order of the recordings": np.linspace(0, 1, len(shown))[:, None],
-        "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 1))),
-        f"the place of {row.anchors[0].object_name}": np.array(places_m),
+        "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 3))),
+        f"the place of {row.anchors[0].object_name}": places_m,
     }
-    spread_m = row.offsets_m - row.offsets_m.mean(axis=0)
     for name, inputs in causes.items():
         varied = inputs[:, inputs.std(axis=0) > VARIES_M]
-        errors_m = left_out_errors_m(varied, row.offsets_m)
-        if varied.shape[1] and (errors_m**2).sum() < (1 - EXPLAINED) * (spread_m**2).sum():
-            design = np.c_[np.ones(len(shown)), varied]
-            fitted_m = design @ np.linalg.lstsq(design, row.offsets_m, rcond=None)[0]
-            return float(np.linalg.norm(fitted_m - row.center_m, axis=1).max()), name
+        for seen_m in (row.positions_m - places_m, row.offsets_m):  # along the world's axes, and the row's own
+            left = float((left_out_errors_m(varied, seen_m) ** 2).sum() / (row.off_m**2).sum())
+            if varied.shape[1] and left < 1 - EXPLAINED:
+                return float(row.off_m.max()), name
     return 0.0, ""
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.places import MIN_DEMONSTRATIONS, ShownScenes
+from app.pipeline.findings.places import MIN_DEMONSTRATIONS
+from app.pipeline.findings.shown import ShownScenes
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import Pose
@@ -19,7 +20,7 @@ from roboprompt_client.types.poses import Pose
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
 BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
-SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # a hand at one place that is turned more is described by other axes
+SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
 
 
 def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]:
@@ -55,15 +56,18 @@ def frame_findings(
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
     along_m = np.abs(ways_m @ axis)
     along = alike & (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
-    beside = alike & [_acts_beside(*item) for item in zip(ways_m, shown, hands, strict=True)]
+    beside = alike & (far_m > ACROSS_M)
+    beside &= [bool(beside[k]) and _acts_beside(*item) for k, item in enumerate(zip(ways_m, shown, hands, strict=True))]
     yield from _off(
         "straight along the hand's own axis. One is the flange's pose and the other the fingertips'", along, along_m
     )
     how = "and it acts as far beside an object, on the same side. One is in the base frame and the other in the world's"
     yield from _off(how, beside & ~along, far_m)
     turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
-    how = f"in the same place, but turned about the hand's own axis by {float(np.median(turned_deg)):.0f} degrees"
-    yield from _off(how, alike & (far_m < SAME_PLACE_M) & (turned_deg > TURNED_DEG), far_m)
+    usual_deg = float(np.median(turned_deg))
+    turned = (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)
+    how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
+    yield from _off(how, alike & turned & (far_m < SAME_PLACE_M), far_m)
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
@@ -78,9 +82,9 @@ def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
 
 
 def _turned_deg(now: Pose, start_xyzw: Array) -> float:
-    """Return the angle between two hands, of which fingers that are turned by 180 degrees are one."""
-    turned_deg = float(np.degrees(quaternions.angle_between_rad(np.array(now.quaternion_xyzw), start_xyzw)))
-    return min(turned_deg, 180 - turned_deg)
+    """Return the angle about the hand's axis, from -90 to 90: fingers that are turned by 180 degrees are the same."""
+    turn = quaternions.product(quaternions.inverse(np.array(now.quaternion_xyzw)), start_xyzw)
+    return float((np.degrees(quaternions.to_rotation_vector(turn)[2]) + 90) % 180 - 90)
 
 
 def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:

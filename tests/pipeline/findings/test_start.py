@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.hand import Kept, RecordedHand
-from app.pipeline.findings.places import ShownScenes
+from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.findings.start import frame_findings, start_findings
 from roboprompt_client.types.poses import Pose
 from tests.pipeline.findings.test_implausible import changed, put
