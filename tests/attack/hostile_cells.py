@@ -81,7 +81,7 @@ class Skill:
 
     def demo(self, scene):
         """As it is recorded."""
-        return Demo(self.words, scene, flowing(self.stops(scene)))
+        return Demo(self.words, scene, recorded(self.stops(scene)))
 
     def cell(self, scene):
         """What the actions are done to."""
@@ -102,6 +102,11 @@ def _fingertips(action, tool_m):
 
 
 # Skills
+
+
+def recorded(stops):
+    """From where the arm always starts."""
+    return flowing([(START["position"], DOWN, stops[0][2]), *stops])
 
 
 def over(place, height_m=0.1):
@@ -350,7 +355,7 @@ def widths(of):
 def shows(skill):
     """Another motion under the same words."""
     return lambda demo, *_: replace(
-        demo, trajectory=flowing(skill.stops(demo.scene) if isinstance(skill, Skill) else skill(demo.scene))
+        demo, trajectory=recorded(skill.stops(demo.scene) if isinstance(skill, Skill) else skill(demo.scene))
     )
 
 
