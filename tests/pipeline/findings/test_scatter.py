@@ -42,6 +42,32 @@ def test_the_center_counts(off_m, severity):
         assert finding.numbers["scatter_m"] == pytest.approx(off_m, rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("off_m", "severity"),
+    [
+        (lambda k, cube_m, start_m, noise_m: (0.01 * k, 0, 0), "danger"),
+        (lambda k, cube_m, start_m, noise_m: 0.15 * cube_m, "danger"),
+        (lambda k, cube_m, start_m, noise_m: start_m, "danger"),
+        (lambda k, cube_m, start_m, noise_m: noise_m, "info"),
+    ],
+    ids=["a camera that drifts", "a wrong scale", "another tool", "noise"],
+)
+def test_what_explains_the_scatter_is_no_noise(off_m, severity):
+    random, group = np.random.default_rng(0), []
+    for k in range(10):
+        cube_m, start_m, noise_m = (
+            random.uniform(-0.2, 0.2, 3),
+            random.uniform(-0.03, 0.03, 3),
+            random.normal(0, 0.02, 3),
+        )
+        at_m = cube_m + off_m(k, cube_m, start_m, noise_m)
+        rows = [action(at_m + (0, 0, up_m), gripper_open=is_open) for up_m, is_open in ((0.1, 1), (0, 0), (0.1, 0))]
+        given = demonstration(INSTRUCTION, (pose("cube", cube_m, 0),), rows)
+        group.append(replace(given, start=action(start_m + (0, 0, 0.4))))
+    (finding,) = found(group)
+    assert finding.severity == severity
+
+
 def test_what_is_let_go_may_come_down_anywhere():
     (finding,) = found(shown(0.05, before=False))
     assert finding.severity == "warning"
