@@ -41,7 +41,7 @@ def frame_findings(
 ) -> Iterator[Finding]:
     """Yield findings for recordings whose hand pose differs from `now` by a constant offset rather than a motion.
 
-    The offset is along the hand's own z axis, or it is the one by which the hand acts beside every object.
+    The offset is along the hand's own z axis, a turn about it, or the one by which the hand acts beside every object.
 
     Args:
         now: the present pose of the end effector; None where it is not known.
@@ -55,19 +55,20 @@ def frame_findings(
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
     along_m = np.abs(ways_m @ axis)
-    along = alike & (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
-    beside = alike & (far_m > ACROSS_M)
-    beside &= [bool(beside[k]) and _acts_beside(*item) for k, item in enumerate(zip(ways_m, shown, hands, strict=True))]
-    yield from _off(
-        "straight along the hand's own axis. One is the flange's pose and the other the fingertips'", along, along_m
-    )
-    how = "and it acts as far beside an object, on the same side. One is in the base frame and the other in the world's"
-    yield from _off(how, beside & ~along, far_m)
+    along = (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
     turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
     usual_deg = float(np.median(turned_deg))
-    turned = (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)
+    turned = (far_m < SAME_PLACE_M) & (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)
+    beside = [
+        not along[k] and far_m[k] > ACROSS_M and _acts_beside(*item)
+        for k, item in enumerate(zip(ways_m, shown, hands, strict=True))
+    ]
+    how = "straight along the hand's own axis. One is the flange's pose and the other the fingertips'"
+    yield from _off(how, alike & along, along_m)
+    how = "and it acts as far beside an object, on the same side. One is in another frame, or another point of the hand"
+    yield from _off(how, alike & beside, far_m)
     how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
-    yield from _off(how, alike & turned & (far_m < SAME_PLACE_M), far_m)
+    yield from _off(how, alike & turned, far_m)
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:

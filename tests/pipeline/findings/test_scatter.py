@@ -55,15 +55,12 @@ def test_the_center_counts(off_m, severity):
 def test_what_explains_the_scatter_is_no_noise(off_m, severity):
     random, group = np.random.default_rng(0), []
     for k in range(10):
-        cube_m, start_m, noise_m = (
-            random.uniform(-0.2, 0.2, 3),
-            random.uniform(-0.03, 0.03, 3),
-            random.normal(0, 0.02, 3),
-        )
-        at_m = cube_m + off_m(k, cube_m, start_m, noise_m)
-        rows = [action(at_m + (0, 0, up_m), gripper_open=is_open) for up_m, is_open in ((0.1, 1), (0, 0), (0.1, 0))]
+        cube_m, start_m = random.uniform(-0.2, 0.2, 3), random.uniform(-0.03, 0.03, 3)
+        at_m = cube_m + off_m(k, cube_m, start_m, random.normal(0, 0.02, 3))
+        ups_m = np.array([[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]])
+        rows = [action(at_m + up_m, gripper_open=row == 0) for row, up_m in enumerate(ups_m)]
         given = demonstration(INSTRUCTION, (pose("cube", cube_m, 0),), rows)
-        group.append(replace(given, start=action(start_m + (0, 0, 0.4))))
+        group.append(replace(given, start=action(start_m + np.array([0, 0, 0.4]))))
     (finding,) = found(group)
     assert finding.severity == severity
 
