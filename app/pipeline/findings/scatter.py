@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +17,12 @@ from app.pipeline.findings.rules import (
     NOT_SHOWN_APART,
     ON_A_CIRCLE,
     SCATTERED,
+    TURNED_IN_TWO,
     TURNED_OTHERWISE,
     Rule,
 )
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import left_out_errors_m
+from app.pipeline.plans.agreement import left_out_errors_m, two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import (
@@ -51,6 +52,7 @@ class _Acting:
         seen_from: the object or frame that the row is relative to, by its name in the observed scene.
         apart_m, hand_apart_deg: see `_apart`.
         explained_m, by: see `_explained_m`.
+        two_turns_deg: see `_two_turns_deg`.
         on_a_circle_m: see `_on_a_circle_m`.
         loosely: whether the hand releases something, or acts with a held object; both may happen anywhere, as in a bin.
         turn_off_deg: see `app.pipeline.plans.rows.turn_off_deg`, of a held object.
@@ -63,6 +65,7 @@ class _Acting:
     hand_apart_deg: float
     explained_m: float
     by: str
+    two_turns_deg: float
     on_a_circle_m: float
     loosely: bool
     turn_off_deg: float
@@ -90,6 +93,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             _seen_from(rows[k], shown[0].order, asked),
             *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
             *_explained_m(shown, rows[k]),
+            _two_turns_deg(rows[k], round_objects) if k in touching else 0.0,
             _on_a_circle_m(rows[k], round_objects),
             loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
             turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
@@ -176,6 +180,14 @@ def _turned_message(item: _Acting) -> str:
     )
 
 
+def _two_turns_message(item: _Acting) -> str:
+    return (
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}), the hand is turned in two ways,"
+        f" {item.two_turns_deg:.0f} degrees apart relative to {item.seen_from}. Check whether some have another model"
+        " of the object, or other axes of the hand; delete the wrong ones."
+    )
+
+
 def _circle_message(item: _Acting) -> str:
     return (
         f"{len(item.row.off_m)} demonstrations act on several sides of {item.seen_from}, at one distance from it"
@@ -240,6 +252,16 @@ def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, s
     return 0.0, ""
 
 
+def _two_turns_deg(row: PlanRow, round_objects: frozenset[str]) -> float:
+    """Return the angle between two clusters of the hand's rotations; 0 where they are one, or the object is round."""
+    only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
+    least_m = M_PER_RAD * math.radians(TURNED_IN_TWO.levels["danger"])
+    ways = None if row.anchors[0].object_name in round_objects else two_ways(only_turns, least_m=least_m)
+    if ways is None:
+        return 0.0
+    return math.degrees((row.rotations[ways].mean().inv() * row.rotations[~ways].mean()).magnitude())
+
+
 def _on_a_circle_m(row: PlanRow, round_objects: frozenset[str]) -> float:
     """Return the scatter of offsets that lie on a circle about a round object's vertical axis; else 0."""
     if row.anchors[0].object_name not in round_objects:
@@ -261,5 +283,6 @@ DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]],
     (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
     (EXPLAINED_AWAY, lambda item: item.explained_m, _explained_message),
     (TURNED_OTHERWISE, lambda item: item.turn_off_deg, _turned_message),
+    (TURNED_IN_TWO, lambda item: item.two_turns_deg, _two_turns_message),
     (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),
 )

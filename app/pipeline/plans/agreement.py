@@ -89,7 +89,7 @@ def other_way(group: Sequence[Demonstration]) -> list[int]:
     return np.flatnonzero(ways).tolist()
 
 
-def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
+def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW, least_m: float = TWO_WAYS_M) -> np.ndarray | None:
     """Return (N,) bool, which of two clusters each demonstration is in; None if there is one cluster.
 
     The poses are projected onto their first principal component. Two clusters leave a gap there that is wide compared
@@ -108,7 +108,7 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     cut = int(np.argmax(gaps_m)) + fewest
     low, high = sorted_m[:cut], sorted_m[cut:]
     within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
-    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY_DEMONSTRATIONS else gap_of_few) * within_m):
+    if gaps_m.max() < max(least_m, (GAP if len(poses_m) >= MANY_DEMONSTRATIONS else gap_of_few) * within_m):
         return None
     other = np.zeros(len(places_m), dtype=bool)
     other[order[cut:]] = True
