@@ -42,9 +42,11 @@ class ShownScenes:
         for shown in self.demonstrations:
             for pose in shown.objects if shown.actions else ():
                 near_m = float(distances_m(way(shown.start, shown.actions), pose.position_m).min())
-                named = shown.order.objects
-                for key in (pose.name, *([named.index(pose.name)] if pose.name in named else [])):
-                    found[key] = min(near_m, found.get(key, math.inf))
+                keys: list[str | int] = [
+                    pose.name,
+                    *(k for k, name in enumerate(shown.order.objects) if name == pose.name),
+                ]
+                found.update({key: min(near_m, found.get(key, math.inf)) for key in keys})
         return found
 
     @cached_property
