@@ -31,24 +31,18 @@ TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
 
 UNHELD = (
-    "the hand starts closed and empty, opens at an object and goes on with open fingers: is gripper_open inverted, or"
-    " is what the hand holds from the start not among the objects?"
+    "the hand starts closed and empty, and opens at an object: is gripper_open inverted, or what it holds not listed?"
 )
 PRESSES_OPEN = "the hand opens, and never closes again, to press something: is gripper_open inverted?"
 TAKES_NOTHING = "the gripper closes on nothing, though the instruction says to take something."
 TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and near another object."
 ONLY_OPENS = (
-    "the hand opens at what the instruction says to take, and closes elsewhere or never: is gripper_open inverted, or"
-    " does the recording run backwards?"
+    "the hand opens at what it should take, and closes elsewhere or never: gripper_open inverted, or time reversed?"
 )
-
 CLOSES_EARLY = (
-    "the gripper closes before the hand comes to what it should take: is gripper_open a command, or early by its clock?"
+    "the gripper closes before the hand comes to what it takes: is gripper_open a command, or its clock early?"
 )
-FLICKERS = (
-    "the gripper switches to and fro within 0.3 s, which no fingers do: does the measured width tremble about"
-    " gripper_open_above_m?"
-)
+FLICKERS = "the gripper switches to and fro within 0.3 s: does the width tremble about gripper_open_above_m?"
 LEAPS = "the hand is suddenly elsewhere: frames are missing, out of order, or of two recordings that were joined."
 
 
