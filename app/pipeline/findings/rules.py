@@ -124,6 +124,7 @@ IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", dan
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.21)
 STOPS_COMPLETE = Rule("broken-off", "the same, where the ends agree and all has been done", warning=0.01)
 BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
+NOT_HELD = Rule("not-in-the-hand", "share of the recordings", danger=0.34, source="what is not held is not put down")
 DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
 FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)

@@ -4,11 +4,12 @@ A constant offset between the two shows that they are measured differently: at t
 base frame or in the world frame.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
@@ -20,6 +21,7 @@ from roboprompt_client.types.poses import Pose
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
 BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
+NOT_AT_M = 0.20  # what is farther from the hand is not in it
 SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
 
 
@@ -69,6 +71,27 @@ def frame_findings(
     yield from _off(how, alike & beside, far_m)
     how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
     yield from _off(how, alike & turned, far_m)
+
+
+def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Yield a finding if recordings start with an object in the hand, which is not at it now.
+
+    Args:
+        scene: as it is observed.
+    """
+    if now is None or not hands:
+        return
+    holding = [hand for hand in hands if hand.acts and hand.acts[0].opens and not hand.starts_open]
+    held = Counter(name for hand in holding for name in hand.may_hold)
+    for pose in scene.objects:
+        share, far_m = held[pose.name] / len(hands), float(np.linalg.norm(pose.position_m - now.position_m))
+        if far_m > NOT_AT_M and rules.NOT_HELD.severity(share) is not None:
+            message = (
+                f"Recordings start with {pose.name} in the hand, which is {100 * far_m:.0f} cm from it now. Put it into"
+                " the hand, or record how the hand takes it."
+            )
+            yield rules.NOT_HELD.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
+            return
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:

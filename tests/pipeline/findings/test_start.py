@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.hand import Kept, RecordedHand
 from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.findings.start import frame_findings, start_findings
+from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from roboprompt_client.types.poses import Pose
-from tests.pipeline.findings.test_implausible import changed, put
+from tests.pipeline.findings.test_implausible import changed, frames, put
 from tests.pipeline.scenes import action, demonstration, pose
 
 STEEP_DEG = 40
@@ -64,6 +64,17 @@ def test_another_point_of_the_hand_turns_with_it():
         hands = Rotation.from_quat(given.motion.trajectory.quaternions_xyzw.copy())
         recordings.append(changed(given, positions_m=given.motion.trajectory.positions_m + hands.apply([0.05, 0, 0])))
     assert reported(recordings, home()) == 1
+
+
+@pytest.mark.parametrize(("away_m", "number", "dangers"), [(0.3, 4, 1), (0.05, 4, 0), (0.3, 1, 0)])
+def test_what_recordings_have_in_the_hand_from_the_start_must_be_there(away_m, number, dangers):
+    recordings = [put(seed) for seed in range(4)]
+    recordings[:number] = [frames(slice(86, None))(item) for item in recordings[:number]]  # once it is grasped
+    scene = recordings[0].demonstration
+    hands = [RecordedHand.of(item.motion, item.demonstration, Kept(0.0, 0.0)) for item in recordings]
+    now = home()._replace(position_m=tuple(np.add(scene.object("red cube").position_m, (0, 0, away_m)).tolist()))
+    assert [f.code for f in held_findings(now, scene, hands)] == ["not-in-the-hand"] * dangers
+    assert list(held_findings(None, scene, hands)) == []
 
 
 def test_a_hand_that_is_elsewhere_is_right():
