@@ -2,7 +2,8 @@
 
 import pytest
 
-import tests.attack.hostile_skills  # noqa: F401  # its sequences are listed when it is imported
+import tests.attack.hostile_cells
+import tests.attack.hostile_skills  # noqa: F401  # sequences are listed when their modules are imported
 from tests.attack.hostile_sequences import SEQUENCES, Attack, moves_wrongly
 
 # What still moves a robot wrongly with status 200 and no danger, with the reason; a sequence that no longer does leaves

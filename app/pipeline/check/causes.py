@@ -40,10 +40,9 @@ def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | Non
     explained = [row for k, row in enumerate(plan.rows) if k not in unexplained]
     closest = _closest(explained)
     noisiest = max(closest, key=lambda name: closest[name].m, default="")
-    if noisiest and closest[noisiest].m >= BEYOND_NOISE_M:
-        return _beyond_noise(noisiest, closest[noisiest], number)
-    if noisiest and closest[noisiest].m >= NOISY_M and len(explained) > len(unexplained):
-        return _noisy_poses(noisiest, closest[noisiest], number)
+    least_m = NOISY_M if len(explained) > len(unexplained) else BEYOND_NOISE_M
+    if noisiest and closest[noisiest].m >= least_m:
+        return _scatters(noisiest, closest[noisiest], number)
     return _follows_no_object(plan, unexplained, number) if unexplained else None
 
 
@@ -80,24 +79,22 @@ def _closest(rows: Sequence[RowCheck]) -> dict[str, Off]:
     return {name: min(found, key=lambda off: off.m) for name, found in following.items()}
 
 
-def _noisy_poses(name: str, error: Off, number: int) -> Finding:
+def _scatters(name: str, error: Off, number: int) -> Finding:
+    scatter = {"scatter_cm": round(100 * error.m, 2)}
+    if error.m >= BEYOND_NOISE_M:
+        message = (
+            f"Around {name} demonstrations differ from each other by at least {100 * error.m:.1f} cm in every row,"
+            " which is too much for noise. They use different objects, or another order. Demonstrate the task in one"
+            " way, or name in the instruction what decides."
+        )
+        return Finding("no-common-plan", "warning", message, f"plans[{number}]", scatter)
     message = (
         f"Around {name} the hand scatters by at least {100 * error.m:.1f} cm and {error.deg:.0f} degrees in every row."
         " Either poses are noisy or the motion is loose. Check the camera's calibration and the estimator, and record"
         " more demonstrations: prompts show their mean."
     )
-    numbers = {"scatter_cm": round(100 * error.m, 2), "scatter_deg": round(error.deg, 1)}
+    numbers = {**scatter, "scatter_deg": round(error.deg, 1)}
     return Finding("noisy-poses", "warning", message, f"plans[{number}]", numbers)
-
-
-def _beyond_noise(name: str, error: Off, number: int) -> Finding:
-    message = (
-        f"Around {name} demonstrations differ from each other by at least {100 * error.m:.1f} cm in every row, which is"
-        " too much for noise. They use different objects, or another order. Demonstrate the task in one way, or name in"
-        " the instruction what decides."
-    )
-    numbers = {"scatter_cm": round(100 * error.m, 2)}
-    return Finding("no-common-plan", "warning", message, f"plans[{number}]", numbers)
 
 
 def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> Finding:

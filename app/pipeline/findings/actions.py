@@ -6,16 +6,13 @@ The size of objects is unknown, so that the least demonstrated distance from an 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
-import numpy as np
-
-from app.pipeline.episode import Demonstration, Query
+from app.pipeline.episode import Query
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING, UNSUPPORTED
-from roboprompt_client.types.arrays import Array
+from app.pipeline.findings.shown import ShownScenes, distances_m, way
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_LISTED = 4  # numbers of actions that a message lists
@@ -81,59 +78,8 @@ def disagreeing_findings(num_samples: int, num_alike: int) -> tuple[Finding, ...
     return (SAMPLES_DISAGREE.finding(message, "reply", {"num_alike": num_alike, "num_samples": num_samples}),)
 
 
-@dataclass(frozen=True, eq=False)
-class ShownWays:
-    """The least distances of demonstrated hands from objects; computed once."""
-
-    demonstrations: tuple[Demonstration, ...]
-
-    def least_m(self, name: str, mentioned: Sequence[str]) -> float | None:
-        """Return the least distance from an object, or from the object in its role; None if there is none.
-
-        Args:
-            mentioned: the objects that the instruction names, in its order.
-        """
-        key: str | int = mentioned.index(name) if name in mentioned else name
-        return self._least_m.get(key)
-
-    @cached_property
-    def _least_m(self) -> dict[str | int, float]:
-        """The least distances by name, and by role in the instruction."""
-        found: dict[str | int, float] = {}
-        for demonstration in self.demonstrations:
-            least_m = _least_m(demonstration)
-            named: list[tuple[str | int, str]] = [(name, name) for name in least_m]
-            for key, name in [*named, *enumerate(demonstration.order.objects if least_m else ())]:
-                found[key] = min(least_m[name], found.get(key, math.inf))
-        return found
-
-
-def _least_m(demonstration: Demonstration) -> dict[str, float]:
-    """Return by name the least distance of the hand from each object; empty without actions."""
-    if not demonstration.actions:
-        return {}
-    way_m = way(demonstration.start, demonstration.actions)
-    return {pose.name: float(distances_m(way_m, pose.position_m).min()) for pose in demonstration.objects}
-
-
-def way(start: EndEffectorAction | None, actions: Sequence[EndEffectorAction]) -> Array:
-    """Return (P, 3) the successive positions of the hand."""
-    poses = actions if start is None else (start, *actions)
-    return np.array([pose.position_m for pose in poses])
-
-
-def distances_m(way_m: Array, place_m: Array) -> Array:
-    """Return (P,) the distance of a place from each segment of a path; the first is that from its start."""
-    before_m = np.concatenate([way_m[:1], way_m[:-1]])
-    gone_m, to_place_m = way_m - before_m, place_m - before_m
-    squared = np.maximum(np.einsum("pk,pk->p", gone_m, gone_m), 1e-12)
-    share = np.clip(np.einsum("pk,pk->p", to_place_m, gone_m) / squared, 0, 1)
-    distances: Array = np.linalg.norm(to_place_m - share[:, None] * gone_m, axis=1)
-    return distances
-
-
 def passing_findings(
-    query: Query, actions: Sequence[EndEffectorAction], shown: ShownWays, bystanders: Sequence[ObjectPose] = ()
+    query: Query, actions: Sequence[EndEffectorAction], shown: ShownScenes, bystanders: Sequence[ObjectPose] = ()
 ) -> Iterator[Finding]:
     """Yield a finding for each object that the hand passes much nearer than in any demonstration.
 
@@ -144,7 +90,8 @@ def passing_findings(
     if len(shown.demonstrations) < MIN_DEMONSTRATIONS or not actions:
         return
     way_m = way(query.start, actions)
-    kept_m = [(pose, shown.least_m(pose.name, query.order.objects)) for pose in query.objects]
+    roles: dict[str, str | int] = {name: place for place, name in enumerate(query.order.objects)}
+    kept_m = [(pose, shown.passed_m.get(roles.get(pose.name, pose.name))) for pose in query.objects]
     for pose, least_m in (*kept_m, *((pose, math.inf) for pose in bystanders)):
         all_m = distances_m(way_m, pose.position_m)
         near_m = float(all_m.min())

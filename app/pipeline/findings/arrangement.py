@@ -1,7 +1,4 @@
-"""Pairs of objects with the same relative pose in all demonstrations, e.g. a lid on its pot.
-
-It does not matter whether the instruction names them.
-"""
+"""Objects that stand to each other as in all demonstrations: a lid on its pot, a left cup left of a right one."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,6 +9,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
+from app.pipeline.findings.places import FIXED_M, Range
 from app.pipeline.findings.rules import ARRANGED, PARTED, SIDES
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.vocabulary import PLACE_WORDS
@@ -19,10 +17,9 @@ from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rot
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-RIGID_M = 0.01  # relative positions that vary by less are equal
 FEWEST = 3  # with fewer demonstrations, equal relative positions may be chance
 MOVED_M = 0.05  # objects whose place varies by less never moved, and are no arrangement
-
+FAR_M = ARRANGED.levels["warning"]
 MANY = 8  # with fewer demonstrations, one side may be chance
 
 
@@ -33,50 +30,41 @@ class RigidPair:
     Attributes:
         one: the object whose position is constant relative to `other`.
         frame: the frame of `other` in which it is.
-        low_m, high_m: (3,) the bounding box of this relative position.
+        seen_m: the range of this relative position (3,).
         tilted: objects whose frames follow all of their rotation, not only the yaw.
     """
 
     one: str
     other: str
     frame: Frame
-    low_m: Array
-    high_m: Array
+    seen_m: Range
     tilted: frozenset[str]
 
     def off_m(self, scene: Query) -> float:
         """Return the distance of `one` from its place in the arrangement."""
         seen_m = _seen_m(scene.object(self.one), scene.object(self.other), self.frame, self.tilted)
-        return float(np.linalg.norm(outside_m(seen_m, self.low_m, self.high_m)))
-
-
-def outside_m(place_m: Array, low_m: Array, high_m: Array) -> Array:
-    """Return (3,) how far a place is outside of a box."""
-    outside: Array = np.maximum(place_m - high_m, 0) + np.maximum(low_m - place_m, 0)
-    return outside
+        return float(np.linalg.norm(self.seen_m.outside(seen_m)))
 
 
 def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
-    """Return the pairs of objects that keep one arrangement in all demonstrations."""
+    """Return the pairs of objects that keep one arrangement in all demonstrations, whether or not words name them."""
     if len(shown) < FEWEST:
         return ()
     tilted, names = tilted_objects(shown), [pose.name for pose in shown[0].objects]
-    places_m = {name: np.array([scene.object(name).position_m for scene in shown]) for name in names}
-    moved = [name for name in names if np.ptp(places_m[name], axis=0).max() > MOVED_M]
+    places_m = {name: Range.of([scene.object(name).position_m for scene in shown]) for name in names}
+    moved = [name for name in names if places_m[name].width.max() > MOVED_M]
     found = [_rigid(one, other, shown, tilted) for one, other in combinations(moved, 2)]
     return tuple(pair for pair in found if pair is not None)
 
 
 def _rigid(one: str, other: str, shown: Sequence[Demonstration], tilted: frozenset[str]) -> RigidPair | None:
-    """Return the pair in the frame in which it varies least, if that is less than `RIGID_M`."""
+    """Return the pair seen from the object and in the frame in which it varies least; None if it varies."""
     pairs = []
     for (seen, origin), frame in [((a, b), f) for a, b in ((one, other), (other, one)) for f in OBJECT_FRAMES]:
-        poses = [(scene.object(seen), scene.object(origin)) for scene in shown]
-        seen_m = np.array([_seen_m(*pair, frame, tilted) for pair in poses])
-        low_m, high_m = seen_m.min(axis=0), seen_m.max(axis=0)
-        pairs.append((float((high_m - low_m).max()), RigidPair(seen, origin, frame, low_m, high_m, tilted)))
-    spread_m, pair = min(pairs, key=lambda item: item[0])
-    return pair if spread_m < RIGID_M else None
+        seen_m = [_seen_m(scene.object(seen), scene.object(origin), frame, tilted) for scene in shown]
+        pairs.append(RigidPair(seen, origin, frame, Range.of(seen_m), tilted))
+    pair = min(pairs, key=lambda pair: float(pair.seen_m.width.max()))
+    return pair if pair.seen_m.width.max() < FIXED_M else None
 
 
 def _seen_m(one: ObjectPose, other: ObjectPose, frame: Frame, tilted: frozenset[str]) -> Array:
@@ -92,16 +80,9 @@ def parted_findings(query: Query, pairs: Sequence[RigidPair], followed: frozense
         followed: the objects that rows of the requested motion are relative to.
     """
     off = [(not followed.isdisjoint((pair.one, pair.other)), pair.off_m(query), pair) for pair in pairs]
-    parted = [item for item in off if ARRANGED.severity(item[1]) is not None]
-    if not parted:
-        return
-    follows, off_m, pair = max(parted, key=lambda item: item[:2])
-    message = (
-        f"{pair.one} is {100 * off_m:.1f} cm from its place relative to {pair.other}, which is the same in every"
-        " demonstration. Check that both are the right objects, and put them together as demonstrated."
-    )
-    rule = PARTED if follows else ARRANGED
-    yield rule.finding(message, f"objects[{pair.one}]", {"off_m": off_m}, value=off_m)
+    follows, off_m, pair = max(off, key=lambda item: (item[1] >= FAR_M, *item[:2]), default=(False, 0.0, None))
+    if pair is not None:
+        yield from _arranged_otherwise(pair.one, pair.other, off_m, is_followed=follows)
 
 
 def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: frozenset[str]) -> Iterator[Finding]:
@@ -111,19 +92,22 @@ def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: fr
         return
     for i, j in combinations(range(len(asked)), 2):
         pairs = [(d.object(names[i]), d.object(names[j])) for d, names in zip(shown, named, strict=True)]
-        ways_m = np.array([one.position_m - other.position_m for one, other in pairs])
+        ways_m = Range.of([one.position_m - other.position_m for one, other in pairs])
         way_m = query.object(asked[i]).position_m - query.object(asked[j]).position_m
-        same = np.ptp(ways_m, axis=0) < RIGID_M
-        off_m = float((outside_m(way_m, ways_m.min(axis=0), ways_m.max(axis=0)) * same).max())
-        if ARRANGED.severity(off_m) is not None:
-            message = (
-                f"{asked[i]} is {100 * off_m:.1f} cm from its place relative to {asked[j]}, which is the same in every"
-                " demonstration. Check that neither is taken for the other."
-            )
-            follows = same.all() and not followed.isdisjoint((asked[i], asked[j]))
-            rule = PARTED if follows else ARRANGED
-            yield rule.finding(message, f"objects[{asked[i]}]", {"off_m": off_m}, value=off_m)
+        same = ways_m.width < FIXED_M
+        off_m = float((ways_m.outside(way_m) * same).max())
+        if off_m >= FAR_M:
+            follows = bool(same.all()) and not followed.isdisjoint((asked[i], asked[j]))
+            yield from _arranged_otherwise(asked[i], asked[j], off_m, is_followed=follows)
             return
+
+
+def _arranged_otherwise(one: str, other: str, off_m: float, *, is_followed: bool) -> tuple[Finding, ...]:
+    message = (
+        f"{one} is {100 * off_m:.1f} cm from its place relative to {other}, which is the same in every demonstration."
+        " Check that neither is taken for another object, and put them together as demonstrated."
+    )
+    return (PARTED if is_followed else ARRANGED).findings(off_m, message, f"objects[{one}]", {"off_m": off_m})
 
 
 class Side(NamedTuple):
@@ -140,21 +124,14 @@ def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
 
     Other objects are often on one side by chance: in 2 of 44 correct scenes with noisy demonstrations.
     """
-    found = []
-    for one, other in combinations([pose.name for pose in shown[0].objects] if len(shown) >= MANY else (), 2):
-        if _without_place(one) != _without_place(other):
-            continue
-        ways_m = np.array([d.object(one).position_m - d.object(other).position_m for d in shown])
-        for axis in (0, 1):
-            sign = float(np.sign(ways_m[0, axis]))
-            if (sign * ways_m[:, axis]).min() > 0:
-                found.append(Side(one, other, axis, sign))
+    found, names = [], [pose.name for pose in shown[0].objects] if len(shown) >= MANY else []
+    things = {name: [word for word in phrase_of(name) if word not in PLACE_WORDS] for name in names}
+    for one, other in combinations(names, 2):
+        if things[one] == things[other]:
+            ways_m = Range.of([d.object(one).position_m - d.object(other).position_m for d in shown])
+            found += [Side(one, other, axis, 1.0) for axis in (0, 1) if ways_m.low[axis] > 0]
+            found += [Side(one, other, axis, -1.0) for axis in (0, 1) if ways_m.high[axis] < 0]
     return tuple(found)
-
-
-def _without_place(name: str) -> list[str]:
-    """Return the words of a name without those of place: `cup` for a left and for a right cup."""
-    return [word for word in phrase_of(name) if word not in PLACE_WORDS]
 
 
 def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]) -> Iterator[Finding]:

@@ -6,14 +6,13 @@ from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
-from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
+from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
@@ -98,13 +97,8 @@ class Taught:
 
     @cached_property
     def scenes(self) -> ShownScenes:
-        """The places of their objects."""
+        """The places of their objects, and how near hands passed them."""
         return ShownScenes(self.usual, tuple(item for item in self.demonstrations if item not in self.usual))
-
-    @cached_property
-    def ways(self) -> ShownWays:
-        """The least distances of their hands from objects."""
-        return ShownWays(self.usual)
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """Return the findings about the demonstrations that ask for the same, or about all if none does."""

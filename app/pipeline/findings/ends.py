@@ -100,7 +100,7 @@ def _has_acted(demonstration: Demonstration, hand: RecordedHand) -> bool:
 def _still_puts(demonstration: Demonstration, hand: RecordedHand) -> bool:
     """Return whether what a moving hand carries is at the height of another object in the last frame."""
     held = demonstration.object(hand.acts[-1].nearest)
-    carried_to_m = held.position_m[2] + hand.end_m[2] - hand.acts_at_m[0][2]
+    carried_to_m = held.position_m[2] + hand.end_m[2] - hand.acts_at[0].position_m[2]
     heights_m = [pose.position_m[2] for pose in demonstration.objects if pose is not held]
     return hand.end_speed_m_s > MOVES_M_S and any(abs(height_m - carried_to_m) < LEVEL_M for height_m in heights_m)
 

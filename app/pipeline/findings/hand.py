@@ -8,18 +8,16 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.actions import distances_m
 from app.pipeline.findings.rules import PATH_LEFT, PATH_NOT_KEPT
-from app.pipeline.findings.strokes import Reversals
+from app.pipeline.findings.shown import distances_m
 from app.pipeline.keyframes import Motion, manner_of
-from app.pipeline.keyframes.motion import Switch
+from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.plans.rows import WAY_SHARE
 from app.pipeline.representation.anchors import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
-from roboprompt_client.types.trajectory import Trajectory
 
 NEVER_M = 1.0  # from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
@@ -27,6 +25,12 @@ NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the o
 END_S = 0.2  # within which a hand that is on its way gets on
 DIPS_M = 0.03  # less up and down is no way to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
+FLICKERS_S = 0.3  # fingers do not open and close again as fast
+LEAP_M, LEAP = 0.10, 4.0  # a step that long, and so many times as long as most others, is no motion of an arm
+
+# (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
+# certainly a reversal, and anything that turns back less is possibly one.
+CERTAIN, POSSIBLE = (0.04, -0.8), (0.015, -0.3)
 
 
 class Kept(NamedTuple):
@@ -101,6 +105,28 @@ class Act(NamedTuple):
         return self.nearest_m < AT_OBJECT_M and self.later_m >= self.nearest_m - NEARER_M
 
 
+class Reversals(NamedTuple):
+    """How often a hand reverses its direction of motion: at least `certain` times, at most `possible` times."""
+
+    certain: int
+    possible: int
+
+    @classmethod
+    def of(cls, positions_m: Array) -> "Reversals":
+        """Count them in a path (T, 3)."""
+        return cls(*(_count(positions_m, *limits) for limits in (CERTAIN, POSSIBLE)))
+
+
+def _count(positions_m: Array, segment_m: float, cosine: float) -> int:
+    """Count the corners sharper than `cosine` in the path, resampled to steps of at least `segment_m`."""
+    kept = [0]
+    while (far := np.linalg.norm(positions_m[kept[-1] :] - positions_m[kept[-1]], axis=1) >= segment_m).any():
+        kept.append(kept[-1] + int(far.argmax()))
+    segments_m = np.diff(positions_m[kept], axis=0)
+    directions = segments_m / np.linalg.norm(segments_m, axis=1, keepdims=True)
+    return int(((directions[1:] * directions[:-1]).sum(axis=1) < cosine).sum())
+
+
 @dataclass(frozen=True, eq=False)
 class RecordedHand:
     """The hand of one recording.
@@ -110,7 +136,7 @@ class RecordedHand:
         starts_open: whether the fingers are open until the first act.
         acts: the switches of the gripper, without fingers that come to their place before the hand moves.
         start: its first pose.
-        acts_at_m: (K, 3) where it may act: at the first switch of the gripper, if it switches, and at its lowest place.
+        acts_at: where it may act: at the first switch of the gripper, if it switches, and at its lowest place.
         end_m: (3,) where it is at last.
         end_speed_m_s: at the last frame; a hand that trembles at one place has none.
         nearest_m: the least distance from any object.
@@ -118,13 +144,15 @@ class RecordedHand:
         dips: whether it goes down to its lowest place and up again, as where it acts.
         may_hold: the objects so near to its first pose that it may hold them from the start.
         reversals: how often it reverses its direction of motion.
+        leaps: whether it is suddenly elsewhere, as where recordings are joined or frames are missing.
+        flickers: whether the gripper switches to and fro faster than fingers do, though no single frame is wrong.
     """
 
     kept: Kept
     starts_open: bool
     acts: tuple[Act, ...]
     start: EndEffectorAction
-    acts_at_m: Array
+    acts_at: tuple[EndEffectorAction, ...]
     end_m: Array
     end_speed_m_s: float
     nearest_m: float
@@ -132,6 +160,8 @@ class RecordedHand:
     dips: bool
     may_hold: frozenset[str]
     reversals: Reversals
+    leaps: bool = False
+    flickers: bool = False
 
     @property
     def ends_holding(self) -> bool:
@@ -146,13 +176,14 @@ class RecordedHand:
         away_m = np.linalg.norm(trajectory.positions_m[:, None] - objects_m[None], axis=2)  # (T, N)
         ends = [*(switch.frame for switch in acting[1:]), len(trajectory) - 1]
         starts_open = not acting[0].opens if acting else bool(trajectory.gripper_open[-1])
+        lowest = int(trajectory.positions_m[:, 2].argmin())
         nearest = int(away_m.min(axis=1).argmin())  # the first frame of the least distance
         return cls(
             kept,
             starts_open,
-            tuple(_act(trajectory, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
+            tuple(_act(motion, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
             trajectory.action_at(0),
-            trajectory.positions_m[[*(s.frame for s in acting[:1]), int(trajectory.positions_m[:, 2].argmin())]],
+            tuple(map(trajectory.action_at, [*(s.frame for s in acting[:1]), lowest])),
             trajectory.positions_m[-1],
             min(float(motion.hand_speeds_m_s[-1]), _gets_on_m_s(motion)),
             float(away_m.min()),
@@ -160,16 +191,29 @@ class RecordedHand:
             min(trajectory.positions_m[[0, -1], 2]) - trajectory.positions_m[:, 2].min() > DIPS_M,
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
             Reversals.of(trajectory.positions_m),
+            _leaps(trajectory.positions_m),
+            _flickers(motion),
         )
 
 
-def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration, away_m: Array) -> Act:
-    frame = switch.frame
+def _act(motion: Motion, switch: Switch, end: int, shown: Demonstration, away_m: Array) -> Act:
+    trajectory, frame = motion.trajectory, switch.frame
     of_name = dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True))
     later_m = float(away_m[frame : end + 1, away_m[frame].argmin()].min())
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
     return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)
+
+
+def _flickers(motion: Motion) -> bool:
+    lasts_s = np.diff(motion.times_s[list(motion.gripper_changes)])
+    return bool(((lasts_s > BLIP_S) & (lasts_s < FLICKERS_S)).any())
+
+
+def _leaps(positions_m: Array) -> bool:
+    steps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
+    most_m = float(np.quantile(steps_m, 0.9)) if len(steps_m) else 0.0
+    return bool((steps_m > max(LEAP_M, LEAP * most_m)).any())
 
 
 def _gets_on_m_s(motion: Motion) -> float:

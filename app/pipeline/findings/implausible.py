@@ -25,21 +25,25 @@ from roboprompt_client.types.arrays import Array
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
+EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
 
 UNHELD = (
-    "the hand starts closed and empty, opens at an object and goes on with open fingers: is gripper_open inverted, or"
-    " is what the hand holds from the start not among the objects?"
+    "the hand starts closed and empty, and opens at an object: is gripper_open inverted, or what it holds not listed?"
 )
 PRESSES_OPEN = "the hand opens, and never closes again, to press something: is gripper_open inverted?"
 TAKES_NOTHING = "the gripper closes on nothing, though the instruction says to take something."
 TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and near another object."
 ONLY_OPENS = (
-    "the hand opens at what the instruction says to take, and closes elsewhere or never: is gripper_open inverted, or"
-    " does the recording run backwards?"
+    "the hand opens at what it should take, and closes elsewhere or never: gripper_open inverted, or time reversed?"
 )
+CLOSES_EARLY = (
+    "the gripper closes before the hand comes to what it takes: is gripper_open a command, or its clock early?"
+)
+FLICKERS = "the gripper switches to and fro within 0.3 s: does the width tremble about gripper_open_above_m?"
+LEAPS = "the hand is suddenly elsewhere: frames are missing, out of order, or of two recordings that were joined."
 
 
 def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
@@ -51,7 +55,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     if not hands:
         return
     pairs = list(zip(alike, hands, strict=True))
-    gripper = [_gripper_fault(*pair) for pair in pairs]
+    gripper = [_recorder_fault(hand) or _gripper_fault(shown, hand) for shown, hand in pairs]
     ends = end_faults(pairs)
     found = [(rules.IMPLAUSIBLE_GRIPPER, fault) if fault else end for fault, end in zip(gripper, ends, strict=True)]
     for (rule, fault), number in Counter(item for item in found if item is not None).items():
@@ -85,6 +89,12 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
     return closed_m[0] if takes else hand.nearest_m
 
 
+def _recorder_fault(hand: RecordedHand) -> str | None:
+    if hand.leaps:
+        return LEAPS
+    return FLICKERS if hand.flickers else None
+
+
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     clause = demonstration.order.clauses[0]
     found = DIRECT_OBJECT.match(clause.form)
@@ -97,6 +107,9 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
         return PRESSES_OPEN
     if clause.verb in TAKING | PUTTING and not hand.acts:
         return TAKES_NOTHING
+    first = closings[0] if closings else None
+    if first and clause.verb in TAKING | PUTTING and first.nearest_m > EARLY_M and first.later_m < first.nearest_m / 2:
+        return CLOSES_EARLY
     if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
         return None
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):

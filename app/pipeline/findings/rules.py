@@ -70,49 +70,24 @@ class Rule:
 UNFAMILIAR_INSTRUCTION = Rule("unfamiliar-instruction", danger=ALWAYS, source="not one motion is taught for it")
 NEW_INSTRUCTION = Rule("new-instruction", info=ALWAYS, source="its form was taught")
 NEW_ROLE = Rule(
-    "new-role", "1 where taught words have the object in another part, else 0", warning=0.0, danger=1.0, source="words"
+    "new-role", "1 if demonstrations have the object in another part", warning=0.0, danger=1.0, source="words"
 )
 PARTS_NOT_SHOWN = Rule("parts-not-shown", danger=ALWAYS, source="the reply is not held to demonstrations")
 
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
-OTHER_SOURCE = Rule(
-    "poses-of-another-source",
-    "0 where a pose was given for found ones and nothing compares them, else 1",
-    warning=0.0,
-    danger=1.0,
-    source="docs/guide/poses.md",
-)
+OTHER_SOURCE = Rule("poses-of-another-source", "0 for a given pose that nothing compares", warning=0.0, danger=1.0)
 ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
 HEIGHTS_EXCHANGED = Rule("objects-in-each-others-place", "of both above or below", "m", danger=0.008)
 OLD_SCENE = Rule("scene-of-a-demonstration", danger=ALWAYS, source="no measured pose repeats itself to 0.01 mm")
 TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
 HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
-BEYOND = Rule(
-    "object-beyond-demonstrations",
-    "beyond the box of N demonstrated places, less 15 / N^2 of its range and, of fewer than ten, 0.5 / N - 0.05",
-    "m",
-    warning=0.05,
-    danger=0.10,
-    source="of 4510 right scenes a danger in 0.4 % with ten demonstrations, 3.6 % with five, 2.8 % with three",
-)
-START_BEYOND = Rule(
-    "start-beyond-demonstrations", "as `object-beyond-demonstrations`, of the hand", "m", warning=0.10, danger=0.20
-)
-OTHER_FRAME = Rule(
-    "hand-in-another-frame",
-    "share of the recordings",
-    danger=0.34,
-    source="no danger in right scenes, be the hand where recordings start or elsewhere: docs/results/safety.md",
-)
+# of 4510 right scenes a danger in 0.4 % with ten demonstrations, 3.6 % with five, 2.8 % with three
+BEYOND = Rule("object-beyond-demonstrations", "beyond the widened box of places", "m", warning=0.05, danger=0.10)
+START_BEYOND = Rule("start-beyond-demonstrations", "the same, of the hand", "m", warning=0.10, danger=0.20)
+OTHER_FRAME = Rule("hand-in-another-frame", "share of the recordings", danger=0.34, source="docs/results/safety.md")
 TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
-TURNED_BEYOND_MANY = Rule(
-    "object-turned",
-    "beyond ten or more demonstrations",
-    "degrees",
-    warning=10.0,
-    danger=20.0,
-    source="a danger in 0.2 % of 10560 right scenes",
-)
+# of ten or more demonstrations; a danger in 0.2 % of 10560 right scenes
+TURNED_BEYOND_MANY = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0, danger=20.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.03)
 ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)
 PARTED = Rule("objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", danger=0.035)
@@ -130,32 +105,17 @@ FEW_DEMONSTRATIONS = Rule("few-demonstrations", info=ALWAYS, source="what a row 
 MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="max_actions of a request")
 
 SCATTERED = Rule("scattered-demonstrations", "that their center may be off", info=0.0, warning=0.012)
-MISSED = Rule(
-    "scattered-demonstrations", "that the center may be off where the hand takes or presses", "m", danger=0.012
-)
-APART = Rule(
-    "scattered-demonstrations",
-    "rms of places along the row's axes that are alike along the object's others",
-    "m",
-    danger=TURNED_M,
-)
+MISSED = Rule("scattered-demonstrations", "the same where the hand takes or presses", "m", danger=0.012)
+APART = Rule("scattered-demonstrations", "rms of places that are alike along other axes", "m", danger=TURNED_M)
 HAND_APART = Rule("scattered-demonstrations", "the same of the hand's rotations", "degrees", danger=10.0)
 NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the prompt's demonstrations are too few")
-CONTRADICTING = Rule(
-    "scattered-demonstrations", "of more than a third from the center where the hand acts", "m", danger=BEYOND_NOISE_M
-)
-TURNED_OTHERWISE = Rule(
-    "scattered-demonstrations", "that more than a third turn what they hold more or less", "degrees", danger=45.0
-)
+CONTRADICTING = Rule("scattered-demonstrations", "of a third from the center", "m", danger=BEYOND_NOISE_M)
+EXPLAINED_AWAY = Rule("scattered-demonstrations", "from the center, where something explains it", "m", danger=0.02)
+TURNED_OTHERWISE = Rule("scattered-demonstrations", "that a third turn more or less", "degrees", danger=45.0)
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
 EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
-ELSEWHERE = Rule(
-    "acts-elsewhere",
-    "share of the demonstrations; 1 where words say by its place which object is meant",
-    info=0.0,
-    warning=0.01,
-    danger=0.21,
-)
+ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)
+TURNED_IN_TWO = Rule("scattered-demonstrations", "between two turns of the hand where it acts", "degrees", danger=20.0)
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)
@@ -164,6 +124,7 @@ IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", dan
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.21)
 STOPS_COMPLETE = Rule("broken-off", "the same, where the ends agree and all has been done", warning=0.01)
 BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
+NOT_HELD = Rule("not-in-the-hand", "share of the recordings", danger=0.34, source="what is not held is not put down")
 DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
 FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,15 +11,18 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import (
     APART,
     CONTRADICTING,
+    EXPLAINED_AWAY,
     HAND_APART,
     MISSED,
     NOT_SHOWN_APART,
     ON_A_CIRCLE,
     SCATTERED,
+    TURNED_IN_TWO,
     TURNED_OTHERWISE,
     Rule,
 )
 from app.pipeline.order.order import Order
+from app.pipeline.plans.agreement import left_out_errors_m, two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import (
@@ -35,6 +38,9 @@ from app.pipeline.representation.anchors import (
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
+EXPLAINED = 0.8  # the share of the scatter (leave one out) that something explains: then it is no noise
+FEWEST_EXPLAINED = 6  # demonstrations with which chance hardly ever does
+VARIES_M = 0.015  # what varies by less explains nothing
 CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
 
 
@@ -45,6 +51,8 @@ class _Acting:
     Attributes:
         seen_from: the object or frame that the row is relative to, by its name in the observed scene.
         apart_m, hand_apart_deg: see `_apart`.
+        explained_m, by: see `_explained_m`.
+        two_turns_deg: see `_two_turns_deg`.
         on_a_circle_m: see `_on_a_circle_m`.
         loosely: whether the hand releases something, or acts with a held object; both may happen anywhere, as in a bin.
         turn_off_deg: see `app.pipeline.plans.rows.turn_off_deg`, of a held object.
@@ -55,6 +63,9 @@ class _Acting:
     seen_from: str
     apart_m: float
     hand_apart_deg: float
+    explained_m: float
+    by: str
+    two_turns_deg: float
     on_a_circle_m: float
     loosely: bool
     turn_off_deg: float
@@ -81,6 +92,8 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
             *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
+            *_explained_m(shown, rows[k]),
+            _two_turns_deg(rows[k], round_objects) if k in touching else 0.0,
             _on_a_circle_m(rows[k], round_objects),
             loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
             turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
@@ -150,11 +163,28 @@ def _contradicting_message(item: _Acting) -> str:
     )
 
 
+def _explained_message(item: _Acting) -> str:
+    return (
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}, relative to {item.seen_from}), they"
+        f" are up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no noise,"
+        " and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
+        " frame; delete the recordings made otherwise."
+    )
+
+
 def _turned_message(item: _Acting) -> str:
     return (
         f"More than a third of {len(item.row.off_m)} demonstrations turn the held object by"
         f" {item.turn_off_deg:.0f} degrees more, or less, than the others (action {item.index + 1}), as if only some of"
         " them poured. Delete the wrong ones."
+    )
+
+
+def _two_turns_message(item: _Acting) -> str:
+    return (
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}), the hand is turned in two ways,"
+        f" {item.two_turns_deg:.0f} degrees apart relative to {item.seen_from}. Check whether some have another model"
+        " of the object, or other axes of the hand; delete the wrong ones."
     )
 
 
@@ -198,6 +228,40 @@ def _apart(
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 
+def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, str]:
+    """Return how far demonstrations are from the center of a row, and what explains it; (0, "") if nothing does.
+
+    A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both are
+    measured at another point of it), a wrong scale or a turned frame by where the object stands.
+    """
+    if len(shown) < FEWEST_EXPLAINED or row.scatter_m < SCATTER_M or not row.anchors[0].object_name:
+        return 0.0, ""
+    places_m = np.array([d.object(a.object_name).position_m for d, a in zip(shown, row.anchors, strict=True)])
+    starts_m = [d.start.position_m for d in shown if d.start is not None]
+    causes = {
+        "the order of the recordings": np.linspace(0, 1, len(shown))[:, None],
+        "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 3))),
+        f"the place of {row.anchors[0].object_name}": places_m,
+    }
+    for name, inputs in causes.items():
+        varied = inputs[:, inputs.std(axis=0) > VARIES_M]
+        for seen_m in (row.positions_m - places_m, row.offsets_m):  # along the world's axes, and the row's own
+            left = float((left_out_errors_m(varied, seen_m) ** 2).sum() / (row.off_m**2).sum())
+            if varied.shape[1] and left < 1 - EXPLAINED:
+                return float(row.off_m.max()), name
+    return 0.0, ""
+
+
+def _two_turns_deg(row: PlanRow, round_objects: frozenset[str]) -> float:
+    """Return the angle between two clusters of the hand's rotations; 0 where they are one, or the object is round."""
+    only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
+    least_m = M_PER_RAD * math.radians(TURNED_IN_TWO.levels["danger"])
+    ways = None if row.anchors[0].object_name in round_objects else two_ways(only_turns, least_m=least_m)
+    if ways is None:
+        return 0.0
+    return math.degrees((row.rotations[ways].mean().inv() * row.rotations[~ways].mean()).magnitude())
+
+
 def _on_a_circle_m(row: PlanRow, round_objects: frozenset[str]) -> float:
     """Return the scatter of offsets that lie on a circle about a round object's vertical axis; else 0."""
     if row.anchors[0].object_name not in round_objects:
@@ -217,6 +281,8 @@ DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]],
     (APART, lambda item: item.apart_m, _apart_message),
     (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),
     (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
+    (EXPLAINED_AWAY, lambda item: item.explained_m, _explained_message),
     (TURNED_OTHERWISE, lambda item: item.turn_off_deg, _turned_message),
+    (TURNED_IN_TWO, lambda item: item.two_turns_deg, _two_turns_message),
     (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),
 )

@@ -14,10 +14,10 @@ from app.pipeline.findings.places import (
     MANY,
     MIN_DEMONSTRATIONS,
     ShownPlaces,
-    ShownScenes,
     apart_m,
     estimated_error_m,
 )
+from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
@@ -94,7 +94,7 @@ def _of_a_demonstration(
 
     Objects that never move do not count, nor do positions in whole millimeters, which people write by hand.
     """
-    moved = [pose for pose, place in zip(observed, places, strict=True) if place.range_m.max() > FIXED_M]
+    moved = [pose for pose, place in zip(observed, places, strict=True) if place.box_m.width.max() > FIXED_M]
     if not moved:
         return None
     seen_m = np.array([pose.position_m for pose in moved])
@@ -139,7 +139,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
 def _exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
     """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0."""
     places = scenes.places(one.name), scenes.places(other.name)
-    if max(place.range_m[2] for place in places) >= FIXED_M:
+    if max(place.box_m.width[2] for place in places) >= FIXED_M:
         return 0.0
     off_m = min(place.lifted_m(pose) for place, pose in zip(places, (one, other), strict=True))
     left_m = max(place.lifted_m(pose) for place, pose in zip(places, (other, one), strict=True))

@@ -4,21 +4,25 @@ A constant offset between the two shows that they are measured differently: at t
 base frame or in the world frame.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.places import MIN_DEMONSTRATIONS, ShownScenes
+from app.pipeline.findings.places import MIN_DEMONSTRATIONS
+from app.pipeline.findings.shown import ShownScenes
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import Pose
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
-BESIDE_M, AT_M = 0.05, 0.025  # from the nearest object's vertical axis: acts beside it, acts at it
+BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
+NOT_AT_M = 0.20  # what is farther from the hand is not in it
+SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
 
 
 def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]:
@@ -39,7 +43,7 @@ def frame_findings(
 ) -> Iterator[Finding]:
     """Yield findings for recordings whose hand pose differs from `now` by a constant offset rather than a motion.
 
-    The offset is along the hand's own z axis, or it is the one by which the hand acts beside every object.
+    The offset is along the hand's own z axis, a turn about it, or the one by which the hand acts beside every object.
 
     Args:
         now: the present pose of the end effector; None where it is not known.
@@ -49,19 +53,45 @@ def frame_findings(
         return
     ways_m = np.array(now.position_m) - [hand.start.position_m for hand in hands]
     far_m = np.linalg.norm(ways_m, axis=1)
-    if far_m.max() < ALONG_M:
-        return
     axis = quaternions.rotated(now.quaternion_xyzw, (0, 0, 1))
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
     along_m = np.abs(ways_m @ axis)
-    along = alike & (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
-    beside = alike & [_acts_beside(*item) for item in zip(ways_m, shown, hands, strict=True)]
-    yield from _off(
-        "straight along the hand's own axis. One is the flange's pose and the other the fingertips'", along, along_m
-    )
-    how = "and it acts as far beside an object, on the same side. One is in the base frame and the other in the world's"
-    yield from _off(how, beside & ~along, far_m)
+    along = (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
+    turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
+    usual_deg = float(np.median(turned_deg))
+    turned = (far_m < SAME_PLACE_M) & (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)
+    beside = [
+        not along[k] and far_m[k] > ACROSS_M and _acts_beside(*item)
+        for k, item in enumerate(zip(ways_m, shown, hands, strict=True))
+    ]
+    how = "straight along the hand's own axis. One is the flange's pose and the other the fingertips'"
+    yield from _off(how, alike & along, along_m)
+    how = "and it acts as far beside an object, on the same side. One is in another frame, or another point of the hand"
+    yield from _off(how, alike & beside, far_m)
+    how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
+    yield from _off(how, alike & turned, far_m)
+
+
+def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Yield a finding if recordings start with an object in the hand, which is not at it now.
+
+    Args:
+        scene: as it is observed.
+    """
+    if now is None or not hands:
+        return
+    holding = [hand for hand in hands if hand.acts and hand.acts[0].opens and not hand.starts_open]
+    held = Counter(name for hand in holding for name in hand.may_hold)
+    for pose in scene.objects:
+        share, far_m = held[pose.name] / len(hands), float(np.linalg.norm(pose.position_m - now.position_m))
+        if far_m > NOT_AT_M and rules.NOT_HELD.severity(share) is not None:
+            message = (
+                f"Recordings start with {pose.name} in the hand, which is {100 * far_m:.0f} cm from it now. Put it into"
+                " the hand, or record how the hand takes it."
+            )
+            yield rules.NOT_HELD.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
+            return
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
@@ -75,10 +105,23 @@ def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
         yield rules.OTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
 
 
+def _turned_deg(now: Pose, start_xyzw: Array) -> float:
+    """Return the angle about the hand's axis, from -90 to 90: fingers that are turned by 180 degrees are the same."""
+    turn = quaternions.product(quaternions.inverse(np.array(now.quaternion_xyzw)), start_xyzw)
+    return float((np.degrees(quaternions.to_rotation_vector(turn)[2]) + 90) % 180 - 90)
+
+
 def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:
-    """Return whether the hand acts beside all objects, and would act at one if it was moved by `way_m`."""
-    beside_m, moved_m = (_beside_m(places_m, shown) for places_m in (hand.acts_at_m, hand.acts_at_m + way_m))
-    return bool(((beside_m > BESIDE_M) & (moved_m < AT_M)).any())
+    """Return whether the hand acts beside all objects, and would act at one if it was moved by `way_m`.
+
+    The way turns with the hand if another point of it is meant, and does not if another frame of the world is.
+    """
+    for at in hand.acts_at:
+        in_hand = quaternions.rotated(quaternions.inverse(hand.start.quaternion_xyzw), way_m)
+        moved_m = at.position_m + np.array([way_m, quaternions.rotated(at.quaternion_xyzw, in_hand)])
+        if _beside_m(at.position_m[None], shown)[0] > BESIDE_M and _beside_m(moved_m, shown).min() < AT_M:
+            return True
+    return False
 
 
 def _beside_m(places_m: Array, shown: Demonstration) -> Array:

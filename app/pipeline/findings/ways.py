@@ -8,14 +8,14 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.hand import RecordedHand, Reversals
 from app.pipeline.findings.rules import CONTRADICTING, SEVERAL_WAYS
-from app.pipeline.findings.strokes import more_strokes
 from app.pipeline.plans import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import acting_rows, plan_rows
+from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 IN_PLACE_M = 0.03  # a hand that moves less than this between two actions only turns
@@ -56,6 +56,18 @@ def ways_findings(
             ' wrong ones; if all are right, set the task\'s "ways" to "several".'
         )
     yield SEVERAL_WAYS.finding(message, "demonstrations", {"num_ways": len(ways)}, value=0.0 if declared else 1.0)
+
+
+def more_strokes(reversals: Sequence[Reversals]) -> Array | None:
+    """Return (N,) bool: which recordings make more strokes, if more than a third do and more than a third do not.
+
+    A stroke more is two reversals more; one more may come from where the hand starts. None where all make about equally
+    many, or some cannot be assigned to either.
+    """
+    certain, possible = np.array(reversals).reshape(-1, 2).T
+    splits = [(certain >= number, possible <= number - 2) for number in np.unique(certain)]
+    clear = (more for more, fewer in splits if (more | fewer).all() and min(more.mean(), fewer.mean()) > WAY_SHARE)
+    return next(clear, None)
 
 
 def _distinct_ways(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:

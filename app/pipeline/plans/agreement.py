@@ -89,7 +89,7 @@ def other_way(group: Sequence[Demonstration]) -> list[int]:
     return np.flatnonzero(ways).tolist()
 
 
-def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
+def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW, least_m: float = TWO_WAYS_M) -> np.ndarray | None:
     """Return (N,) bool, which of two clusters each demonstration is in; None if there is one cluster.
 
     The poses are projected onto their first principal component. Two clusters leave a gap there that is wide compared
@@ -108,7 +108,7 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     cut = int(np.argmax(gaps_m)) + fewest
     low, high = sorted_m[:cut], sorted_m[cut:]
     within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
-    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY_DEMONSTRATIONS else gap_of_few) * within_m):
+    if gaps_m.max() < max(least_m, (GAP if len(poses_m) >= MANY_DEMONSTRATIONS else gap_of_few) * within_m):
         return None
     other = np.zeros(len(places_m), dtype=bool)
     other[order[cut:]] = True
@@ -138,12 +138,15 @@ def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
 
 
 def _left_out_m(inputs: Array, offsets_m: Array) -> float:
-    """Return the median leave-one-out error of a linear regression from inputs (N, D) to offsets (N, 3)."""
-    number = len(offsets_m)
-    design = np.concatenate([np.ones((number, 1)), inputs], axis=1)
+    return float(np.median(np.linalg.norm(left_out_errors_m(inputs, offsets_m), axis=1)))
+
+
+def left_out_errors_m(inputs: Array, offsets_m: Array) -> Array:
+    """Return (N, 3) the leave-one-out errors of a linear regression from inputs (N, D) to offsets (N, 3)."""
+    design = np.concatenate([np.ones((len(inputs), 1)), inputs], axis=1)
     hat = design @ np.linalg.pinv(design)
-    errors_m = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
-    return float(np.median(np.linalg.norm(errors_m, axis=1)))
+    errors_m: Array = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
+    return errors_m
 
 
 def lone_way(group: Sequence[Demonstration]) -> int | None:

@@ -39,14 +39,10 @@ def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations)
     names = in_all([[item.name for item in record.objects], *shown_names])
     shown = demonstrations.only(names).recorded
     observed = tuple(item.pose() for item in record.objects if item.name in names)
-    predicted = Demonstration(_canonical(record), observed, tuple(_actions(record)))
+    instruction = str(record.grounding["instruction"])  # as the LLM read it
+    predicted = Demonstration(instruction, observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
     return Explanation(reaches, action_deviations(predicted, shown))
-
-
-def _canonical(record: PredictionRecord) -> str:
-    """The instruction as the LLM read it."""
-    return str(record.grounding["instruction"])
 
 
 def _actions(record: PredictionRecord) -> Iterator[EndEffectorAction]:
@@ -74,8 +70,7 @@ def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand
     base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
     geometry = None if settings.arm is None else PandaGeometry(settings.arm)
     joints = None if geometry is None else _start(geometry, base, hand)
-    start_m = None if hand is None else hand.position_m
-    limits = settings.limits_of_motion()
+    start_m, limits = None if hand is None else hand.position_m, settings.limits_of_motion()
     return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
 
 
@@ -91,13 +86,7 @@ def _start(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Arr
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:
     """Return the options that a prediction was made with, by their names in requests."""
-    asked = (
-        "selection",
-        "seed",
-        "max_actions",
-        "num_samples",
-        "temperature",
-    )
+    asked = ("selection", "seed", "max_actions", "num_samples", "temperature")
     return {
         "model": record.model,
         "representation": record.representation,

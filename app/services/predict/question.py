@@ -12,7 +12,7 @@ from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHO
 from app.pipeline.findings.scatter import not_shown_findings
 from app.pipeline.findings.scene import other_objects, scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
-from app.pipeline.findings.start import frame_findings, start_findings
+from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
@@ -120,6 +120,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     if taught.follows_start(order):
         yield from start_findings(known.end_effector, taught.scenes)
     yield from frame_findings(known.end_effector, taught.demonstrations, taught.hands)
+    yield from held_findings(known.end_effector, seen, taught.hands)
 
 
 def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:

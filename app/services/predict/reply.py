@@ -57,8 +57,9 @@ class Reply:
     def findings(self) -> tuple[Finding, ...]:
         """The findings about its actions."""
         actions, question = [item.action for item in self.actions], self.question
-        passing = passing_findings(question.seen, actions, question.known.taught.ways, question.known.scene.bystanders)
-        odd = question.known.taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
+        taught, bystanders = question.known.taught, question.known.scene.bystanders
+        passing = passing_findings(question.seen, actions, taught.scenes, bystanders)
+        odd = taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
         return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
 
     async def whole(self) -> AsyncGenerator[Actions, None]:

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.findings.actions import ActionDoubt, ShownWays, action_findings, distances_m, passing_findings
+from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
+from app.pipeline.findings.shown import ShownScenes, distances_m
 
 from ..scenes import action, demonstration, pose
 
@@ -61,7 +62,7 @@ def carried(vase_m, instruction=INSTRUCTION, names=("cup", "plate", "vase")):
     return demonstration(instruction, objects, [action(CUP_M, gripper_open=False), action(PLATE_M)])
 
 
-SHOWN = ShownWays((carried(ASIDE_M), carried((0.1, 0.15, 0.8)), carried((0.3, -0.2, 0.8))))
+SHOWN = ShownScenes((carried(ASIDE_M), carried((0.1, 0.15, 0.8)), carried((0.3, -0.2, 0.8))))
 
 
 def found(vase_m, shown=SHOWN, start=None, **how):
@@ -91,19 +92,19 @@ def test_the_way_from_the_start_counts_where_the_robot_says_it():
 
 
 def test_demonstrations_that_pass_as_close_say_that_it_does_no_harm():
-    close = ShownWays((*SHOWN.demonstrations, carried((0.1, 0.03, 0.8))))
+    close = ShownScenes((*SHOWN.demonstrations, carried((0.1, 0.03, 0.8))))
     assert found((0.2, 0.02, 0.8), shown=close) == []
 
 
 @pytest.mark.parametrize("number", [0, 2])
 def test_few_demonstrations_say_nothing_of_what_is_near(number):
-    assert found((0.2, 0.0, 0.8), shown=ShownWays(SHOWN.demonstrations[:number])) == []
+    assert found((0.2, 0.0, 0.8), shown=ShownScenes(SHOWN.demonstrations[:number])) == []
 
 
 def test_demonstrations_without_actions_keep_no_distance():
     still = demonstration(INSTRUCTION, SHOWN.demonstrations[0].objects, [])
-    assert found((0.2, 0.0, 0.8), shown=ShownWays((still, still, still))) == []
-    (finding,) = found((0.2, 0.0, 0.8), shown=ShownWays((still, *SHOWN.demonstrations)))
+    assert found((0.2, 0.0, 0.8), shown=ShownScenes((still, still, still))) == []
+    (finding,) = found((0.2, 0.0, 0.8), shown=ShownScenes((still, *SHOWN.demonstrations)))
     assert finding.numbers["demonstrated_m"] == pytest.approx(0.15)
 
 

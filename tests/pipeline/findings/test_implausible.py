@@ -67,6 +67,24 @@ def w_first(item):
     return changed(item, quaternions_xyzw=np.roll(item.motion.trajectory.quaternions_xyzw, 1, axis=1))
 
 
+def early(item):
+    """The gripper is recorded 0.9 s before the hand."""
+    is_open = item.motion.trajectory.gripper_open
+    return changed(item, gripper_open=np.append(is_open[18:], is_open[-1:].repeat(18)))
+
+
+def flickering(item):
+    """Open for 0.2 s on the way."""
+    is_open = item.motion.trajectory.gripper_open.copy()
+    is_open[140:144] = True
+    return changed(item, gripper_open=is_open)
+
+
+def twice(item):
+    """The frames come twice, one after the other."""
+    return frames(np.tile(np.arange(len(item.motion)), 2))(item)
+
+
 def taught(recordings):
     demonstrations = tuple(replace(item, start=None) for item in aligned_by_plan(recordings))
     hands = tuple(
@@ -108,6 +126,9 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (inverted, PUT, 10, "implausible-gripper"),
         (inverted, "do it", 10, "implausible-gripper"),
         (inverted, PUT, 1, "implausible-gripper"),
+        (early, PUT, 10, "implausible-gripper"),
+        (flickering, PUT, 10, "implausible-gripper"),
+        (twice, PUT, 10, "implausible-gripper"),
         (always(True), PUT, 10, "implausible-gripper"),
         (always(False), "take the red cube", 10, "implausible-gripper"),
         (frames(slice(None, None, -1)), "do it", 10, "backwards-in-time"),

@@ -42,6 +42,40 @@ def test_the_center_counts(off_m, severity):
         assert finding.numbers["scatter_m"] == pytest.approx(off_m, rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("off_m", "severity"),
+    [
+        (lambda k, cube_m, start_m, noise_m: (0.01 * k, 0, 0), "danger"),
+        (lambda k, cube_m, start_m, noise_m: 0.15 * cube_m, "danger"),
+        (lambda k, cube_m, start_m, noise_m: start_m, "danger"),
+        (lambda k, cube_m, start_m, noise_m: noise_m, "info"),
+    ],
+    ids=["a camera that drifts", "a wrong scale", "another tool", "noise"],
+)
+def test_what_explains_the_scatter_is_no_noise(off_m, severity):
+    random, group = np.random.default_rng(0), []
+    for k in range(10):
+        cube_m, start_m = random.uniform(-0.2, 0.2, 3), random.uniform(-0.03, 0.03, 3)
+        at_m = cube_m + off_m(k, cube_m, start_m, random.normal(0, 0.02, 3))
+        ups_m = np.array([[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]])
+        rows = [action(at_m + up_m, gripper_open=row == 0) for row, up_m in enumerate(ups_m)]
+        given = demonstration(INSTRUCTION, (pose("cube", cube_m, 0),), rows)
+        group.append(replace(given, start=action(start_m + np.array([0, 0, 0.4]))))
+    (finding,) = found(group)
+    assert finding.severity == severity
+
+
+@pytest.mark.parametrize(("between_deg", "dangers"), [(0, 0), (12, 0), (30, 1)])
+def test_two_turns_of_the_hand_are_not_averaged(between_deg, dangers):
+    random, group = np.random.default_rng(0), []
+    for k in range(10):
+        cube_m, yaw_deg = (*random.uniform(-0.2, 0.2, 2), 0.8), float(random.uniform(-40, 40))
+        deg = yaw_deg + between_deg * (k % 2) + random.normal(0, 1.5)
+        rows = [action((*cube_m[:2], z_m), (180, 0, deg), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
+        group.append(demonstration(INSTRUCTION, (pose("cube", cube_m, yaw_deg),), rows))
+    assert sum(finding.severity == "danger" for finding in found(group)) == dangers
+
+
 def test_what_is_let_go_may_come_down_anywhere():
     (finding,) = found(shown(0.05, before=False))
     assert finding.severity == "warning"

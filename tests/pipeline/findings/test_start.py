@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.hand import Kept, RecordedHand
-from app.pipeline.findings.places import ShownScenes
-from app.pipeline.findings.start import frame_findings, start_findings
+from app.pipeline.findings.shown import ShownScenes
+from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from roboprompt_client.types.poses import Pose
-from tests.pipeline.findings.test_implausible import changed, put
+from tests.pipeline.findings.test_implausible import changed, frames, put
 from tests.pipeline.scenes import action, demonstration, pose
 
 STEEP_DEG = 40
@@ -25,9 +25,10 @@ def reported(recordings, now):
     return len(findings)
 
 
-def home(tilted_deg=0.0):
+def home(tilted_deg=0.0, turned_deg=0.0):
     first = put(0).motion.trajectory
-    turn = Rotation.from_euler("x", tilted_deg, degrees=True) * Rotation.from_quat(first.quaternions_xyzw[0])
+    turn = Rotation.from_euler("zx", [turned_deg, tilted_deg], degrees=True)
+    turn *= Rotation.from_quat(first.quaternions_xyzw[0].copy())
     return Pose(tuple(first.positions_m[0].tolist()), tuple(turn.as_quat().tolist()))
 
 
@@ -49,6 +50,31 @@ def test_some_recordings_of_the_flange_are_enough_where_they_are_more_than_a_thi
 @pytest.mark.parametrize(("off_m", "found"), [((0.03, 0), 0), ((0.08, 0), 1), ((-0.2, 0.1), 1)])
 def test_recordings_of_another_frame_act_beside_objects_by_as_much_as_they_start_elsewhere(off_m, found):
     assert reported([hand_off(put(seed), *off_m, 0) for seed in range(4)], home()) == found
+
+
+@pytest.mark.parametrize(("turned_deg", "found"), [(0, 0), (10, 0), (45, 1), (-90, 1), (180, 0)])
+def test_recordings_of_a_turned_flange_start_turned_in_the_same_place(turned_deg, found):
+    assert reported([put(seed) for seed in range(4)], home(turned_deg=turned_deg)) == found
+
+
+def test_another_point_of_the_hand_turns_with_it():
+    recordings = []
+    for seed in range(6):
+        given = put(seed)
+        hands = Rotation.from_quat(given.motion.trajectory.quaternions_xyzw.copy())
+        recordings.append(changed(given, positions_m=given.motion.trajectory.positions_m + hands.apply([0.05, 0, 0])))
+    assert reported(recordings, home()) == 1
+
+
+@pytest.mark.parametrize(("away_m", "number", "dangers"), [(0.3, 4, 1), (0.05, 4, 0), (0.3, 1, 0)])
+def test_what_recordings_have_in_the_hand_from_the_start_must_be_there(away_m, number, dangers):
+    recordings = [put(seed) for seed in range(4)]
+    recordings[:number] = [frames(slice(86, None))(item) for item in recordings[:number]]  # once it is grasped
+    scene = recordings[0].demonstration
+    hands = [RecordedHand.of(item.motion, item.demonstration, Kept(0.0, 0.0)) for item in recordings]
+    now = home()._replace(position_m=tuple(np.add(scene.object("red cube").position_m, (0, 0, away_m)).tolist()))
+    assert [f.code for f in held_findings(now, scene, hands)] == ["not-in-the-hand"] * dangers
+    assert list(held_findings(None, scene, hands)) == []
 
 
 def test_a_hand_that_is_elsewhere_is_right():
