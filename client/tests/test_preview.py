@@ -84,10 +84,10 @@ def test_the_joints_are_followed_from_pose_to_pose():
     assert (one.reachable, two.reachable, one.warning, two.warning) == (True, True, "", "")
     assert one.from_base_m == pytest.approx(np.linalg.norm([0.45, 0.15, 0.2]))
     joints = geometry.way(READY, np.array([0.45, 0.15, 0.2]), DOWN)
-    assert one.nearest == geometry.nearest_limit(joints)
+    assert one.nearest == pytest.approx(geometry.nearest_limit(joints))
     joints = geometry.way(joints, np.array([0.45, 0.15, 0.1]), DOWN)
     np.testing.assert_allclose((flange(joints)[0] @ franka_hand())[:3, 3], [0.45, 0.15, 0.1], atol=1e-3)
-    assert two.nearest == geometry.nearest_limit(joints)
+    assert two.nearest == pytest.approx(geometry.nearest_limit(joints))
 
 
 def test_what_cannot_be_reached_says_why_and_the_rest_is_looked_at():

@@ -4,8 +4,9 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class Arm:
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
         self._observe_scene, self._tolerance = observe_scene, tolerance
         self._stopped, self._moving = threading.Event(), threading.Lock()
-        self._starting = threading.Lock()  # a stop comes either before the start of a motion or after it
+        self._starting = threading.Lock()  # held while a command is given
         self._open_width_m = open_width_m
         self._geometry, self._reach_m = geometry, reach_m
         if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
@@ -93,9 +94,11 @@ class Arm:
     def close(self) -> None:
         """Stop the arm, and disconnect from it and its cameras."""
         self.stop()
-        self.driver.close()
-        if self.cameras is not None:
-            self.cameras.close()
+        try:
+            self.driver.close()
+        finally:
+            if self.cameras is not None:
+                self.cameras.close()
 
     def hand_to_world(self) -> Array:
         """Return the hand's present pose (4, 4) in the world frame."""
@@ -172,8 +175,7 @@ class Arm:
         """
         with self._alone():
             before_m = self._move(action).gripper_width_m
-            self.driver.set_gripper(is_open=action.gripper_open)
-            self._refuse_if_stopped()
+            self.set_gripper(is_open=action.gripper_open)
             width_m = self.driver.state().gripper_width_m
             if width_m is not None and before_m is not None:
                 self._open_width_m = max(self._open_width_m or 0.0, width_m, before_m)  # NaN is never the largest
@@ -204,10 +206,9 @@ class Arm:
         """
         if not isinstance(self.driver, Guidable):
             raise InvalidInputError("guide", f"{self.driver.name} cannot be guided by its driver", "its maker's button")
-        with self._alone():
-            self._refuse_if_stopped()
-            with self.driver.guided():
-                yield
+        with self._alone(), ExitStack() as guided:
+            self._begin(partial(guided.enter_context, self.driver.guided()))
+            yield
             self._refuse_if_stopped()
 
     @contextmanager
@@ -225,39 +226,53 @@ class Arm:
             problem = self._tolerance.contact(now, velocity_m_s)
             problem = problem or problem_ahead(now, velocity_m_s, turning_rad_s, self._limits, self._check_reach)
             wanted = (np.zeros(3), np.zeros(3)) if problem else (velocity_m_s, turning_rad_s)
-            with self._starting:
-                self._refuse_if_stopped()
-                driver.steer(*(rotations.rotated(back, vector) for vector in wanted))
+            self._begin(partial(driver.steer, *(rotations.rotated(back, vector) for vector in wanted)))
             return problem
 
         with self._alone():
             yield steer
             steer(np.zeros(3), np.zeros(3))
-            self._wait(
-                replace(self._tolerance, max_contact_force_n=None)
-            )  # contact while the hand comes to rest is allowed
+            # while it comes to rest the hand may touch something
+            self._wait(replace(self._tolerance, max_contact_force_n=None))
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided; raises MotionError after a stop."""
-        self._refuse_if_stopped()
-        self.driver.set_gripper(is_open=is_open)
+        self._begin(partial(self.driver.set_gripper, is_open=is_open))
 
     def stop(self) -> None:
         """Stop, from any thread: a motion under way raises MotionError, and nothing moves until `recover`."""
         self._stopped.set()
-        begun = self._starting.acquire(timeout=MAX_START_S)  # do not wait for a driver that hangs
+        if not self._starting.acquire(blocking=False):
+            self._halt()  # at once, and again after the command that another thread is giving
+            if not self._starting.acquire(timeout=MAX_START_S):  # do not wait for a driver that hangs
+                return self._halt()
+        try:
+            self._halt()
+        finally:
+            self._starting.release()
+
+    def _halt(self) -> None:
         try:
             self.driver.halt()
-        except MotionError as error:
-            log.error("%s: the stop was not confirmed: %s", self.driver.name, error)
-        finally:
-            if begun:
-                self._starting.release()
+        except Exception as error:  # a driver's own; the error for which the arm stops must not be lost
+            log.error("%s: the stop was not confirmed: %s", self.driver.name, error or type(error).__name__)
 
     def recover(self) -> None:
         """Let the arm move again after a person has looked; also acknowledge the arm's own errors."""
-        self.driver.recover()
-        self._stopped.clear()
+        with self._starting:
+            self._stopped.clear()  # first, so that a stop meanwhile holds
+            try:
+                self.driver.recover()
+            except BaseException:
+                self._stopped.set()
+                raise
+
+    def _begin(self, command: Callable[[], object]) -> None:
+        """Give the driver a command: a stop of another thread comes either before it or after it."""
+        with self._starting:
+            self._refuse_if_stopped()
+            command()
+        self._refuse_if_stopped()
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -278,10 +293,7 @@ class Arm:
         before = self.state()
         MotionGuard(self._limits, before=before.pose()).check(action)
         wanted = self._check_reach(action)
-        with self._starting:
-            self._refuse_if_stopped()
-            self.driver.start(*wanted)
-        self._refuse_if_stopped()
+        self._begin(partial(self.driver.start, *wanted))
         self._wait(self._tolerance)
         self._tolerance.check_pose(self.state(), action)
         self._refuse_if_stopped()
