@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from sqlalchemy import Connection
 
@@ -13,6 +13,8 @@ from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.elsewhere import unlike_findings
+from app.pipeline.findings.hand import RecordedHand, kept
+from app.pipeline.findings.implausible import hand_findings
 from app.pipeline.findings.recording import compared_findings, contact_findings, recording_findings
 from app.pipeline.findings.units import check_recording, unit_findings
 from app.pipeline.prompt import check_object_names
@@ -153,13 +155,16 @@ class UploadEpisode:
         settings.check_models(names)
         extracted = extract(motion, queries, episode.frames, settings, names, self._store.blobs)
         new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes).demonstration()
+        rule = settings.keyframes.keyframe_rule()
+        hand = RecordedHand.of(motion, new, kept(motion, new.actions, rule.delta_rad_s))
         findings = (
             *others,
             *alike_findings(upload.alike, instruction),
             *unit_findings(trajectory, extracted.poses),
             *compared_findings(settings.compared(upload.objects, extracted.poses)),
-            *recording_findings(motion, extracted.keyframes, settings.keyframes.keyframe_rule()),
+            *recording_findings(motion, extracted.keyframes, rule),
             *contact_findings(motion, sent, episode.extra),
+            *(replace(doubt, severity="warning") for doubt in hand_findings([new], [hand])),
             *unlike_findings(new, [record.demonstration() for record in task.demonstrations]),
         )
         draft = EpisodeDraft(
