@@ -17,7 +17,8 @@ from makers import Body, open_xarm, xarm
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import open_robot
-from roboprompt_client.commands.record import offer_correction, record_live
+from roboprompt_client.commands.record import offer_correction
+from roboprompt_client.commands.record_live import record_live
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types.poses import EndEffectorAction
