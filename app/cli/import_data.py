@@ -19,9 +19,9 @@ from app.datasets.formats import FORMATS
 from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 
 Status = Literal["imported", "already_there", "damaged", "refused"]
 AHEAD = 4  # episodes that are read before they are uploaded, and wait in memory

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from app.untrusted_arrays import array_from_npy
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera, RgbdFrame
-from roboprompt_client.types.npy import array_from_npy
 
 # 4k UHD has 8.3 million. OpenCV's own limit is an environment variable that it reads once, when it is loaded.
 MAX_PIXELS = 16_000_000

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from app.perception.images import MAX_PIXELS
+from app.untrusted_arrays import MAX_UNPACKED_BYTES
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
+from roboprompt_client.types.trajectory_npz import MAX_FRAMES
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,10 @@
         run_task(client, my_robot, "open_drawer", "open the bottom drawer")
 
 Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
+
+- What the service is asked: `requests` (one method for each request), sent by `client`.
+- What a run does between `observe` and `execute`: `runs.loop`. Where a limit of motion is checked: `motion.guard`.
+- Arms: `arms.driver` has the Protocol of a new one, `arms.arm` makes a `Robot` of it, `cell` names it.
 """
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions

@@ -71,15 +71,12 @@ def open_robot(name: str, *, cameras: bool = True) -> Robot:
         CameraError: if a camera cannot be opened.
     """
     path = Path(name)
-    if ":" in name and not path.exists():
-        robot: Robot = make_driver("arm", name, ARMS, {})
-        return robot
-    cell = read_cell(path)
+    cell: Mapping[str, Any] = {"arm": name} if ":" in name and not path.exists() else read_cell(path)
     with ExitStack() as opened:
         rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if cameras and "cameras" in cell else None
         if rig is not None:
             opened.callback(rig.close)
-        robot = _robot(cell, path.parent, rig)
+        robot = _robot(cell, path.parent, rig, opened)
         opened.pop_all()
     return robot
 
@@ -94,37 +91,29 @@ def closing_robot(robot: Robot) -> Iterator[Robot]:
             robot.close()
 
 
-def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
-    tolerance = _tolerance(cell.get("tolerance", {}))
-    limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
-    calibration = Calibration.from_json(cell) if "base_to_world" in cell else None
-    viewpoints = viewpoints_from_json(cell.get("viewpoints", []))
-    made: Any = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
-    if not hasattr(made, "halt"):
-        if "cameras" in cell:
-            remedy = "a factory that returns a driver for Arm; the observe() of a Robot takes its pictures itself"
-            raise InvalidInputError("cameras", "are given, but `arm` returns a Robot", remedy)
-        robot: Robot = made
-        return robot
-    observe_scene = None
+def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitStack) -> Robot:
+    """Return the robot; `opened` closes its driver if the arm then cannot be used."""
+    how: dict[str, Any] = {
+        "calibration": Calibration.from_json(cell) if "base_to_world" in cell else None,
+        "limits": MotionLimits.from_file(cell["limits"]) if "limits" in cell else None,
+        "tolerance": _tolerance(cell.get("tolerance", {})),
+        "geometry": _geometry(folder, cell["urdf"]) if "urdf" in cell else None,
+        "viewpoints": viewpoints_from_json(cell.get("viewpoints", [])),
+        "on_lost": checked_on_lost(cell.get("lost_contact", "continue")),
+        **{name: checked_bound(name, cell[name]) for name in ("open_width_m", "reach_m") if name in cell},
+    }
     if "objects" in cell:
-        observe_scene = partial(
-            observation_from_file, "objects", folder / cell["objects"]
-        )  # read again at each observation
-        observe_scene()
-    return Arm(
-        made,
-        calibration=calibration,
-        observe_scene=observe_scene,
-        limits=limits,
-        tolerance=tolerance,
-        open_width_m=cell.get("open_width_m"),
-        geometry=_geometry(folder, cell["urdf"]) if "urdf" in cell else None,
-        reach_m=checked_bound("reach_m", cell["reach_m"]) if "reach_m" in cell else None,
-        cameras=rig,
-        viewpoints=viewpoints,
-        on_lost=checked_on_lost(cell.get("lost_contact", "continue")),
-    )
+        how["observe_scene"] = partial(observation_from_file, "objects", folder / str(cell["objects"]))
+        how["observe_scene"]()  # and again at each observation
+    made: Any = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
+    if hasattr(made, "halt"):
+        opened.callback(made.close)
+        return Arm(made, cameras=rig, **how)
+    if ignored := [name for name in cell if name not in ("arm", "options")]:
+        remedy = "a factory that returns a driver for Arm; a Robot has its own cameras, limits and objects"
+        raise InvalidInputError(ignored[0], "is given, but `arm` returns a Robot", remedy)
+    robot: Robot = made
+    return robot
 
 
 def read_cell(path: Path) -> dict[str, Any]:

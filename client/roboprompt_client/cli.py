@@ -26,7 +26,7 @@ from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_fro
 from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
+from roboprompt_client.types.trajectory_npz import trajectory_from_file
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -113,10 +113,7 @@ def _add_run(run: ArgumentParser) -> None:
 
 def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
     scene = observation_from_file("--objects", arguments.objects)
-    try:
-        trajectory = trajectory_from_npz(arguments.trajectory.read_bytes())
-    except OSError as error:
-        raise InvalidInputError("trajectory", f"cannot be read: {error}", "an .npz file") from error
+    trajectory = trajectory_from_file(arguments.trajectory)
     client.ping()
     return _print_json(client.upload(arguments.task, arguments.instruction, trajectory, scene))
 

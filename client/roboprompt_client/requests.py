@@ -92,18 +92,6 @@ class Requests:
         wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which nothing may come
         return ask("POST", "/predict", timeout=wait_s, **body).then(PredictedActions.from_json)
 
-    def dry_run(
-        self,
-        /,
-        task: str | None,
-        instruction: str,
-        observation: Observation,
-        **options: Any,  # noqa: ANN401
-    ) -> Request[dict[str, Any]]:
-        """Return the prompt that `predict` would send with the same options; no LLM is asked."""
-        asked = {**options, "dry_run": True}
-        return ask("POST", "/predict", **prediction_request(task, instruction, observation, None, asked))
-
     def find_poses(
         self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
     ) -> Request[tuple[ObjectPose, ...]]:

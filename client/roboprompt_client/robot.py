@@ -1,6 +1,7 @@
 """What a robot must offer: the `Robot` Protocol, and the `Observation` of a scene."""
 
 import json
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose, object_from_json
 
+log = logging.getLogger(__name__)
 OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], meters, each with "quaternion_xyzw" where it is known'
 
 
@@ -86,3 +88,11 @@ class Robot(Protocol):
     def stop(self) -> None:
         """Stop the arm where it is; safe to call at any time and from any thread."""
         ...
+
+
+def stop_after_error(robot: Robot) -> None:
+    """Stop the robot; an error of its `stop` is logged, so that it does not hide the one for which it stops."""
+    try:
+        robot.stop()
+    except Exception as error:
+        log.error("the stop was not confirmed: %s", error or type(error).__name__)

@@ -23,34 +23,51 @@ OPEN_M = 0.08
 
 
 class Body:
-    """Where the tool is. `blocked` stops it on its way, `jammed` the fingers, `gone` every answer."""
+    """Where the tool is. `blocked` stops it on its way, `jammed` the fingers, `gone` every answer.
+
+    `on_touch` is called whenever a maker's interface asks or commands something.
+    """
 
     def __init__(self):
-        self.position_m, self.quaternion = FIRST_M.copy(), DOWN.copy()
+        self.on_touch = lambda: None
+        self._position_m, self.quaternion = FIRST_M.copy(), DOWN.copy()
         self.width_m = OPEN_M
         self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
         self._left = 0
 
+    @property
+    def position_m(self):
+        self.on_touch()
+        return self._position_m
+
+    @position_m.setter
+    def position_m(self, position_m):
+        self.on_touch()
+        self._position_m = position_m
+
     def go(self, position_m, quaternion):
+        self.on_touch()
         self.starts += 1
         self.halted = False
-        self._goal, self._from, self._left = (np.array(position_m), quaternion), self.position_m, STEPS
+        self._goal, self._from, self._left = (np.array(position_m), quaternion), self._position_m, STEPS
 
     def poll(self):
         """Whether it moves."""
+        self.on_touch()
         if self._left == 0 or self.halted:
             return False
         self._left -= 1
         if not (self.blocked and self._left < STEPS / 2):
-            self.position_m = self._from + (self._goal[0] - self._from) * (1 - self._left / STEPS)
+            self._position_m = self._from + (self._goal[0] - self._from) * (1 - self._left / STEPS)
             self.quaternion = self._goal[1]
         return self._left > 0
 
     def drift(self, velocity_m_s, turning_rad_s, for_s):
         """What a velocity does that nobody repeats."""
-        self.position_m = self.position_m + for_s * np.array(velocity_m_s)
+        self.on_touch()
+        self._position_m = self._position_m + for_s * np.array(velocity_m_s)
         turn = rotations.from_rotation_vector(for_s * np.array(turning_rad_s))
         self.quaternion = rotations.product(turn, self.quaternion)
 
@@ -58,7 +75,11 @@ class Body:
         self.halts += 1
         self.halted = True
 
+    def where(self):
+        return [round(float(value), 9) for value in (*self._position_m, *self.quaternion, self.width_m)]
+
     def grip(self, width_m):
+        self.on_touch()
         if not self.jammed:
             self.width_m = width_m
 
@@ -149,7 +170,7 @@ def franky(body):
 
 def rtde(body):
     """The modules control, receive and io."""
-    now = Named(progress=-1, before=-1)
+    now = Named(progress=-1, before=-1, servo=False)
 
     def progress():
         """Toggles between -1 and -2 with each operation that ends."""
@@ -160,13 +181,25 @@ def rtde(body):
     def move(pose, speed, acceleration, asynchronous):
         assert asynchronous
         assert speed <= 0.1
+        assert not now.servo  # the controller: another thread is controlling the robot already
         now.before, now.progress = now.progress, 0
         body.go(pose[:3], rotations.from_rotation_vector(pose[3:]))
         return True
 
     def servo(pose, speed, acceleration, time, lookahead_time, gain):
         assert (0.03 <= lookahead_time <= 0.2, 100 <= gain <= 2000) == (True, True)
+        now.servo = True
         body.position_m, body.quaternion = np.array(pose[:3]), rotations.from_rotation_vector(pose[3:])
+        return True
+
+    def stop(deceleration):
+        """It does not end the servo thread, which `servoStop` does."""
+        if not now.servo:
+            body.halt()
+
+    def servo_stop(deceleration):
+        now.servo = False
+        body.halt()
         return True
 
     control = Named(
@@ -177,8 +210,8 @@ def rtde(body):
         getAsyncOperationProgress=progress,
         moveL=move,
         servoL=servo,
-        servoStop=lambda deceleration: True,
-        stopL=lambda deceleration: body.halt(),
+        servoStop=servo_stop,
+        stopL=stop,
         stopScript=lambda: None,
         disconnect=lambda: None,
         reconnect=lambda: not body.gone,
@@ -193,7 +226,12 @@ def rtde(body):
         isProtectiveStopped=lambda: False,
         disconnect=lambda: None,
     )
-    outputs = Named(setToolDigitalOut=lambda number, level: not body.jammed)
+
+    def output(number, level):
+        body.grip(0.0 if level else OPEN_M)
+        return not body.jammed
+
+    outputs = Named(setToolDigitalOut=output)
     return (
         Named(RTDEControlInterface=lambda address: control),
         Named(RTDEReceiveInterface=lambda address: receive),

@@ -3,6 +3,7 @@
 import logging
 import threading
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -288,17 +289,96 @@ def test_a_calibration_says_what_it_wants():
     np.testing.assert_allclose(Calibration.from_json(raised).to_world(np.zeros(3), DOWN)[0], [0, 0, 0.5])
 
 
-def test_a_stop_while_a_motion_begins_halts_it_before_it_goes_anywhere(arm, body, monkeypatch):
-    before_m = body.position_m.copy()
-    start, stopping = arm.driver.start, threading.Thread(target=arm.stop)
+class Moment:
+    """A thread that stops an arm when its maker's interface is used the n-th time by the test's own thread."""
 
-    def stopped_meanwhile(position_m, quaternion_xyzw):
-        stopping.start()
-        stopping.join(0.05)  # the stop waits: what begins after its halt would go on
-        start(position_m, quaternion_xyzw)
+    def __init__(self, arm, body, at):
+        self._arm, self._body, self._left, self._user = arm, body, at, threading.get_ident()
+        self.thread = threading.Thread(target=self._stop)
+        self.then = None
+        body.on_touch = self._touch
 
-    monkeypatch.setattr(arm.driver, "start", stopped_meanwhile)
-    with pytest.raises(MotionError, match="stopped"):
+    def _touch(self):
+        if threading.get_ident() != self._user:
+            return
+        self._left -= 1
+        if self._left == 0:
+            self.thread.start()
+            self.thread.join(0.02)  # longer if the stop waits for the command of this moment
+
+    def _stop(self):
+        self._arm.stop()
+        self.then = self._body.where()
+
+    def end(self):
+        """Where the body was after the stop; None if the moment did not come."""
+        self._body.on_touch = lambda: None
+        if self.thread.ident is not None:
+            self.thread.join()
+        return self.then
+
+
+def a_motion_and_a_grip(arm):
+    arm.execute(to((0.02, 0.0, -0.01), gripper_open=False))
+
+
+def steps_and_a_grip(arm):
+    with arm.steered() as steer:
+        steer(SLOWLY_M_S, NOT)
+        arm.set_gripper(is_open=False)
+        steer(np.zeros(3), np.array([0.0, 0.0, 0.1]))
+
+
+@pytest.mark.parametrize("do", [a_motion_and_a_grip, steps_and_a_grip])
+def test_nothing_is_sent_after_a_stop_at_any_moment(arm, body, do):
+    for at in count(1):
+        arm.recover()
+        arm.execute(to((0, 0, 0)))
+        moment, refused = Moment(arm, body, at), False
+        try:
+            do(arm)
+        except MotionError:
+            refused = True
+        if (then := moment.end()) is None:
+            break
+        assert (at, *body.where()) == (at, *then)
+        with pytest.raises(MotionError, match="was stopped"):
+            arm.set_gripper(is_open=True)
+        assert refused or at > 5  # what was done already when it was stopped
+    assert at > 5
+
+
+def test_a_stop_while_the_arm_recovers_holds(arm, monkeypatch):
+    arm.stop()
+    monkeypatch.setattr(arm.driver, "recover", arm.stop)
+    arm.recover()
+    with pytest.raises(MotionError, match="was stopped"):
         arm.execute(to())
-    stopping.join()
-    assert np.linalg.norm(body.position_m - before_m) < 0.02
+
+
+def test_a_driver_that_raises_in_its_stop_hides_no_error(arm, monkeypatch, caplog):
+    def raises(what):
+        def call(*_):
+            raise what
+
+        return call
+
+    monkeypatch.setattr(arm.driver, "finished", raises(MotionError("joint 3 is too hot")))
+    monkeypatch.setattr(arm.driver, "halt", raises(OSError("no cable")))
+    with pytest.raises(MotionError, match="too hot"):
+        arm.execute(to())
+    assert "the stop was not confirmed: no cable" in caplog.text
+    with pytest.raises(MotionError, match="was stopped"):
+        arm.execute(to())
+    arm.close()
+
+
+def test_fingers_that_hold_something_hold_it_on_the_way(body, monkeypatch):
+    arm = Arm(MAKERS["lerobot"](body, monkeypatch))
+    sent, send = [], body.grip
+    monkeypatch.setattr(body, "grip", lambda width_m: (sent.append(width_m), send(max(width_m, 0.03))))
+    arm.execute(to((0.02, 0, 0), gripper_open=False))
+    sent.clear()
+    arm.execute(to((0, 0, 0), gripper_open=False))
+    arm.stop()
+    assert set(sent) == {0.0}  # 0.03 m is what they hold: commanding it would let it go

@@ -36,7 +36,6 @@ def asked_of(answer):
 
 CALLS = {
     "predict": (("lift", "lift the cube", SEEN), {"timeout_s": 5.0, "model": "nearest"}),
-    "dry_run": (("lift", "lift the cube", SEEN), {}),
     "plan": (("lift the cube", ["cube"]), {}),
     "motion_limits": (("lift",), {}),
     "record_outcome": (("p1", False, "fell"), {}),

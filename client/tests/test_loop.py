@@ -29,6 +29,17 @@ def test_the_arm_is_stopped_where_it_fails(error):
     assert (arm.heights, arm.stopped) == ([1.0], 1)
 
 
+def test_an_arm_that_fails_to_stop_hides_no_error(monkeypatch, caplog):
+    def cut():
+        raise OSError("no cable")
+
+    arm = Arm(fails_at=1, error=MotionError("joint 3 is too hot"))
+    monkeypatch.setattr(arm, "stop", cut)
+    with pytest.raises(MotionError, match="too hot"):
+        run_task(Service(ANSWER), arm, "pick", "pick up the cube")
+    assert "the stop was not confirmed: no cable" in caplog.text
+
+
 def test_a_person_can_stop_before_an_action():
     arm = Arm()
     with pytest.raises(NotConfirmedError, match="action 2 was not allowed"):

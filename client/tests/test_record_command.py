@@ -17,9 +17,11 @@ from makers import Body, open_xarm, xarm
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import open_robot
-from roboprompt_client.commands.record import offer_correction, record_live
+from roboprompt_client.commands.record import offer_correction
+from roboprompt_client.commands.record_live import record_live
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction
 
 OBJECTS = [{"name": "cube", "position": [0.3, 0, 0.1]}]
@@ -202,6 +204,39 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         with pytest.raises(InvalidInputError) as caught:
             open_robot(str(cell))
         assert caught.value.field == field
+
+
+class OfOneself:
+    """A robot with limits of its own."""
+
+    def observe(self):
+        return Observation()
+
+    def execute(self, action):
+        pass
+
+    def stop(self):
+        pass
+
+
+def test_limits_are_not_lost_where_the_arm_is_a_robot(tmp_path):
+    cell, arm = tmp_path / "cell.json", {"arm": f"{__name__}:OfOneself"}
+    cell.write_text(json.dumps(arm))
+    assert isinstance(open_robot(str(cell)), OfOneself)
+    cell.write_text(json.dumps({**arm, "limits": {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}}}))
+    with pytest.raises(InvalidInputError, match="limits: is given, but `arm` returns a Robot"):
+        open_robot(str(cell))
+
+
+@pytest.mark.parametrize("commands", [["look"], ["viewpoints"], ["check"]])
+def test_an_arm_that_a_command_refuses_is_closed(tmp_path, monkeypatch, commands):
+    closed = []
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(Body()))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.XArm.close", lambda _: closed.append(None))
+    bound = {"tolerance": {"max_contact_force_n": 30}} if commands == ["check"] else {}  # it reports no forces
+    (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm", "options": {"address": "192.168.1.5"}, **bound}))
+    status, _ = type_command(monkeypatch, *commands, "--robot", tmp_path / "cell.json")
+    assert (status, len(closed)) == (1, 1)
 
 
 @pytest.mark.parametrize(("answers", "stored"), [(["y", "\n"], True), (["n"], False), ([""], False)])

@@ -2,8 +2,8 @@
 
 import pytest
 
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 from tests.attack.hostile_files import ARCHIVES, GOOD
 
 

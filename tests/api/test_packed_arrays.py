@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from app.api.packed_arrays import DTYPES, is_packed_array, npy_from_packed
+from app.untrusted_arrays import array_from_npy
 from benchmarks.peers import pack_array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.npy import array_from_npy
 
 IMAGE = {"__ndarray__": True, "data": bytes(6), "dtype": "|u1", "shape": [1, 2, 3]}
 

@@ -14,8 +14,9 @@ from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_npz
+from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 from tests.datasets.parcels import parcel, parcels
 from tests.episodes import camera, png
 

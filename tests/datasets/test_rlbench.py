@@ -11,8 +11,8 @@ from app.datasets.rlbench_pickle import load_demo
 from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.camera import camera_from_json
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.episodes import pick_trajectory
 

@@ -10,7 +10,7 @@ from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from app.perception.images import decode_rgb
 from app.pipeline.keyframes import Motion, merged
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
+from app.untrusted_arrays import trajectory_from_npz
 from tests.datasets.parcels import PLACES_M
 from tests.episodes import camera, pick_trajectory
 

@@ -11,7 +11,7 @@ from app.cli import application
 from app.datasets.archive import write_archive
 from app.evaluation.server import free_port
 from app.pipeline.keyframes import Motion, merged
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
+from app.untrusted_arrays import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels
 from tests.e2e.processes import running_server

@@ -4,6 +4,7 @@ import pytest
 
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
+from roboprompt_client.http.encoding import scene_json
 from roboprompt_client.robot import Observation
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.poses import ObjectPose
@@ -55,7 +56,8 @@ def test_a_prediction_without_a_task_says_whose_it_is(client):
     assert client.get(f"/predictions/{answer['id']}")["task"] == "open_crate"
     named = client.predict("open_crate", "open up the crate", Observation(CRATE), model="nearest").response
     assert named["actions"] == answer["actions"]
-    assert client.dry_run(None, OPEN, Observation(CRATE))["task"] == "open_crate"
+    asked = {"instruction": OPEN, **scene_json(Observation(CRATE), None), "dry_run": True}
+    assert client.post("/predict", asked)["task"] == "open_crate"
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from app.perception.images import decode_depth, decode_mask, decode_rgb
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation import fit_codec
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 from tests.episodes import arrays, npz, pick_trajectory
 from tests.pipeline.asking import parse_reply
 from tests.pipeline.scenes import WORKSPACE, action, demonstration, pose

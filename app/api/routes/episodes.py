@@ -32,9 +32,10 @@ from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
+from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays
 
 router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
 

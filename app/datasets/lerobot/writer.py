@@ -16,8 +16,8 @@ from app.datasets.lerobot import reader
 from app.datasets.lerobot.files import write_scene
 from app.datasets.lerobot.parquet import require_arrow
 from app.datasets.parcel import Parcel
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import trajectory_from_npz
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}  # lerobot/datasets/compute_stats.py
 _INDEX = "__index_level_0__"

@@ -1,16 +1,16 @@
 """An arm as a `Robot`: limits are checked before each motion, the pose after it, and a stop holds until `recover`."""
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import ExitStack, contextmanager
+from functools import partial
 
 import numpy as np
 
 from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
+from roboprompt_client.arms.interlock import Interlock
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arms.tolerance import Tolerance, problem_ahead
 from roboprompt_client.cameras.rig import SETTLE_S, Rig
@@ -27,7 +27,6 @@ from roboprompt_client.types.poses import EndEffectorAction, Pose
 ConfirmViewpoint = Callable[[int, Pose], bool]
 Steer = Callable[[Array, Array], str]
 log = logging.getLogger(__name__)
-MAX_START_S = 0.2
 TOLERANCE = Tolerance()
 
 
@@ -74,8 +73,7 @@ class Arm:
         self._calibration = calibration or Calibration.none()
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
         self._observe_scene, self._tolerance = observe_scene, tolerance
-        self._stopped, self._moving = threading.Event(), threading.Lock()
-        self._starting = threading.Lock()  # a stop comes either before the start of a motion or after it
+        self._interlock = Interlock(driver)
         self._open_width_m = open_width_m
         self._geometry, self._reach_m = geometry, reach_m
         if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
@@ -93,9 +91,11 @@ class Arm:
     def close(self) -> None:
         """Stop the arm, and disconnect from it and its cameras."""
         self.stop()
-        self.driver.close()
-        if self.cameras is not None:
-            self.cameras.close()
+        try:
+            self.driver.close()
+        finally:
+            if self.cameras is not None:
+                self.cameras.close()
 
     def hand_to_world(self) -> Array:
         """Return the hand's present pose (4, 4) in the world frame."""
@@ -170,10 +170,9 @@ class Arm:
             MotionError: before any motion if the pose is out of reach or the arm was stopped; after it if arm or
                 gripper did not do as commanded.
         """
-        with self._alone():
+        with self._interlock.alone():
             before_m = self._move(action).gripper_width_m
-            self.driver.set_gripper(is_open=action.gripper_open)
-            self._refuse_if_stopped()
+            self.set_gripper(is_open=action.gripper_open)
             width_m = self.driver.state().gripper_width_m
             if width_m is not None and before_m is not None:
                 self._open_width_m = max(self._open_width_m or 0.0, width_m, before_m)  # NaN is never the largest
@@ -181,7 +180,7 @@ class Arm:
 
     def go_to(self, pose: Pose) -> None:
         """Move as `execute` does without changing the gripper; raises as `execute`."""
-        with self._alone():
+        with self._interlock.alone():
             self._move(_at(pose))
 
     def problem_with(self, pose: Pose) -> str:
@@ -204,11 +203,10 @@ class Arm:
         """
         if not isinstance(self.driver, Guidable):
             raise InvalidInputError("guide", f"{self.driver.name} cannot be guided by its driver", "its maker's button")
-        with self._alone():
-            self._refuse_if_stopped()
-            with self.driver.guided():
-                yield
-            self._refuse_if_stopped()
+        with self._interlock.alone(), ExitStack() as guided:
+            self._interlock.begin(partial(guided.enter_context, self.driver.guided()))
+            yield
+            self._interlock.refuse_if_stopped()
 
     @contextmanager
     def steered(self) -> Iterator[Steer]:
@@ -225,80 +223,35 @@ class Arm:
             problem = self._tolerance.contact(now, velocity_m_s)
             problem = problem or problem_ahead(now, velocity_m_s, turning_rad_s, self._limits, self._check_reach)
             wanted = (np.zeros(3), np.zeros(3)) if problem else (velocity_m_s, turning_rad_s)
-            with self._starting:
-                self._refuse_if_stopped()
-                driver.steer(*(rotations.rotated(back, vector) for vector in wanted))
+            self._interlock.begin(partial(driver.steer, *(rotations.rotated(back, vector) for vector in wanted)))
             return problem
 
-        with self._alone():
+        with self._interlock.alone():
             yield steer
             steer(np.zeros(3), np.zeros(3))
-            self._wait(
-                replace(self._tolerance, max_contact_force_n=None)
-            )  # contact while the hand comes to rest is allowed
+            self._interlock.wait(self._tolerance.motion_s)
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided; raises MotionError after a stop."""
-        self._refuse_if_stopped()
-        self.driver.set_gripper(is_open=is_open)
+        self._interlock.begin(partial(self.driver.set_gripper, is_open=is_open))
 
     def stop(self) -> None:
         """Stop, from any thread: a motion under way raises MotionError, and nothing moves until `recover`."""
-        self._stopped.set()
-        begun = self._starting.acquire(timeout=MAX_START_S)  # do not wait for a driver that hangs
-        try:
-            self.driver.halt()
-        except MotionError as error:
-            log.error("%s: the stop was not confirmed: %s", self.driver.name, error)
-        finally:
-            if begun:
-                self._starting.release()
+        self._interlock.stop()
 
     def recover(self) -> None:
         """Let the arm move again after a person has looked; also acknowledge the arm's own errors."""
-        self.driver.recover()
-        self._stopped.clear()
-
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Allow one motion at a time, and stop the arm if it fails."""
-        if not self._moving.acquire(blocking=False):
-            raise MotionError("another thread is moving the arm")
-        try:
-            yield
-        except BaseException:
-            self.stop()
-            raise
-        finally:
-            self._moving.release()
+        self._interlock.recover()
 
     def _move(self, action: EndEffectorAction) -> ArmState:
         """Move to the action's pose; return the arm's state before the motion."""
-        self._refuse_if_stopped()
+        self._interlock.refuse_if_stopped()
         before = self.state()
         MotionGuard(self._limits, before=before.pose()).check(action)
-        wanted = self._check_reach(action)
-        with self._starting:
-            self._refuse_if_stopped()
-            self.driver.start(*wanted)
-        self._refuse_if_stopped()
-        self._wait(self._tolerance)
+        self._interlock.begin(partial(self.driver.start, *self._check_reach(action)))
+        self._interlock.wait(self._tolerance.motion_s, partial(self._tolerance.check_contact, self.state))
         self._tolerance.check_pose(self.state(), action)
-        self._refuse_if_stopped()
         return before
-
-    def _refuse_if_stopped(self) -> None:
-        if self._stopped.is_set():
-            raise MotionError("the arm was stopped: call recover() once a person has looked")
-
-    def _wait(self, tolerance: Tolerance) -> None:
-        end_s = time.monotonic() + tolerance.motion_s
-        while not self.driver.finished():
-            self._refuse_if_stopped()
-            tolerance.check_contact(self.state)
-            if time.monotonic() > end_s:
-                raise MotionError(f"the motion did not end within {tolerance.motion_s:g} s")
-        self._refuse_if_stopped()
 
 
 def _at(pose: Pose) -> EndEffectorAction:

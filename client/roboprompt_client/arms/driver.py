@@ -1,10 +1,10 @@
 """What a maker's interface must offer (`Driver`), in meters, radians and quaternions xyzw in the arm's base frame."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -144,7 +144,7 @@ class Driver(Protocol):
         ...
 
     def halt(self) -> None:
-        """Stop all motion at once; safe at any time and from any thread."""
+        """Stop all motion at once, from any thread; no step of a motion (`Stepping`) may be sent afterwards."""
         ...
 
     def recover(self) -> None:
@@ -175,6 +175,22 @@ class Steerable(Protocol):
         The hand stops after `STEERED_S` unless another call follows; with zeros it stops at once.
         """
         ...
+
+
+class MakersObject:
+    """An object of a maker's package, whose methods raise MotionError instead of errors of any kind."""
+
+    def __init__(self, name: str, made: object) -> None:
+        self._name, self._made = name, made
+
+    def __getattr__(self, method: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:  # noqa: ANN401
+            try:
+                return getattr(self._made, method)(*arguments, **named)
+            except Exception as error:  # the packages' errors share no base class
+                raise MotionError(f"{self._name}: {method}: {error or type(error).__name__}") from error
+
+        return call
 
 
 def require_reach(position_m: Array, reach_m: float) -> None:

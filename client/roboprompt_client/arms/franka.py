@@ -164,9 +164,11 @@ class Franka:
     def halt(self) -> None:
         """Pre-empt a motion of another thread; a gripper at rest keeps its grasp."""
         with self._errors("stop"):
-            self._robot.stop()
-            if self._gripper is not None and self._gripping:
-                self._gripper.stop()
+            try:
+                self._robot.stop()
+            finally:
+                if self._gripper is not None and self._gripping:
+                    self._gripper.stop()
 
     def recover(self) -> None:
         with suppress(*self._kinds()):  # the error of the last motion was already raised

@@ -5,14 +5,14 @@ LeRobot's convention: `ee.x`, `ee.y`, `ee.z` in meters, `ee.wx`, `ee.wy`, `ee.wz
 motion is sent in steps. An arm of five joints cannot reach every rotation: give `Arm` a larger rotation tolerance.
 """
 
-import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState, require_reach, straight_way
+from roboprompt_client.arms.driver import ArmState, MakersObject, require_reach
+from roboprompt_client.arms.stepping import Stepping
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
@@ -24,7 +24,7 @@ RATE_HZ, SETTLE_S, GRIPPER_S = 30.0, 0.5, 1.0
 OPEN, CLOSED, HALF_OPEN = 100.0, 0.0, 50.0
 
 
-class LeRobotArm:
+class LeRobotArm(Stepping):
     """A driver for `Arm`.
 
     Args:
@@ -40,14 +40,15 @@ class LeRobotArm:
     proven = ""
 
     def __init__(self, robot: Any, *, reach_m: float = 0.4, open_width_m: float | None = None) -> None:  # noqa: ANN401
-        self._robot, self._reach_m, self._open_width_m = robot, reach_m, open_width_m
-        if not robot.is_connected:
-            self._call("connect")
+        super().__init__(STEP_M, STEP_RAD)
+        self._robot, self._calls = robot, MakersObject(self.name, robot)
+        self._reach_m, self._open_width_m = reach_m, open_width_m
+        self.recover()
         if missing := [name for name in (*POSITION, *ROTATION, GRIPPER) if name not in self._observed()]:
             raise MotionError(f"{self.name}: the robot does not observe {', '.join(missing)}")
-        self._steps: Iterator[tuple[Array, Array]] = iter(())
-        self._halted = False
-        self._sending = threading.Lock()  # so that no step follows a halt of another thread
+        # What was commanded, not what is measured: fingers that hold something would let it go.
+        self._grip = float(self._observed()[GRIPPER])
+        self._gripping = False
 
     def state(self) -> ArmState:
         seen = self._observed()
@@ -65,57 +66,38 @@ class LeRobotArm:
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
         require_reach(position_m, self._reach_m)
 
-    def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        self._halted = False
-        self._steps = straight_way(self.state(), position_m, quaternion_xyzw, STEP_M, STEP_RAD)
-
     def finished(self) -> bool:
-        grip = float(self._observed()[GRIPPER])
-        with self._sending:
-            step = None if self._halted else next(self._steps, None)
-            if step is not None:
-                self._send(*step, grip)
-        time.sleep(SETTLE_S if step is None else 1 / RATE_HZ)
-        return step is None
-
-    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Send a pose a little ahead, at which the arm rests unless another one follows."""
-        self._steps, now = iter(()), self.state()
-        with self._sending:
-            self._halted = False
-            self._send(*now.moved(velocity_m_s, turning_rad_s, STEERED_S), float(self._observed()[GRIPPER]))
+        sent = self.send_next()
+        time.sleep(1 / RATE_HZ if sent else SETTLE_S)
+        return not sent
 
     def set_gripper(self, *, is_open: bool) -> None:
         now = self.state()
-        if now.gripper_open != is_open:
-            self._send(now.position_m, now.quaternion_xyzw, OPEN if is_open else CLOSED)
-            time.sleep(GRIPPER_S)
+        if now.gripper_open == is_open:
+            return
+        self._grip, self._gripping = OPEN if is_open else CLOSED, True
+        self.send(now.position_m, now.quaternion_xyzw)
+        time.sleep(GRIPPER_S)
+        self._gripping = False
 
     def halt(self) -> None:
-        """Send no further step, and command the present pose."""
-        with self._sending:
-            self._halted = True
-            now = self.state()
-            self._send(now.position_m, now.quaternion_xyzw, float(self._observed()[GRIPPER]))
+        """Also stop fingers that open or close; fingers that hold something keep holding it."""
+        if self._gripping:
+            self._grip = float(self._observed()[GRIPPER])
+        super().halt()
 
     def recover(self) -> None:
         if not self._robot.is_connected:
-            self._call("connect")
+            self._calls.connect()
 
     def close(self) -> None:
-        self._call("disconnect")
+        self._calls.disconnect()
 
-    def _send(self, position_m: Array, quaternion_xyzw: Array, gripper: float) -> None:
+    def send(self, position_m: Array, quaternion_xyzw: Array) -> None:
         turn = rotations.to_rotation_vector(quaternion_xyzw)
-        named = zip((*POSITION, *ROTATION, GRIPPER), (*position_m, *turn, gripper), strict=True)
-        self._call("send_action", {name: float(value) for name, value in named})
+        named = zip((*POSITION, *ROTATION, GRIPPER), (*position_m, *turn, self._grip), strict=True)
+        self._calls.send_action({name: float(value) for name, value in named})
 
     def _observed(self) -> Mapping[str, Any]:
-        seen: Mapping[str, Any] = self._call("get_observation")
+        seen: Mapping[str, Any] = self._calls.get_observation()
         return seen
-
-    def _call(self, method: str, *arguments: Any) -> Any:  # noqa: ANN401
-        try:
-            return getattr(self._robot, method)(*arguments)
-        except Exception as error:  # the plugin and its motors may raise anything
-            raise MotionError(f"{self.name}: {method}: {error or type(error).__name__}") from error

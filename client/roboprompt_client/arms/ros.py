@@ -6,16 +6,16 @@ steps, and the next step waits while the hand is far behind: if the connection b
 most.
 """
 
-import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState, require_reach, straight_way
+from roboprompt_client.arms.driver import ArmState, require_reach
 from roboprompt_client.arms.rosbridge import Message, Rosbridge
+from roboprompt_client.arms.stepping import Stepping
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types.arrays import Array, finite_array, unit_quaternions
 
@@ -39,7 +39,7 @@ class RosGripper:
     wait_s: float = 1.0
 
 
-class Ros:
+class Ros(Stepping):
     """A driver for `Arm`.
 
     Args:
@@ -73,17 +73,15 @@ class Ros:
         turn_rad_s: float = TURN_RAD_S,
         reach_m: float | None = None,
     ) -> None:
+        super().__init__(speed_m_s / RATE_HZ, turn_rad_s / RATE_HZ)
         if joints is None and (joint_names or finger_names):
             raise InvalidInputError("joints", "is missing, but joint names are given", "the topic of joint states")
         self._pose, self._target, self._frame, self._joints = pose, target, base_frame.lstrip("/"), joints
         self._joint_names, self._finger_names = tuple(joint_names), tuple(finger_names)
         self._gripper = None if gripper is None else RosGripper(**gripper)
         self._gripper_open = None if gripper is None or finger_names else True
-        self._step = (speed_m_s / RATE_HZ, turn_rad_s / RATE_HZ)
         self._reach_m = reach_m
-        self._steps: Iterator[tuple[Array, Array]] = iter(())
         self._sent: tuple[Array, Array] | None = None
-        self._sending = threading.Lock()  # so that no step follows a halt of another thread
         self._bridge = Rosbridge(address)
         try:
             self._introduce()
@@ -118,30 +116,20 @@ class Ros:
             require_reach(position_m, self._reach_m)
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        self._steps, self._sent = straight_way(self.state(), position_m, quaternion_xyzw, *self._step), None
+        self._sent = None
+        super().start(position_m, quaternion_xyzw)
 
     def finished(self) -> bool:
         """Send the next step; without one, or while the hand is far behind, return whether it has come to rest."""
         now = self.state()
         off_m, off_deg = (0.0, 0.0) if self._sent is None else now.distance_to(*self._sent)
-        with self._sending:
-            step = next(self._steps, None) if off_m < MAX_LEAD_M else None
-            if step is not None:
-                self._send(*step)
-        if step is not None:
+        if off_m < MAX_LEAD_M and self.send_next():
             time.sleep(1 / RATE_HZ)
             return False
         if off_m < NEAR_M and off_deg < NEAR_DEG:
             return True
         time.sleep(SETTLE_S)
         return float(np.linalg.norm(self.state().position_m - now.position_m)) < STILL_M
-
-    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Send a pose a little ahead, at which the arm rests unless another one follows."""
-        now = self.state()
-        with self._sending:
-            self._steps = iter(())
-            self._send(*now.moved(velocity_m_s, turning_rad_s, STEERED_S))
 
     def set_gripper(self, *, is_open: bool) -> None:
         if (gripper := self._gripper) is None:
@@ -150,13 +138,6 @@ class Ros:
         time.sleep(gripper.wait_s)
         self._gripper_open = None if self._finger_names else is_open
         self.state()
-
-    def halt(self) -> None:
-        """Command the present pose; if it is not known, at least no further target is sent."""
-        with self._sending:
-            self._steps = iter(())
-            now = self.state()
-            self._send(now.position_m, now.quaternion_xyzw)
 
     def recover(self) -> None:
         """Check that poses arrive; errors of controllers are acknowledged in ROS."""
@@ -200,7 +181,7 @@ class Ros:
             raise MotionError(f"{self.name}: {self._joints} lacks {', '.join(missing)}")
         return np.array([states[name] for name in names], float)
 
-    def _send(self, position_m: Array, quaternion_xyzw: Array) -> None:
+    def send(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._sent = position_m, quaternion_xyzw
         position = dict(zip("xyz", position_m.tolist(), strict=True))
         orientation = dict(zip("xyzw", quaternion_xyzw.tolist(), strict=True))

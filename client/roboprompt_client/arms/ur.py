@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState, MakersObject
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types import quaternions as rotations
@@ -44,16 +44,16 @@ class UR:
         control, receive, outputs = (
             import_extra(f"rtde_{name}", "ur-rtde", "ur") for name in ("control", "receive", "io")
         )
-        try:
-            self._control = control.RTDEControlInterface(address)
-            self._receive = receive.RTDEReceiveInterface(address)
-            self._outputs = None if gripper_output is None else outputs.RTDEIOInterface(address)
-        except RuntimeError as error:
-            raise MotionError(f"{self.name}: connect {address}: {error}") from error
+        connect = f"{self.name}, {address}"
+        self._control = MakersObject(self.name, MakersObject(connect, control).RTDEControlInterface(address))
+        self._receive = MakersObject(self.name, MakersObject(connect, receive).RTDEReceiveInterface(address))
+        self._outputs = None
+        if gripper_output is not None:
+            self._outputs = MakersObject(self.name, MakersObject(connect, outputs).RTDEIOInterface(address))
         self._speed, self._acceleration = speed_m_s, acceleration_m_s2
         self._output, self._gripper_s = gripper_output, gripper_s
         self._gripper_open: bool | None = None if gripper_output is None else True
-        self._progress_before = -1
+        self._progress_before, self._steering = -1, False
 
     def state(self) -> ArmState:
         if not self._receive.isConnected():
@@ -98,9 +98,10 @@ class UR:
         self._require_ready()
         self._progress_before = 0  # unlike any progress of a motion that has ended
         if not (velocity_m_s.any() or turning_rad_s.any()):
-            self._control.servoStop(STOP_M_S2)
+            self._end_steering()
             return
         pose = _pose(*self.state().moved(velocity_m_s, turning_rad_s, STEERED_S))
+        self._steering = True
         if not self._control.servoL(pose, 0.0, 0.0, STEERED_S, SERVO_LOOKAHEAD_S, SERVO_GAIN):
             raise MotionError(f"{self.name}: the motion was refused")
 
@@ -113,7 +114,16 @@ class UR:
         time.sleep(self._gripper_s)
 
     def halt(self) -> None:
-        self._control.stopL(STOP_M_S2)
+        try:
+            self._end_steering()
+        finally:
+            self._control.stopL(STOP_M_S2)
+
+    def _end_steering(self) -> None:
+        """End the control script's servo thread, which would follow its last pose after `stopL`, too."""
+        if self._steering:
+            self._control.servoStop(STOP_M_S2)
+        self._steering = False
 
     def recover(self) -> None:
         """Restart the control script; a protective stop is unlocked on the pendant."""

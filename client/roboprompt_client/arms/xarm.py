@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState, MakersObject
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types import quaternions as rotations
@@ -44,10 +44,9 @@ class XArm:
         gripper: bool = True,
     ) -> None:
         sdk = import_extra("xarm.wrapper", "xarm-python-sdk", "xarm")
-        try:
-            self._arm = sdk.XArmAPI(address, is_radian=True)
-        except Exception as error:  # the SDK raises plain Exception
-            raise MotionError(f"{self.name}: connect {address}: {error}") from error
+        self._arm = MakersObject(
+            self.name, MakersObject(f"{self.name}, {address}", sdk).XArmAPI(address, is_radian=True)
+        )
         self._speed, self._acceleration = speed_mm_s, acceleration_mm_s2
         self._has_gripper = gripper
         self._started_s = 0.0

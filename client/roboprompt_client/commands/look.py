@@ -1,8 +1,8 @@
 """`roboprompt-robot look`, `label` and `viewpoints`: what the cell's cameras see, and from where."""
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.cameras.sight import Sight, sight_page
 from roboprompt_client.cameras.table import Table
-from roboprompt_client.cell import MAX_VIEWPOINTS, open_robot, read_cell, write_cell
+from roboprompt_client.cell import MAX_VIEWPOINTS, closing_robot, open_robot, read_cell, write_cell
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.terminal import Person, ask, ask_yes, in_columns, say
 from roboprompt_client.errors import CameraError, InvalidInputError, ServiceProblemError, ServiceUnreachableError
@@ -153,19 +153,20 @@ def _viewpoints(arm: Arm) -> list[dict[str, Any]]:
     return kept
 
 
-def seeing_arm(cell: str | None) -> Arm:
-    """Return the arm of a cell's file with cameras; it asks a person before it moves to a viewpoint.
+@contextmanager
+def seeing_arm(cell: str | None) -> Iterator[Arm]:
+    """Open the arm of a cell's file with cameras, and close it at the end; it asks before it moves to a viewpoint.
 
     Raises:
         InvalidInputError: if the cell has no cameras.
     """
     if cell is None:
         raise InvalidInputError("--robot", "is missing", CELL)
-    robot = open_robot(cell)
-    if not isinstance(robot, Arm) or robot.cameras is None:
-        raise InvalidInputError("--robot", f"{cell} has no cameras", CELL)
-    robot.confirm_viewpoint = Person(robot).confirm_viewpoint
-    return robot
+    with closing_robot(open_robot(cell)) as robot:
+        if not isinstance(robot, Arm) or robot.cameras is None:
+            raise InvalidInputError("--robot", f"{cell} has no cameras", CELL)
+        robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+        yield robot
 
 
 def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, find: Sequence[str] | None) -> None:

@@ -26,7 +26,7 @@ from roboprompt_client.errors import (
 )
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
-from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.robot import Observation, Robot, stop_after_error
 from roboprompt_client.runs.leading import Leading
 from roboprompt_client.runs.look_again import Follower, ObjectFinder
 from roboprompt_client.types.poses import EndEffectorAction
@@ -112,7 +112,7 @@ def run_task(
             run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
             predicted = run.streamed() if stream else run.whole(look_again, leading)
     except BaseException:
-        robot.stop()
+        stop_after_error(robot)
         raise
     if on_outcome is not None and predicted.actions and (outcome := on_outcome(predicted)) is not None:
         try:

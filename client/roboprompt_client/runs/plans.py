@@ -8,7 +8,7 @@ from typing import Any
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import NotConfirmedError, StepFailedError
-from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.robot import Observation, Robot, stop_after_error
 from roboprompt_client.runs.loop import OnOutcome, run_task
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
@@ -51,7 +51,7 @@ def run_plan(
         try:
             done.append(_run_step(client, robot, step, on_outcome, how))
         except StepFailedError as error:
-            robot.stop()
+            stop_after_error(robot)
             raise StepFailedError(f"step {number} of {len(steps)}, {step.instruction!r}: {error}") from None
     return done
 

@@ -1,23 +1,20 @@
-"""A trajectory as the .npz file that robots upload, or as the same arrays in JSON; a pickle is never loaded."""
+"""A trajectory as the arrays and as the .npz file that robots upload."""
 
 import io
-import lzma
-import struct
-import zipfile
-import zlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array, bounded_array, finite_array
-from roboprompt_client.types.npy import array_from_npy
 from roboprompt_client.types.trajectory import MAX_RAD, MAX_S, Trajectory
 
 REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
-_FIELDS = {  # array in the file -> field of Trajectory, in the file's order
+FIELDS = {  # array in the file -> field of Trajectory, in the file's order
     "joint_velocities": "joint_velocities_rad_s",
     "end_effector_positions": "positions_m",
     "end_effector_quaternions_xyzw": "quaternions_xyzw",
@@ -29,64 +26,10 @@ _FIELDS = {  # array in the file -> field of Trajectory, in the file's order
     "gripper_width": "gripper_width_m",
     "wrenches": "wrenches_n_nm",
 }
-OPTIONAL = tuple(name for name in _FIELDS if name not in REQUIRED)
+OPTIONAL = tuple(name for name in FIELDS if name not in REQUIRED)
 MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less neither opened nor closed
-MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
-MAX_DIRECTORY_BYTES = 131_072  # of the archive's directory, whose comment alone may have 64 kB
-_VALID = f"a .npz file with the arrays {', '.join(REQUIRED)} (or gripper_width), and optionally {', '.join(OPTIONAL)}"
-
-
-def trajectory_from_npz(
-    data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES, max_frames: int = MAX_FRAMES
-) -> Trajectory:
-    """Return the trajectory of a .npz file.
-
-    Raises:
-        InvalidInputError: naming the array and what is wrong with it.
-    """
-    if not data:
-        raise InvalidInputError("trajectory", "is empty", _VALID)
-    try:
-        file = _ShortDirectory(data)
-        with zipfile.ZipFile(file) as archive:
-            file.opened = True
-            members = _unpack(archive, max_unpacked_bytes)
-    except InvalidInputError:
-        raise
-    except _UNREADABLE as error:
-        raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", _VALID) from None
-    numbers = "a plain array of numbers"
-    arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
-    return trajectory_from_arrays(arrays, max_frames)
-
-
-# What zipfile raises for damaged archives; RuntimeError: encrypted, ValueError: offsets before the file's beginning.
-_OF_ZIPFILE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error)
-_UNREADABLE = (*_OF_ZIPFILE, EOFError, OSError, RuntimeError, ValueError, OverflowError)
-
-
-class _ShortDirectory(io.BytesIO):
-    """A file that cannot be opened as an archive with a long directory: `zipfile` would read every entry at once."""
-
-    opened = False
-
-    def read(self, size: int | None = -1) -> bytes:
-        """Return the next bytes; raises BadZipFile for many at once while the archive is being opened."""
-        if not self.opened and size is not None and size > MAX_DIRECTORY_BYTES:
-            raise zipfile.BadZipFile(f"its directory has {size} bytes, at most {MAX_DIRECTORY_BYTES} are read")
-        return super().read(size)
-
-
-def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
-    members = archive.infolist()
-    # an archive may list one array many times, and each entry is unpacked
-    if len(members) > len(_FIELDS):
-        raise InvalidInputError("trajectory", f"has {len(members)} arrays", _VALID)
-    unpacked = sum(member.file_size for member in members)
-    if unpacked > max_unpacked_bytes:
-        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
-    return {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
+VALID = f"a .npz file with the arrays {', '.join(REQUIRED)} (or gripper_width), and optionally {', '.join(OPTIONAL)}"
 
 
 def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
@@ -98,9 +41,9 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
     given = {name: array for name, array in arrays.items() if array is not None}
     inferred = {"gripper_open"} if "gripper_width" in given else set()
     if missing := [name for name in REQUIRED if name not in given and name not in inferred]:
-        raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
-    if unknown := [name for name in arrays if name not in _FIELDS]:
-        raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
+        raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", VALID)
+    if unknown := [name for name in arrays if name not in FIELDS]:
+        raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", VALID)
     gripper = "gripper_open" if "gripper_open" in given else "gripper_width"
     num_frames = len(finite_array(f"trajectory.{gripper}", given[gripper], (None,)))
     if num_frames > max_frames:
@@ -109,12 +52,22 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
         given["joint_velocities"] = _joint_velocities(num_frames, given.get("joint_positions"), given.get("timestamps"))
     if gripper == "gripper_width":
         given["gripper_open"] = _gripper_open(given["gripper_width"], num_frames)
-    return Trajectory(**{_FIELDS[name]: array for name, array in given.items()})
+    return Trajectory(**{FIELDS[name]: array for name, array in given.items()})
+
+
+def trajectory_from_file(path: Path) -> Trajectory:
+    """Return the trajectory of a .npz file; raises InvalidInputError naming the array and what is wrong with it."""
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+            arrays = dict(file)
+    except (OSError, ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:  # the last two: no archive
+        raise InvalidInputError("trajectory", f"{path} is not a readable .npz file: {error}", VALID) from error
+    return trajectory_from_arrays(arrays)
 
 
 def npz_from_trajectory(trajectory: Trajectory) -> bytes:
     """Return the .npz file of a trajectory; the same trajectory gives the same bytes."""
-    arrays: dict[str, Any] = {name: getattr(trajectory, field) for name, field in _FIELDS.items()}
+    arrays: dict[str, Any] = {name: getattr(trajectory, field) for name, field in FIELDS.items()}
     if trajectory.num_joints == 0:
         del arrays["joint_velocities"]
     stream = io.BytesIO()

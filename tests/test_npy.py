@@ -4,10 +4,10 @@ import io
 
 import numpy as np
 import pytest
-from npy_files import HOSTILE, npy, npy_that_claims
 
+from app.untrusted_arrays import array_from_npy
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.npy import array_from_npy
+from tests.npy_files import HOSTILE, npy, npy_that_claims
 
 
 @pytest.mark.parametrize(
