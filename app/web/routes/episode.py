@@ -125,7 +125,8 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
         "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
         "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
         "scene": shown,
-        "play": recorded_motion(trajectory, times_s, recording.settings),
+        "play": recorded_motion(trajectory, times_s, recording.settings)
+        | {"marks_s": [round(float(times_s[item.index]), 3) for item in recording.record.keyframes]},
     }
     return JSONResponse(document, headers=HEADERS)
 

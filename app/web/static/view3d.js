@@ -19,6 +19,11 @@ export class View {
     return this;
   }
 
+  /** To where the table is seen as a map: x to the right, y up. */
+  rise() {
+    [this.azimuth_deg, this.elevation_deg] = [-90, STEEPEST_DEG];
+  }
+
   turn(right_deg, up_deg) {
     this.azimuth_deg -= right_deg;
     this.elevation_deg = Math.min(STEEPEST_DEG, Math.max(-STEEPEST_DEG, this.elevation_deg + up_deg));
