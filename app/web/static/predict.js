@@ -103,6 +103,13 @@ async function showResult(id) {
   byId("space").hidden = false;
   scene = found;
   showMotion(byId("space-view"), scene);
+  lookAtAnswer();
+}
+
+/** What comes is below the form. */
+function lookAtAnswer() {
+  byId("answer").focus({ preventScroll: true });
+  byId("answer").scrollIntoView();
 }
 
 async function ask(body, signal) {
@@ -111,7 +118,7 @@ async function ask(body, signal) {
   byId("reply").textContent = "";
   byId("reply").classList.add("writing");
   byId("coming").hidden = false;
-  byId("answer").focus(); // which also scrolls there: what comes is below the form
+  lookAtAnswer();
   const headers = { Accept: "text/event-stream" };
   const response = await send("/predict", { method: "POST", headers, signal, ...body({ stream_text: true }) });
   for await (const { event, data } of events(response)) {

@@ -108,7 +108,7 @@ form.addEventListener("input", look);
 const view = byId("space-view");
 let pressed = { clientX: 0, clientY: 0 };
 view.addEventListener("pointerdown", (event) => (pressed = event));
-view.addEventListener("click", ({ clientX, clientY }) => {
+view.addEventListener("pointerup", ({ clientX, clientY }) => {
   const { id } = document.elementFromPoint(clientX, clientY)?.dataset ?? {};
   if (id && Math.hypot(clientX - pressed.clientX, clientY - pressed.clientY) < CLICK_PX) location.assign(`${root}/ui/predictions/${id}`);
 });
