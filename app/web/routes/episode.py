@@ -188,10 +188,8 @@ def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, 
     except LanguageModelError as error:
         representation, prompt_format = settings.representation or "absolute", settings.prompt_format or "paper"
         return representation, prompt_format, f"The default model is not available: {error}"
-    if settings.representation:
-        return settings.representation, settings.prompt_format or profile.prompt_format, "First as the task is set."
-    whose = f"First as {profile.name} reads it."
-    return profile.representation, settings.prompt_format or profile.prompt_format, whose
+    whose = "First as the task is set." if settings.representation else f"First as {profile.name} reads it."
+    return settings.representation or profile.representation, settings.prompt_format or profile.prompt_format, whose
 
 
 @router.get("/ui/episodes/{episode_id}/object")

@@ -4,7 +4,7 @@
 import { element, svg } from "./dom.js";
 import { arm, gripper } from "./hand3d.js";
 import { loadPoints, paintPoints } from "./points3d.js";
-import { View, steer } from "./view3d.js";
+import { View, steer, text } from "./view3d.js";
 
 const FRAME_M = 0.05;
 const BOX_M = 0.04;
@@ -158,8 +158,6 @@ function bounds(scene, shows) {
 }
 
 const inOrder = (items, { depth }) => [...items].sort((one, other) => depth(one.position) - depth(other.position));
-
-const text = (points, { at }) => points.map((point) => at(point).map((value) => value.toFixed(1)).join(",")).join(" ");
 
 const line = (points, projection, name) => svg("polyline", { class: name, points: text(points, projection) });
 
