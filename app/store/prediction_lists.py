@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, Connection, Row, Select, and_, case, func,
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
 from app.store.records import PredictionRecord, PredictionStatus
+from app.store.values import JsonObject
 from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
@@ -33,7 +34,11 @@ _num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionSummary:
-    """A prediction without its prompt and reply."""
+    """A prediction without its prompt and reply.
+
+    Attributes:
+        objects: as they were observed, and `findings`, as they are stored.
+    """
 
     sequence: int
     id: str
@@ -47,7 +52,14 @@ class PredictionSummary:
     outcome_success: bool | None
     outcome_note: str | None
     created_at: datetime
+    objects: list[JsonObject]
+    findings: list[JsonObject] | None
     num_demonstrations: int
+
+    @property
+    def dangers(self) -> list[str]:
+        """The codes of findings of that severity, causes first."""
+        return [item["code"] for item in self.findings or () if item["severity"] == "danger"]
 
     @property
     def fate(self) -> Fate:

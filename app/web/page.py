@@ -32,7 +32,7 @@ from app.pipeline.success_rate import SuccessRate
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
-from app.web.scene import picture_of_episode, picture_of_prediction
+from app.web.scene import scene_picture
 from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
@@ -42,6 +42,7 @@ WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
 NOTHING = "\N{EN DASH}"
 _PART = re.compile(r"[^/_]+[/_]*|[/_]+")
+_WHOLE = Markup('<span class="part">{}</span>')
 _EVALUATED = re.compile(r"(.+)\.eval-([0-9a-f]{6})", re.DOTALL)
 # Swagger UI sets style attributes; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
@@ -66,7 +67,7 @@ NAVIGATION = (
     ("Predictions", "/ui/predictions"),
     ("Now", "/ui/live"),
     ("API", "/docs"),
-    ("Guide", GUIDE),
+    *([("Guide", GUIDE)] if SITE.is_dir() else []),
 )
 
 
@@ -154,7 +155,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     # a quaternion for a field: to a hundredth of a degree
     "rotation": lambda quaternion_xyzw: " ".join(f"{round(value, 5) + 0.0:g}" for value in quaternion_xyzw),
     # a name of several parts that a narrow column may break between them, and nowhere else; escaped
-    "breakable": lambda name: Markup("<wbr>").join(Markup.escape(part) for part in _PART.findall(name)),
+    "breakable": lambda name: Markup("<wbr>").join(_WHOLE.format(part) for part in _PART.findall(name)),
     "share": lambda share: NOTHING if share is None else f"{100 * share:.0f}\N{NO-BREAK SPACE}%",
     "success_rate": success_rate,
     "plural": plural,
@@ -169,8 +170,9 @@ _ENVIRONMENT = Environment(
     loader=PackageLoader("app.web"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
 _ENVIRONMENT.filters.update(FILTERS)
-_ENVIRONMENT.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
-_ENVIRONMENT.globals.update(picture_of_episode=picture_of_episode, picture_of_prediction=picture_of_prediction)
+_ENVIRONMENT.globals.update(
+    navigation=NAVIGATION, interval=interval_text, pictured=pictured, scene_picture=scene_picture
+)
 
 
 def render(request: Request, template: str, status_code: int = 200, **shown: object) -> HTMLResponse:

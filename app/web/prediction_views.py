@@ -80,15 +80,11 @@ class PredictionView:
         return prompt_spans(text, self.record.representation, self.record.prompt_format)
 
     @property
-    def actions(self) -> Sequence[tuple[JsonObject, ActionDeviation | None]]:
-        """Each action as clients get it, and how it differs from the demonstrations'."""
+    def actions(self) -> Sequence[tuple[JsonObject, ActionDeviation | None, Previewed]]:
+        """Each action as clients get it, how it differs from the demonstrations', and its preview on the robot."""
         actions, deviations = self.record.actions or (), self.explanation.deviations
-        return list(zip(actions, deviations or (None,) * len(actions), strict=True))
-
-    @property
-    def path(self) -> tuple[Previewed, ...]:
-        """Each action as the robot's side previews it."""
-        return path_of(self.record, self.settings)
+        path = path_of(self.record, self.settings)
+        return list(zip(actions, deviations or (None,) * len(actions), path, strict=True))
 
     @property
     def stages(self) -> Sequence[tuple[str, float]]:

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from app.perception.overlay import PALETTE
 from app.pipeline.order.vocabulary import COLORS
 from app.services.setting_parts import WorkspaceSettings
-from app.store.records import EpisodeRecord, PredictionRecord
+from app.store.prediction_lists import PredictionSummary
+from app.store.records import EpisodeRecord
 from app.store.values import JsonObject, ObjectRecord
 from roboprompt_client.types.arrays import Array
 
@@ -66,6 +67,7 @@ def scene(
     frames: Sequence[JsonObject],
     path_m: Array | None = None,
     shown: Iterable[ObjectRecord] = (),
+    asked: Iterable[PredictionSummary] = (),
 ) -> JsonObject:
     """The document that `drawScene` takes.
 
@@ -73,6 +75,7 @@ def scene(
         frames: each made by `frame`, in their order.
         path_m: (T, 3) of the end effector; without one the frames are joined.
         shown: objects as demonstrations have them, drawn faintly.
+        asked: predictions; where their objects stood, and how it went.
     """
     objects, shown = tuple(objects), tuple(shown)
     colors = object_colors(item.name for item in (*objects, *shown))
@@ -86,6 +89,11 @@ def scene(
         "frames": list(frames),
         "objects": [_object(item, colors) for item in objects],
         "shown": [_object(item, colors) for item in shown],
+        "asked": [
+            {"label": item["name"], "position": item["position"], "fate": prediction.fate, "id": prediction.id}
+            for prediction in asked
+            for item in prediction.objects
+        ],
     }
 
 
@@ -120,27 +128,20 @@ class ScenePicture:
     Attributes:
         ground: corners of a rectangle under the objects, as SVG writes points; so is `path`.
         keyframes: (x, y, whether the gripper is open) of each.
-        names: the objects with their colors.
     """
 
     ground: str
     faces: tuple[Face, ...]
     path: str
     keyframes: tuple[tuple[float, float, bool], ...]
-    names: tuple[tuple[str, str], ...]
 
 
-def scene_picture(
-    objects: Sequence[ObjectRecord], keyframes: Sequence[tuple[Sequence[float], bool]] = ()
-) -> ScenePicture | None:
-    """The drawing of `objects` and of the way of the end effector; None where there is no object.
-
-    Args:
-        keyframes: position (3) in meters and whether the gripper is open; world frame, in their order.
-    """
+def scene_picture(record: EpisodeRecord) -> ScenePicture | None:
+    """The objects of an episode's first frame and the way through its keyframes; None where there is no object."""
+    objects = record.objects
     if not objects:
         return None
-    way = np.array([position for position, _ in keyframes]).reshape(-1, 3)
+    way = np.array([item.position_m for item in record.keyframes]).reshape(-1, 3)
     places_m = np.array([item.position_m for item in objects])
     (left, front, _), (right, back, _) = places_m.min(axis=0) - 1.6 * BOX_M, places_m.max(axis=0) + 1.6 * BOX_M
     under = places_m[:, 2].min() - BOX_M / 2
@@ -149,9 +150,8 @@ def scene_picture(
     colors = object_colors(item.name for item in objects)
     ordered = sorted(objects, key=lambda item: float(np.dot(item.position_m, _TOWARDS)))
     faces = tuple(face for item in ordered for face in _box(item, colors[item.name], to_page))
-    ends = [(*map(float, point), is_open) for point, (_, is_open) in zip(to_page(way), keyframes, strict=True)]
-    path = to_page.text(way)
-    return ScenePicture(to_page.text(ground), faces, path, tuple(ends), tuple(colors.items()))  # type: ignore[arg-type]
+    ends = [(float(x), float(y), k.gripper_open) for (x, y), k in zip(to_page(way), record.keyframes, strict=True)]
+    return ScenePicture(to_page.text(ground), faces, to_page.text(way), tuple(ends))
 
 
 class _Fit:
@@ -191,14 +191,3 @@ def _box(item: ObjectRecord, color: str, to_page: _Fit) -> list[Face]:
         shade = 0 if normal[2] > abs(normal[:2]).max() else 1 if normal @ _RIGHT > 0 else 2
         faces.append(Face(to_page.text(corners), color, shade))
     return faces
-
-
-def picture_of_episode(record: EpisodeRecord) -> ScenePicture | None:
-    """The objects of an episode's first frame, and its keyframes."""
-    return scene_picture(record.objects, [(item.position_m, item.gripper_open) for item in record.keyframes])
-
-
-def picture_of_prediction(record: PredictionRecord) -> ScenePicture | None:
-    """The objects that were asked about, and the actions that came."""
-    actions = [(item["position"], item["gripper_open"]) for item in record.actions or ()]
-    return scene_picture(record.objects, actions)

@@ -1,3 +1,5 @@
+from typing import get_args
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
+from app.pipeline.representation.anchors import Frame
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -114,3 +117,10 @@ def test_nothing_is_lost_or_repeated(text, style):
 @pytest.mark.parametrize("system", SYSTEM_PROMPTS.values())
 def test_a_text_of_another_representation_stays_as_it_is(system):
     assert "".join(span.text for span in prompt_spans(system, "action_tokens", "paper")) == system
+
+
+@pytest.mark.parametrize("frame", get_args(Frame))
+def test_a_row_of_every_frame_is_an_action(frame):
+    follows = frame if frame in ("world", "start") else f"A {frame}"
+    row = f"1 {follows}: +0 -3 +24 0 36 36 0"
+    assert texts(prompt_spans(row, "object_frame", "paper"), "action") == [row]

@@ -107,7 +107,7 @@ def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, 
     expect(page.locator("#labels li")).to_have_count(1)
     page.get_by_role("button", name="Try it on every").press("Enter")
     expect(page.locator("#progress")).to_have_text("3 of 3 episodes: 3 found")
-    assert [row.split("\t")[1] for row in page.locator("#rows tr").all_inner_texts()] == ["found"] * 3
+    assert [row.split("\t")[1] for row in page.locator("#rows tbody tr").all_inner_texts()] == ["found"] * 3
     assert http.get("/tasks/shelf").json()["object_models"] == {}
     page.get_by_role("button", name="Use it in the task").press("Enter")
     expect(page.locator("#learned")).to_contain_text("every episode was extracted again")

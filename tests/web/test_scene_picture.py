@@ -1,5 +1,7 @@
 """Scenes drawn from their poses."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -13,11 +15,13 @@ def points(text):
 
 @pytest.mark.parametrize("far_m", [0.0, 0.1, 3.0])
 def test_everything_lies_on_the_page(far_m):
-    cubes = [
+    cubes = (
         ObjectRecord("red cube", (0.3, 0.0, 0.8)),
         ObjectRecord("cup", (0.3 - far_m, far_m, 0.8), (0, 0, 0.6, 0.8)),
-    ]
-    picture = scene_picture(cubes, [((0.3, 0.0, 0.8 + far_m), True), ((0.3, far_m, 0.8), False)])
+    )
+    places_m = ((0.3, 0.0, 0.8 + far_m), (0.3, far_m, 0.8))
+    keyframes = tuple(SimpleNamespace(position_m=place_m, gripper_open=True) for place_m in places_m)
+    picture = scene_picture(SimpleNamespace(objects=cubes, keyframes=keyframes))
     drawn = [points(text) for text in (picture.ground, picture.path, *(face.points for face in picture.faces))]
     assert np.vstack(drawn).min() >= 0
     assert (np.vstack(drawn) <= (WIDTH, HEIGHT)).all()
@@ -26,17 +30,17 @@ def test_everything_lies_on_the_page(far_m):
 
 def test_a_box_shows_three_sides_and_the_nearer_one_comes_last():
     far, near = ObjectRecord("far", (0.2, 0.2, 0.8)), ObjectRecord("near", (0.5, -0.2, 0.8))
-    picture = scene_picture([near, far])
+    picture = scene_picture(SimpleNamespace(objects=(near, far), keyframes=()))
     assert [face.shade for face in picture.faces].count(0) == 2
     assert len(picture.faces) == 6
-    colors = dict(picture.names)
+    colors = object_colors(["near", "far"])
     assert [face.color for face in picture.faces] == [colors["far"]] * 3 + [colors["near"]] * 3
     # x points to the lower right of the viewer's page: what is nearer lies lower
     assert points(picture.faces[-1].points)[:, 1].mean() > points(picture.faces[0].points)[:, 1].mean()
 
 
 def test_nothing_is_drawn_of_nothing():
-    assert scene_picture([]) is None
+    assert scene_picture(SimpleNamespace(objects=(), keyframes=())) is None
 
 
 def test_an_object_has_the_color_that_its_name_says():

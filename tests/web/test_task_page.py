@@ -56,13 +56,26 @@ def test_what_somebody_else_set_meanwhile_is_not_overwritten(form, http):
 def test_a_setting_that_is_not_valid_is_told(form, http):
     form.expected_refusals = [422]
     form.get_by_label("Position of its base").fill("1 2")
-    expect(form.locator("#changes")).to_contain_text('robot_base is "1 2". Valid: three numbers')
+    expect(form.locator("#changes")).to_contain_text("robot_base is “1 2”. Valid: 3 numbers")
     expect(form.get_by_role("button", name="Apply")).to_be_disabled()
     form.get_by_label("Position of its base").fill("0 0 0")
     form.get_by_label("Source").select_option("a box of your own")
     form.get_by_label("from x y z, m").first.fill("9 9 9")
     form.get_by_role("button", name="Apply").click()
     expect(form.get_by_role("alert")).to_contain_text("workspace")
+
+
+def test_the_map_shows_where_it_was_shown_and_asked_and_leads_there(page, http, seeded):
+    page.goto("/ui/tasks/pick")
+    expect(page.locator("#space-view .shown")).to_have_count(len(seeded))
+    page.get_by_role("button", name="From above").click()
+    expect(page.locator(".asked.success")).to_have_count(1)
+    (failed,) = http.get("/predictions", params={"task": "pick", "outcome": "failure"}).json()["predictions"]
+    ring = page.locator(f".asked.failure[data-id='{failed['id']}']")
+    ring.evaluate("ring => ring.parentNode.append(ring)")  # the other stands at the same place
+    ring.scroll_into_view_if_needed()
+    ring.click(force=True)
+    page.wait_for_url(f"**/ui/predictions/{failed['id']}")
 
 
 def test_it_can_be_read_by_everyone(form, check_accessibility):

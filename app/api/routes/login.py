@@ -15,15 +15,18 @@ _PAGE = Template("""<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
 <title>Log in · RoboPrompt</title>
 <style>body { font: 16px system-ui, sans-serif; max-width: 24rem; margin: 15vh auto; padding: 0 1rem; }
 input, button { font: inherit; padding: .5rem; width: 100%; box-sizing: border-box; margin-top: .5rem; }</style>
+<main>
 <h1>RoboPrompt</h1>
 <form method="post">
 <label>API key <input name="key" type="password" autocomplete="current-password" required autofocus></label>
 <button>Log in</button>
 </form>
 <p role="alert">$said</p>
+</main>
 </html>
 """)
 _HEADERS = {

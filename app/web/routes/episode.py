@@ -126,7 +126,8 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
         "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
         "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
         "scene": shown,
-        "play": recorded_motion(trajectory, times_s, recording.settings),
+        "play": recorded_motion(trajectory, times_s, recording.settings)
+        | {"marks_s": [round(float(times_s[item.index]), 3) for item in recording.record.keyframes]},
     }
     return JSONResponse(document, headers=HEADERS)
 
@@ -188,12 +189,10 @@ def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, 
     except LanguageModelError as error:
         representation, prompt_format = settings.representation or "absolute", settings.prompt_format or "paper"
         return representation, prompt_format, f"The default model is not available: {error}"
-    if settings.representation:
-        usual = usual_format(settings.representation, profile.prompt_format)
-        return settings.representation, settings.prompt_format or usual, "First as the task is set."
-    whose = f"First as {profile.name} reads it."
-    usual = usual_format(profile.representation, profile.prompt_format)
-    return profile.representation, settings.prompt_format or usual, whose
+    representation = settings.representation or profile.representation
+    prompt_format = settings.prompt_format or usual_format(representation, profile.prompt_format)
+    whose = "First as the task is set." if settings.representation else f"First as {profile.name} reads it."
+    return representation, prompt_format, whose
 
 
 @router.get("/ui/episodes/{episode_id}/object")

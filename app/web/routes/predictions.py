@@ -132,9 +132,9 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
 
 @documents.get("/ui/predictions/{prediction_id}/result")
 def prediction_result(request: Request, services: Wired, prediction_id: str) -> Response:
-    """The part of the page that tells the result, and the scene."""
+    """The parts of the page that tell the result, and the scene."""
     with services.store.read() as connection:
         view = view_prediction(connection, prediction_id)
     root = request.scope.get("root_path", "")
-    html = render_part("prediction_result.html", view=view, root=root)
-    return JSONResponse({"html": html, "scene": view.scene}, headers=HEADERS)
+    verdict, html = (render_part(f"prediction_{part}.html", view=view, root=root) for part in ("verdict", "result"))
+    return JSONResponse({"verdict": verdict, "html": html, "scene": view.scene}, headers=HEADERS)

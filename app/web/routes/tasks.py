@@ -4,6 +4,7 @@ What a task's demonstrations make of each other is a page of its own, because it
 drop; the scripts of that page send what they find to POST /episodes.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -16,14 +17,16 @@ from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
 from app.llm.baselines import YARDSTICKS
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
-from app.store import episodes, tasks
+from app.store import episodes, prediction_lists, tasks
 from app.store.errors import NotFoundError
+from app.store.prediction_lists import PredictionFilter
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
 from app.web.page import PageRoute, is_evaluated, render, thumbnail
 from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50
+MAX_DRAWN = 200  # demonstrations, and predictions, the newest
 HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # an episode's images never change
 documents = APIRouter()
 
@@ -39,7 +42,6 @@ class TaskRow:
     """
 
     record: TaskRecord
-    settings: TaskSettings
     counts: TaskCounts
     of_models: TaskCounts
     newest: EpisodeRecord | None
@@ -61,7 +63,7 @@ def tasks_page(
         newest = episodes.newest_by_task(connection)
         records = tasks.list_all(connection)
     rows = [
-        TaskRow(record, TaskSettings.model_validate(record.settings), counts[name], of_models[name], newest.get(name))
+        TaskRow(record, counts[name], of_models[name], newest.get(name))
         for record in records
         if _contains(record, containing) and (name := record.name)
     ]
@@ -74,14 +76,18 @@ def _contains(record: TaskRecord, text: str) -> bool:
 
 @router.get("/ui/tasks/{name}")
 def task_page(request: Request, services: Wired, name: str) -> Response:
-    """The task's settings as a form."""
+    """Where the task was shown and asked, and its settings as a form."""
     with services.store.read() as connection:
         task = tasks.get(connection, name)
-        newer = episodes.list_page(connection, name, PAGE_SIZE).items
+        newer = episodes.list_page(connection, name, MAX_DRAWN).items
+        others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
+        of_task = PredictionFilter(task=name, without_models=others)
+        asked = prediction_lists.list_page(connection, of_task, "newest", MAX_DRAWN).items
     newest = next(iter(newer), None)
     pictured = next((record for record in newer if any(camera.has_rgbd for camera in record.cameras)), None)
     settings = TaskSettings.model_validate(task.settings)
     workspace = settings.workspace
+    shown = [item for record in newer for item in record.objects]
     own = {"min": workspace.min, "max": workspace.max}
     stored = settings.model_dump(mode="json", include={"arm", "robot_base", "num_demonstrations"})
     stored["aliases"] = {each: settings.aliases[each] for each in task.object_names or () if each in settings.aliases}
@@ -95,7 +101,9 @@ def task_page(request: Request, services: Wired, name: str) -> Response:
         newest=newest,
         pictured=pictured,
         stored=stored,
-        scene=scene(workspace, () if newest is None else newest.objects, ()),
+        num_shown=len(newer),
+        fates=Counter(item.fate for item in asked),
+        scene=scene(workspace, () if newest is None else newest.objects, (), shown=shown, asked=asked),
     )
 
 

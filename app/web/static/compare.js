@@ -1,11 +1,8 @@
-// Two predictions side by side: their motions in 3D.
+// Two predictions side by side: their motions in 3D, which play together.
 
 import { data } from "./dom.js";
-import { mountPlayer } from "./player.js";
-import { drawScene } from "./scene3d.js";
+import { link, showMotion } from "./player.js";
 
-for (const view of document.querySelectorAll("[data-scene]")) {
-  const scene = data(view.dataset.scene);
-  drawScene(view, scene);
-  mountPlayer(view, scene.play, scene.play?.marks_s);
-}
+const views = document.querySelectorAll("[data-scene]");
+for (const view of views) showMotion(view, data(view.dataset.scene));
+link(...views);

@@ -1,5 +1,7 @@
 // Small helpers around the document: elements, messages, confirmation.
 
+export const byId = (id) => document.getElementById(id);
+
 /** A new element with properties and children; text is never read as HTML. */
 export function element(tag, properties = {}, ...children) {
   const made = Object.assign(document.createElement(tag), properties);
@@ -17,7 +19,7 @@ export function svg(tag, attributes, ...children) {
 
 /** The value of a `<script type="application/json" id=...>` of the page. */
 export function data(id) {
-  return JSON.parse(document.getElementById(id).textContent);
+  return JSON.parse(byId(id).textContent);
 }
 
 /** `run` called once `wait_ms` after the last call. */
@@ -45,6 +47,15 @@ export function sayProblem(place, error) {
   const what = entries.length ? element("ul", {}, ...entries) : element("p", {}, problem.detail ?? "");
   const box = element("div", { className: "card bad", role: "alert" }, element("strong", {}, problem.title), what);
   place.replaceChildren(box);
+}
+
+/** What `run` resolves to; undefined if it fails, after `place` says why. */
+export async function attempt(place, run) {
+  try {
+    return await run();
+  } catch (error) {
+    sayProblem(place, error);
+  }
 }
 
 /** Findings, as pages made on the server list it; nothing if there is nothing. */

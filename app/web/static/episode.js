@@ -1,13 +1,13 @@
 // One episode: plots, the keyframe rule tried out and applied, deletion.
 
 import { call, root, send } from "./api.js";
-import { confirmed, data, debounced, element, say, sayProblem } from "./dom.js";
+import { attempt, byId, confirmed, data, debounced, element, say, sayProblem } from "./dom.js";
+import { deleted } from "./episodes.js";
 import { drawMotion } from "./motion_plot.js";
 import { mountPlayer } from "./player.js";
 import { drawScene } from "./scene3d.js";
 
 const PAUSE_MS = 60;
-const byId = (id) => document.getElementById(id);
 const section = byId("keyframes");
 const form = byId("rule");
 const slider = byId("delta-slider");
@@ -46,25 +46,16 @@ function followNumber() {
   if (delta_rad_s > 0) slider.value = Math.log10(delta_rad_s);
 }
 
-async function drawSpeed() {
-  try {
-    drawMotion(byId("speed"), await motion, preview, chosenRule());
-  } catch (error) {
-    sayProblem(byId("speed"), error);
-  }
-}
+const drawSpeed = () => attempt(byId("speed"), async () => drawMotion(byId("speed"), await motion, preview, chosenRule()));
 
-async function drawSpace() {
-  try {
+const drawSpace = () =>
+  attempt(byId("space-view"), async () => {
     const { scene, play } = await motion;
     drawScene(byId("space-view"), { ...scene, play, frames: preview.frames });
     const marks_s = preview.keyframes.map((item) => item.time_s);
     if (String(marks_s) !== marked) mountPlayer(byId("space-view"), play, marks_s);
     marked = String(marks_s);
-  } catch (error) {
-    sayProblem(byId("space-view"), error);
-  }
-}
+  });
 
 /** Ask what the rule would find; the service's own rule, so that it is what applying it gives. */
 const look = debounced(async () => {
@@ -110,23 +101,13 @@ byId("apply").addEventListener("click", async () => {
   const text = `All ${episodes} episodes of ${task} are extracted again with the rule ${rule} of the form; later prompts show what is found then.`;
   if (!(await confirmed("Apply to the whole task?", text, "Apply"))) return;
   say(byId("problem"), "busy", `Extracting ${episodes} episodes again…`);
-  try {
+  await attempt(byId("problem"), async () => {
     await call(`/tasks/${encodeURIComponent(task)}`, { method: "PUT", json: { keyframes: chosenRule() } });
     location.assign(`${location.pathname}?applied=true`);
-  } catch (error) {
-    sayProblem(byId("problem"), error);
-  }
+  });
 });
 byId("delete").addEventListener("click", async () => {
-  const text = "It will no longer be shown to the LLM. Its recording cannot be brought back.";
-  if (!(await confirmed("Delete this episode?", text, "Delete", "danger"))) return;
-  say(byId("message"), "busy", "Deleting…");
-  try {
-    await call(`/episodes/${episode}`, { method: "DELETE" });
-    location.assign(`${root}/ui/episodes?task=${encodeURIComponent(task)}`);
-  } catch (error) {
-    sayProblem(byId("message"), error);
-  }
+  if (await deleted(episode, "It")) location.assign(`${root}/ui/episodes?task=${encodeURIComponent(task)}`);
 });
 
 byId("correct").addEventListener("submit", async (event) => {
@@ -134,12 +115,10 @@ byId("correct").addEventListener("submit", async (event) => {
   const { instruction, left_out, note } = event.target.elements;
   const json = { instruction: instruction.value, left_out: left_out.checked, note: note.value };
   say(byId("corrected"), "busy", "Saving…");
-  try {
+  await attempt(byId("corrected"), async () => {
     await call(`/episodes/${episode}`, { method: "PATCH", json });
     location.reload();
-  } catch (error) {
-    sayProblem(byId("corrected"), error);
-  }
+  });
 });
 
 /** Say why an image cannot be shown. */

@@ -1,13 +1,12 @@
 // A gripper at a pose, and an arm as a skeleton, in the 3D view.
 
 import { svg } from "./dom.js";
+import { text } from "./view3d.js";
 
 const [OPEN_M, CLOSED_M] = [0.04, 0.012]; // from the middle to a finger
 const FINGER_M = 0.05;
 const WRIST_M = 0.1;
 const ARM_M = 0.05; // how thick its links are drawn
-
-const text = (points, { at }) => points.map((point) => at(point).map((value) => value.toFixed(1)).join(",")).join(" ");
 
 /** Two fingers that end at the pose, whose z axis points where they do; they open along its y axis. */
 export function gripper({ position, axes, open }, projection, name) {

@@ -1,12 +1,11 @@
 // What runs now, asked for again and again while somebody looks: robots, which can be stopped, and predictions.
 
 import { call, root, send } from "./api.js";
-import { element, sayProblem } from "./dom.js";
+import { attempt, byId, element, sayProblem } from "./dom.js";
 import { axesOf, drawScene, showMoment } from "./scene3d.js";
 
 const [PAUSE_MS, RUNS_MS] = [1000, 250];
 const SILENT_S = 2; // longer than any robot that is well
-const byId = (id) => document.getElementById(id);
 const none = byId("runs").firstElementChild;
 const cards = new Map(); // of robots, by the id of their run
 
@@ -62,14 +61,12 @@ class Card {
     this.scene = run.scene;
   }
 
-  async press() {
-    try {
+  press() {
+    return attempt(this.problem, async () => {
       await call(`/runs/${this.id}/stop`, { method: "POST" });
       this.stop.disabled = true;
       this.stop.textContent = "Stopping";
-    } catch (error) {
-      sayProblem(this.problem, error);
-    }
+    });
   }
 
   /** The scene is that of the prediction, once it is known. */
@@ -81,7 +78,7 @@ class Card {
   }
 
   show(run) {
-    if (run.prediction_id && this.prediction !== run.prediction_id) this.take(run.prediction_id).catch((error) => sayProblem(this.problem, error));
+    if (run.prediction_id && this.prediction !== run.prediction_id) attempt(this.problem, () => this.take(run.prediction_id));
     const number = this.scene.frames.length;
     const action = run.action ? `action ${run.action}${number ? ` of ${number}` : ""}` : "waits for its actions";
     const silent = run.silent_s > SILENT_S ? `; not heard of for ${run.silent_s.toFixed(0)} s` : "";

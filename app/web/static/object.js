@@ -1,13 +1,13 @@
 // Teach an object: mark it in an episode's pictures, keep labels, learn, and see where it is found.
 
 import { call, root } from "./api.js";
-import { data, element, say, sayProblem } from "./dom.js";
+import { attempt, byId, data, element, say, sayProblem } from "./dom.js";
 import { mountMarking } from "./marking.js";
 
 const AT_ONCE = 4; // episodes in a request
 const ENOUGH = 3; // labeled episodes to rely on
-const byId = (id) => document.getElementById(id);
 const page = data("page");
+const rows = byId("rows").tBodies[0];
 const { label: form, learn: teaching } = document.forms;
 const task = `/tasks/${encodeURIComponent(page.task)}`;
 const name = () => form.elements.object.value;
@@ -113,16 +113,14 @@ async function changed() {
   byId("learned").replaceChildren();
   for (const link of document.querySelectorAll(".elsewhere")) link.search = `?name=${encodeURIComponent(name())}`;
   history.replaceState(null, "", `?name=${encodeURIComponent(name())}`);
-  try {
+  await attempt(byId("learned"), async () => {
     const { labels } = await call(`${task}/labels?object=${encodeURIComponent(name())}`);
     byId("labels").replaceChildren(...labels.map(entry));
     const number = new Set(labels.map((label) => label.episode_id ?? label.id)).size;
     const advice = number < ENOUGH ? "one is enough to try, three are to rely on." : "enough to rely on, if they fit each other.";
     byId("enough").textContent = `${name()}: ${number} labeled episode${number === 1 ? "" : "s"}; ${advice}`;
     byId("look").disabled = !labels.length;
-  } catch (error) {
-    sayProblem(byId("learned"), error);
-  }
+  });
 }
 
 function entry({ id, episode_id, cameras, yaw_deg }) {
@@ -132,15 +130,13 @@ function entry({ id, episode_id, cameras, yaw_deg }) {
   const yaw = yaw_deg === null ? "" : `, x axis at ${Math.round(yaw_deg)} degrees`;
   const remove = element("button", { type: "button", className: "danger small" }, "Remove");
   remove.setAttribute("aria-label", `Remove the label in ${where}`);
-  remove.addEventListener("click", async () => {
-    try {
+  remove.addEventListener("click", () =>
+    attempt(byId("learned"), async () => {
       await call(`${task}/labels/${id}`, { method: "DELETE" });
       await changed();
       form.elements.object.focus();
-    } catch (error) {
-      sayProblem(byId("learned"), error);
-    }
-  });
+    }),
+  );
   return element("li", {}, element("span", {}, link, element("span", { className: "note" }, ` pixels: ${pixels}${yaw}`)), remove);
 }
 
@@ -175,7 +171,7 @@ function row({ episode_id, pose, refusal }) {
 async function tryOut(model, signal) {
   const counts = { found: 0, refused: 0, "without pictures": 0 };
   const { episodes, num_episodes } = page;
-  byId("rows").replaceChildren();
+  rows.replaceChildren();
   byId("found").hidden = byId("stop").hidden = false;
   const say = (tried) => {
     const outcome = Object.entries(counts).filter(([, count]) => count).map(([what, count]) => `${count} ${what}`);
@@ -187,7 +183,7 @@ async function tryOut(model, signal) {
     const json = { object: name(), model, episode_ids: episodes.slice(first, first + AT_ONCE) };
     const { episodes: tried } = await call(`${task}/object_models/try`, { method: "POST", json, signal });
     for (const each of tried) counts[each.pose ? "found" : each.refusal ? "refused" : "without pictures"] += 1;
-    byId("rows").append(...tried.map(row));
+    rows.append(...tried.map(row));
     say(Math.min(first + AT_ONCE, episodes.length));
   }
 }
@@ -218,12 +214,10 @@ byId("stop").addEventListener("click", () => looking?.abort());
 byId("use").addEventListener("click", async () => {
   byId("use").disabled = true;
   say(byId("learned"), "busy", "Extracting every episode again…");
-  try {
+  await attempt(byId("learned"), async () => {
     await call(`${task}/labels/learn`, { method: "POST", json: wanted() });
     say(byId("learned"), "good", `${page.task} finds ${name()} by this from now on; every episode was extracted again.`);
-  } catch (error) {
-    sayProblem(byId("learned"), error);
-  }
+  });
 });
 for (const picture of Object.values(pictures)) picture.show([], []);
 draw();

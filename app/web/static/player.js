@@ -1,15 +1,34 @@
 // Plays a motion (app/web/play.py) in the 3D view: buttons, a timeline of height, speed and gripper, and the keyboard.
 
 import { element } from "./dom.js";
-import { axesOf, showMoment } from "./scene3d.js";
+import { axesOf, drawScene, showMoment } from "./scene3d.js";
 import { drawTimeline } from "./timeline.js";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const STEP_S = 0.1;
 const players = new WeakMap();
 
+/** Draw `scene` into `view`, and add a player of its motion, if it has one. */
+export function showMotion(view, scene) {
+  drawScene(view, scene);
+  mountPlayer(view, scene.play);
+}
+
+/** Let each of two players follow the other. */
+export function link(one, other) {
+  const [first, second] = [players.get(one), players.get(other)];
+  if (first && second) [first.partner, second.partner] = [second, first];
+}
+
+/** Play another motion in the same view, faintly, from mark to mark as the first goes; null: no more. */
+export function playBeside(view, motion) {
+  const player = players.get(view);
+  player.beside = motion;
+  player.seek(player.time_s);
+}
+
 /** Add a player of `motion` to `view`, in which a scene is drawn; remove the present one. null: remove only. */
-export function mountPlayer(view, motion, marks_s = []) {
+export function mountPlayer(view, motion, marks_s = motion?.marks_s ?? []) {
   players.get(view)?.remove();
   players.delete(view);
   if (!motion || motion.times_s.length < 2) return;
@@ -21,8 +40,8 @@ export function mountPlayer(view, motion, marks_s = []) {
 
 class Player {
   constructor(view, motion, marks_s) {
-    [this.view, this.motion, this.end_s] = [view, motion, motion.times_s.at(-1)];
-    [this.time_s, this.speed, this.playing] = [0, 1, false];
+    [this.view, this.motion, this.marks_s, this.end_s] = [view, motion, marks_s, motion.times_s.at(-1)];
+    [this.time_s, this.speed, this.playing, this.partner, this.beside] = [0, 1, false, null, null];
     this.toggle = element("button", { type: "button", className: "play" });
     this.scrubber = element("input", { type: "range", min: 0, max: this.end_s, step: 0.01, ariaLabel: "Moment of the motion" });
     this.clock = element("span", { className: "mono clock" });
@@ -77,16 +96,31 @@ class Player {
     });
   }
 
-  seek(time_s) {
+  seek(time_s, led = false) {
     this.time_s = Math.min(this.end_s, Math.max(0, time_s));
+    if (!led) this.partner?.seek((this.time_s / this.end_s) * this.partner.end_s, true);
     const moment = momentOf(this.motion, this.time_s);
-    showMoment(this.view, moment);
+    showMoment(this.view, moment, this.beside && momentOf(this.beside, this.timeBeside()));
     this.scrubber.value = this.time_s;
     const said = `${this.time_s.toFixed(2)} of ${this.end_s.toFixed(2)} s`;
     this.clock.textContent = said;
     this.scrubber.setAttribute("aria-valuetext", `${said}, gripper ${moment.open ? "open" : "closed"}`);
     this.timeline.at(this.time_s);
   }
+
+  /** Where the motion beside is: as far from mark to mark as this one, or as a whole if their marks differ in number. */
+  timeBeside() {
+    const { marks_s, times_s } = this.beside;
+    const same = marks_s.length === this.marks_s.length;
+    const stops = (marks, end_s) => [0, ...(same ? marks : []), end_s];
+    return between(this.time_s, stops(this.marks_s, this.end_s), stops(marks_s, times_s.at(-1)));
+  }
+}
+
+/** The time of `to` that lies between its stops as `time` does between those of `from`, which are equally many. */
+function between(time, from, to) {
+  const k = Math.max(1, from.findIndex((stop) => time <= stop));
+  return to[k - 1] + ((to[k] - to[k - 1]) * (time - from[k - 1])) / Math.max(from[k] - from[k - 1], 1e-9);
 }
 
 const mix = (one, other, share) => one.map((value, k) => value + share * (other[k] - value));

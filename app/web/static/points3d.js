@@ -1,4 +1,4 @@
-// A point cloud (app/web/point_cloud.py) under the drawing of a 3D view: pixels in a canvas, the nearest in front.
+// A point cloud (app/web/play.py) under the drawing of a 3D view: pixels in a canvas, the nearest in front.
 
 import { send } from "./api.js";
 

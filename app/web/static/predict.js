@@ -1,16 +1,16 @@
 // Ask for a prediction and show it while it comes.
 
 import { call, root, send } from "./api.js";
-import { element, say, sayProblem } from "./dom.js";
+import { attempt, byId, element, say, sayProblem } from "./dom.js";
 import { events } from "./events.js";
 import { listenForOutcome } from "./outcome.js";
-import { mountPlayer } from "./player.js";
-import { chosenImages, fillFrom, listCameras, requestOf, showKind } from "./predict_scene.js";
+import { mountPlayer, showMotion } from "./player.js";
+import { chosenImages, listCameras, requestOf, showKind, takeImages, takePoses } from "./predict_scene.js";
 import { axesOf, drawScene } from "./scene3d.js";
 
 const TICK_MS = 100;
-const byId = (id) => document.getElementById(id);
 const form = byId("ask");
+let filling = Promise.resolve(); // takes one episode's scene after the other
 let running = null; // the AbortController of what runs
 let scene = null;
 let [before, last] = [null, form.dataset.again || null]; // ids of predictions
@@ -37,7 +37,7 @@ async function busy(text, work) {
   byId("cancel").hidden = false;
   // a refused request must not stand above the prompt and the scene of the one before
   for (const id of ["coming", "space", "part-instruction"]) byId(id).hidden = true;
-  byId("result").replaceChildren();
+  for (const id of ["verdict", "result"]) byId(id).replaceChildren();
   say(byId("state"), "busy", text);
   try {
     await work(running.signal);
@@ -85,7 +85,7 @@ async function showPrompt(body, signal) {
 /** The links and the result; the prediction that was asked for before, on this page or on the way to it, to compare. */
 async function showResult(id) {
   if (id !== last) [before, last] = [last, id];
-  const { html, scene: found } = await call(`/ui/predictions/${id}/result`);
+  const { verdict, html, scene: found } = await call(`/ui/predictions/${id}/result`);
   const links = element(
     "p",
     { className: "row" },
@@ -93,15 +93,23 @@ async function showResult(id) {
     ...(before ? [element("a", { className: "button plain", href: `${root}/ui/predictions/compare?id=${before}&id=${id}` }, "Beside the one before")] : []),
   );
   byId("coming").hidden = true;
+  byId("verdict").innerHTML = verdict;
+  byId("verdict").prepend(links);
   byId("result").innerHTML = html;
-  byId("result").prepend(links);
-  listenForOutcome(byId("result"), async (success) => {
+  listenForOutcome(byId("verdict"), async (success) => {
     await showResult(id);
     say(byId("state"), "good", `Recorded: ${success ? "success" : "failure"}.`);
   });
+  byId("space").hidden = false;
   scene = found;
-  draw();
-  mountPlayer(byId("space-view"), found.play, found.play?.marks_s);
+  showMotion(byId("space-view"), scene);
+  lookAtAnswer();
+}
+
+/** What comes is below the form. */
+function lookAtAnswer() {
+  byId("answer").focus({ preventScroll: true });
+  byId("answer").scrollIntoView();
 }
 
 async function ask(body, signal) {
@@ -110,6 +118,7 @@ async function ask(body, signal) {
   byId("reply").textContent = "";
   byId("reply").classList.add("writing");
   byId("coming").hidden = false;
+  lookAtAnswer();
   const headers = { Accept: "text/event-stream" };
   const response = await send("/predict", { method: "POST", headers, signal, ...body({ stream_text: true }) });
   for await (const { event, data } of events(response)) {
@@ -128,6 +137,7 @@ async function ask(body, signal) {
 /** The request as the form says it, or null after telling what is wrong with the form. */
 async function read() {
   for (const input of form.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
+  await filling;
   if (!form.reportValidity()) return null;
   try {
     return await requestOf(form);
@@ -152,17 +162,22 @@ byId("show").addEventListener("click", async () => {
   });
 });
 byId("cancel").addEventListener("click", () => running?.abort());
-byId("fill").addEventListener("click", async () => {
+/** What is taken of the chosen episode; the last choice stays. */
+function take(...parts) {
   const id = byId("episode").value;
-  if (!id) return;
-  try {
-    await fillFrom(form, id);
-    say(byId("filled"), "", "Taken over.");
-  } catch (error) {
-    sayProblem(byId("filled"), error);
-  }
+  if (id) filling = filling.then(() => attempt(byId("filled"), () => Promise.all(parts.map((part) => part(form, id)))));
+}
+
+byId("episode").addEventListener("change", () => {
+  byId("filled").replaceChildren();
+  take(takePoses, takeImages);
 });
-for (const choice of form.elements.scene) choice.addEventListener("change", () => showKind(form));
+for (const choice of form.elements.scene) {
+  choice.addEventListener("change", () => {
+    showKind(form);
+    if (choice.value === "images") take(takeImages);
+  });
+}
 byId("files").addEventListener("change", chosenImages);
 byId("cameras").addEventListener("change", listCameras);
 listCameras();

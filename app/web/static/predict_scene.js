@@ -1,26 +1,20 @@
 // The scene of a question: typed poses, or images with their cameras.
 
-import { ProblemError, call, send } from "./api.js";
+import { call, send } from "./api.js";
+import { byId } from "./dom.js";
+import { numbers, words, wrong } from "./fields.js";
 
 const PART = /^((?:rgb|depth|mask)_.+)\.(?:png|jpe?g|npy)$/i;
 const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection", "unfamiliar"];
 const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "num_samples", "temperature"];
 const taken = new Map(); // images taken from an episode, by the name of their part
 
-const byId = (id) => document.getElementById(id);
 const fromImages = (form) => form.elements.scene.value === "images";
-const words = (text) => text.split(/[\s,]+/).filter(Boolean);
 
-function wrong(field, message, valid) {
-  return new ProblemError({ title: "The request is not valid", errors: [{ field, message, valid }] });
-}
-
-function numbers(text, field, count) {
-  const values = words(text).map(Number);
-  if (values.some((value) => !Number.isFinite(value)) || (count && values.length !== count)) {
-    throw wrong(field, `is “${text}”`, `${count ?? "any number of"} numbers with blanks between them`);
-  }
-  return values;
+/** The field of an object; undefined if the form does not have the object. */
+function fieldOf(form, object, name) {
+  const group = [...form.querySelectorAll("[data-object]")].find((each) => each.dataset.object === object);
+  return group?.querySelector(`[name="${name}"]`);
 }
 
 /** Show the fields of the chosen kind of scene; those not shown are not required. */
@@ -33,21 +27,23 @@ export function showKind(form) {
   for (const place of form.querySelectorAll(".looked")) place.hidden = !looks;
 }
 
-/** Take over the objects, instruction, cameras and images of a stored episode. */
-export async function fillFrom(form, id) {
+/** Take over the instruction and the objects of a stored episode. */
+export async function takePoses(form, id) {
   const episode = await call(`/episodes/${id}`);
   form.elements.instruction.value = episode.instruction;
-  for (const object of episode.objects) {
-    const group = [...form.querySelectorAll("[data-object]")].find((each) => each.dataset.object === object.name);
-    if (!group) continue;
-    const field = (name) => group.querySelector(`[name="${name}"]`);
-    ["x", "y", "z"].forEach((axis, k) => (field(axis).value = object.position[k].toFixed(4)));
-    field("quaternion").value = (object.quaternion_xyzw ?? []).map((value) => Number(value.toFixed(5)) + 0).join(" ");
+  for (const { name, position, quaternion_xyzw } of episode.objects) {
+    if (!fieldOf(form, name, "x")) continue;
+    ["x", "y", "z"].forEach((axis, k) => (fieldOf(form, name, axis).value = position[k].toFixed(4)));
+    fieldOf(form, name, "quaternion").value = (quaternion_xyzw ?? []).map((value) => Number(value.toFixed(5)) + 0).join(" ");
   }
+}
+
+/** Take over its cameras and images, and the objects' ids in its masks. */
+export async function takeImages(form, id) {
   const { cameras, images, mask_ids } = await call(`/ui/predict/scenes/${id}`);
   for (const [name, ids] of Object.entries(mask_ids)) {
-    const group = [...form.querySelectorAll("[data-object]")].find((each) => each.dataset.object === name);
-    if (group) group.querySelector('[name="mask_ids"]').value = ids.join(" ");
+    const field = fieldOf(form, name, "mask_ids");
+    if (field) field.value = ids.join(" ");
   }
   byId("cameras").value = JSON.stringify(cameras, null, 1);
   listCameras();

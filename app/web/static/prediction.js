@@ -1,22 +1,26 @@
-// One recorded prediction: its motion in 3D, and its outcome.
+// One recorded prediction: its motion in 3D, beside a demonstration's if one is chosen, and its outcome.
 
 import { call } from "./api.js";
-import { data, sayProblem } from "./dom.js";
+import { attempt, byId, data } from "./dom.js";
 import { listenForOutcome } from "./outcome.js";
-import { mountPlayer } from "./player.js";
+import { playBeside, showMotion } from "./player.js";
 import { drawScene } from "./scene3d.js";
 
-const view = document.getElementById("space-view");
+const view = byId("space-view");
 const scene = data("scene");
-drawScene(view, scene);
-mountPlayer(view, scene.play, scene.play?.marks_s);
-listenForOutcome(document.getElementById("main"), () => location.reload());
-document.getElementById("case").addEventListener("click", async ({ target }) => {
-  const keep = target.ariaPressed !== "true";
-  try {
+showMotion(view, scene);
+listenForOutcome(byId("main"), () => location.reload());
+byId("beside")?.addEventListener("change", ({ target }) =>
+  attempt(byId("message"), async () => {
+    const found = target.value ? await call(`/ui/episodes/${target.value}/motion`) : null;
+    drawScene(view, found ? { ...scene, shown: found.scene.objects, ways: [found.scene.path] } : scene);
+    playBeside(view, found?.play);
+  }),
+);
+byId("case").addEventListener("click", ({ target }) =>
+  attempt(byId("message"), async () => {
+    const keep = target.ariaPressed !== "true";
     await call(`/predictions/${target.dataset.prediction}/case`, { method: keep ? "PUT" : "DELETE" });
     target.ariaPressed = String(keep);
-  } catch (error) {
-    sayProblem(document.getElementById("message"), error);
-  }
-});
+  }),
+);

@@ -4,7 +4,7 @@
 import { element, svg } from "./dom.js";
 import { arm, gripper } from "./hand3d.js";
 import { loadPoints, paintPoints } from "./points3d.js";
-import { View, steer } from "./view3d.js";
+import { View, steer, text } from "./view3d.js";
 
 const FRAME_M = 0.05;
 const BOX_M = 0.04;
@@ -26,26 +26,31 @@ const meters = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} 
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
-  if (!states.has(place)) prepare(place, scene.boxes ? WHOLE : scene.play?.arm ? ARM : CLOSE, scene.points);
+  if (!states.has(place)) prepare(place, scene.points);
   const state = states.get(place);
   state.scene = scene;
+  if (!state.isChosen) state.show(scene.whole ? WHOLE : scene.play?.arm ? ARM : CLOSE);
   state.armButton.hidden = !scene.play?.arm;
   state.redraw();
 }
 
-/** Show the hand, and the arm if it is known, of one moment `{position, axes, open, arm}`; the scene must be drawn. */
-export function showMoment(place, moment) {
+/**
+ * Show the hand, and the arm if it is known, of one moment `{position, axes, open, arm}`; the scene must be drawn.
+ * @param beside another moment, of which the hand is shown faintly
+ */
+export function showMoment(place, moment, beside = null) {
   const state = states.get(place);
-  state.moment = moment;
+  Object.assign(state, { moment, beside });
   if (state.moving) paintMoment(state);
 }
 
-function paintMoment({ moving, projection, moment }) {
-  moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...(moment ? [gripper(moment, projection, "hand")] : []));
+function paintMoment({ moving, projection, moment, beside }) {
+  const hands = [[beside, "beside"], [moment, "hand"]].filter(([shown]) => shown);
+  moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
 }
 
-function prepare(place, first, points) {
-  const state = { view: new View(), shows: first, scene: null, moment: null, cloud: null };
+function prepare(place, points) {
+  const state = { view: new View(), scene: null, moment: null, beside: null, cloud: null, isChosen: false };
   state.redraw = () => paint(place, state);
   states.set(place, state);
   place.replaceChildren();
@@ -65,15 +70,19 @@ function addButtons(place, state, points) {
     });
     return made;
   };
-  const views = [CLOSE, ARM, WHOLE].map((text) => button(text, () => show(text)));
-  const show = (text) => {
-    state.shows = text;
+  const choose = (text) => {
+    state.isChosen = true;
     state.view.reset();
+    state.show(text);
+  };
+  const views = [CLOSE, ARM, WHOLE].map((text) => button(text, () => choose(text)));
+  state.show = (text) => {
+    state.shows = text;
     for (const each of views) each.ariaPressed = String(each.textContent === text);
   };
-  show(state.shows);
   state.armButton = views[1];
   const zooms = [
+    button("From above", () => state.view.rise()),
     button("+", () => state.view.scale(1.3), { ariaLabel: "Zoom in" }),
     button("−", () => state.view.scale(1 / 1.3), { ariaLabel: "Zoom out" }),
   ];
@@ -122,6 +131,7 @@ function paint(place, state) {
       ...(scene.boxes ?? []).map((item) => box(item, projection, "keep-out")),
       ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
       ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
+      ...(scene.asked ?? []).map((item) => asked(item, projection)),
       ...(scene.ways ?? []).map((way) => line(way, projection, "way")),
       line(scene.path, projection, "path"),
       ...scene.frames.map((item) => gripper({ ...item, open: item.gripper_open }, projection, "ghost")),
@@ -137,7 +147,7 @@ function paint(place, state) {
 
 /** What the view has room for: the whole workspace, or where something is done. */
 function bounds(scene, shows) {
-  const places = [...scene.frames, ...scene.objects, ...(scene.shown ?? [])].map((item) => item.position);
+  const places = [...scene.frames, ...scene.objects, ...(scene.shown ?? []), ...(scene.asked ?? [])].map((item) => item.position);
   const withArm = [...places, ...scene.path, ...(scene.play?.arm ?? []).flat()];
   const boxes = (scene.boxes ?? []).flatMap((item) => [item.min, item.max]);
   const whole = [scene.workspace.min, scene.workspace.max, ...withArm, ...boxes];
@@ -148,8 +158,6 @@ function bounds(scene, shows) {
 }
 
 const inOrder = (items, { depth }) => [...items].sort((one, other) => depth(one.position) - depth(other.position));
-
-const text = (points, { at }) => points.map((point) => at(point).map((value) => value.toFixed(1)).join(",")).join(" ");
 
 const line = (points, projection, name) => svg("polyline", { class: name, points: text(points, projection) });
 
@@ -201,6 +209,12 @@ const triad = ({ position, axes }, projection) =>
 function demonstrated(item, { at }) {
   const [cx, cy] = at(item.position);
   return titled(svg("circle", { class: "shown", cx, cy, r: 5, fill: item.color }), `${item.label} in a demonstration\n${meters(item.position)}`);
+}
+
+/** Where an object stood when it was asked about, and how it went. */
+function asked({ label, position, fate, id }, { at }) {
+  const [cx, cy] = at(position);
+  return titled(svg("circle", { class: `asked ${fate}`, cx, cy, r: 7, "data-id": id }), `${label}, ${fate}\n${meters(position)}`);
 }
 
 function pose(item, projection) {

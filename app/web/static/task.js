@@ -1,21 +1,18 @@
 // A task's settings: what would change is listed and drawn before it is applied, and can be undone.
 
-import { ProblemError, call } from "./api.js";
-import { data, element, say, sayProblem } from "./dom.js";
+import { call, root } from "./api.js";
+import { byId, data, element, say, sayProblem } from "./dom.js";
+import { numbers } from "./fields.js";
 import { drawScene } from "./scene3d.js";
 
-const byId = (id) => document.getElementById(id);
 const form = byId("settings");
 const scene = data("scene");
 let stored = data("stored");
 let undone = null; // what brings back the settings before the last change
 
-function point(input, field) {
-  const values = input.value.split(/[\s,]+/).filter(Boolean).map(Number);
-  if (values.length === 3 && values.every(Number.isFinite)) return values;
-  const wrong = { field, message: `is "${input.value}"`, valid: "three numbers with blanks between them" };
-  throw new ProblemError({ title: "The form is not complete", errors: [wrong] });
-}
+const CLICK_PX = 4; // a longer way of the pointer turns the view
+
+const point = (input, field) => numbers(input.value, field, 3);
 
 /** The settings that the form says, in the API's words. Throws ProblemError for what cannot be read. */
 function wanted() {
@@ -58,7 +55,8 @@ function look() {
     byId("changes").replaceChildren(...(items.length ? [element("ul", {}, ...items)] : []));
     byId("apply").disabled = !names.length;
     const workspace = preset.value ? scene.workspace : after.workspace;
-    drawScene(byId("space-view"), { ...scene, workspace, boxes: after.motion_limits.keep_out });
+    const boxes = after.motion_limits.keep_out;
+    drawScene(byId("space-view"), { ...scene, workspace, boxes, whole: names.length + boxes.length > 0 });
   } catch (error) {
     byId("apply").disabled = true;
     const [wrong] = error.problem?.errors ?? [];
@@ -107,4 +105,11 @@ byId("boxes").addEventListener("click", (event) => {
   look();
 });
 form.addEventListener("input", look);
+const view = byId("space-view");
+let pressed = { clientX: 0, clientY: 0 };
+view.addEventListener("pointerdown", (event) => (pressed = event));
+view.addEventListener("pointerup", ({ clientX, clientY }) => {
+  const { id } = document.elementFromPoint(clientX, clientY)?.dataset ?? {};
+  if (id && Math.hypot(clientX - pressed.clientX, clientY - pressed.clientY) < CLICK_PX) location.assign(`${root}/ui/predictions/${id}`);
+});
 look();

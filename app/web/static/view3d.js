@@ -1,9 +1,12 @@
 // Where the 3D view is seen from: turning, zooming, and points of the world on the page. Orthographic.
 
-const AZIMUTH_DEG = -47; // in front of the robot, on its right, as app/web/scene_picture.py draws
+const AZIMUTH_DEG = -47; // in front of the robot, on its right, as app/web/scene.py draws
 const ELEVATION_DEG = 27;
 const STEEPEST_DEG = 89;
 const FILLED = 0.86; // the share of the view that the scene takes up
+
+/** Points of the world, as SVG writes those that a projection makes of them. */
+export const text = (points, { at }) => points.map((point) => at(point).map((value) => value.toFixed(1)).join(",")).join(" ");
 
 const radians = (degrees) => (degrees * Math.PI) / 180;
 const dot = (one, other) => one[0] * other[0] + one[1] * other[1] + one[2] * other[2];
@@ -17,6 +20,11 @@ export class View {
   reset() {
     [this.azimuth_deg, this.elevation_deg, this.zoom] = [AZIMUTH_DEG, ELEVATION_DEG, 1];
     return this;
+  }
+
+  /** To where the table is seen as a map: x to the right, y up. */
+  rise() {
+    [this.azimuth_deg, this.elevation_deg] = [-90, STEEPEST_DEG];
   }
 
   turn(right_deg, up_deg) {

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
-from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
 from tests.web.conftest import PLACES_M, picture, until
 
 SLOW = "openai_compatible/default"
@@ -43,7 +44,7 @@ def test_the_embedded_llm_follows_the_demonstrations(page):
     page.set_default_timeout(120_000)
     predict(page, "embedded/gemma-3-270m")
     assert state(page, "good").startswith("3 actions in ")
-    assert "every action is close to theirs" in page.locator("#result").inner_text()
+    assert "every action is close to theirs" in page.locator("#verdict").inner_text()
     assert page.locator("#part-reply .action").count() == 3
     assert "of them cached" in page.locator("#part-reply").inner_text()
 
@@ -133,9 +134,7 @@ def test_a_scene_is_taken_from_an_episode(page, http):
     episode = http.get("/episodes", params={"task": "pick"}).json()["episodes"][-1]
     page.goto("/ui/predict?task=pick")
     page.get_by_label("As in episode").select_option(episode["id"])
-    page.get_by_role("button", name="Take its scene").click()
-    until(page, "document.querySelector('#filled').innerText === 'Taken over.'")
-    assert page.get_by_label("x, m").input_value() == f"{PLACES_M[0][0]:.4f}"
+    expect(page.get_by_label("x, m")).to_have_value(f"{PLACES_M[0][0]:.4f}")
     page.goto(f"/ui/predict?episode={episode['id']}")
     assert page.get_by_label("x, m").input_value() == f"{PLACES_M[0][0]:.4f}"
 
@@ -160,10 +159,8 @@ def masks_task(http):
 
 def test_images_of_an_episode_are_asked_about(page, http, masks_task):
     page.goto("/ui/predict?task=masked")
-    page.get_by_role("button", name="Take its scene").click()
-    until(page, "document.querySelector('#filled').innerText === 'Taken over.'")
     page.get_by_label("Images", exact=True).check()
-    assert "rgb_front, depth_front, mask_front" in page.locator("#chosen-images").inner_text()
+    expect(page.locator("#chosen-images")).to_contain_text("rgb_front, depth_front, mask_front")
     predict(page, "regression")
     state(page, "good")
     (newest,) = http.get("/predictions", params={"task": "masked", "limit": 1}).json()["predictions"]
@@ -174,10 +171,13 @@ def test_images_of_an_episode_are_asked_about(page, http, masks_task):
 
 
 def test_chosen_images_are_asked_about(page, http, masks_task):
-    page.goto("/ui/predict?task=masked")
+    upload(http, "plain", PLACES_M[0])
+    page.goto("/ui/predict?task=plain")
     page.get_by_label("Images", exact=True).check()
     page.get_by_role("button", name="Predict", exact=True).click()
     assert "there are none" in state(page, "bad")
+    page.goto("/ui/predict?task=masked")
+    page.get_by_label("Images", exact=True).check()
     files = [{"name": f"{name}.png", "mimeType": "image/png", "buffer": data} for name, data in scene(25).items()]
     page.locator("#files").set_input_files([*files, {"name": "notes.txt", "mimeType": "text/plain", "buffer": b"-"}])
     assert "Not named as an image of a camera: notes.txt" in page.locator("#chosen-images").inner_text()
