@@ -187,8 +187,8 @@ def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, 
     try:
         profile = services.models.profile(services.default_model)
     except LanguageModelError as error:
-        representation, prompt_format = settings.representation or "absolute", settings.prompt_format or "paper"
-        return representation, prompt_format, f"The default model is not available: {error}"
+        why = f"The default model is not available: {error}"
+        return settings.representation or "absolute", settings.prompt_format or "paper", why
     representation = settings.representation or profile.representation
     prompt_format = settings.prompt_format or usual_format(representation, profile.prompt_format)
     whose = "First as the task is set." if settings.representation else f"First as {profile.name} reads it."
