@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from app.services.container import Services
 from app.services.keep_house import KeepHouse, Retention
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
+from app.services.teach.reextract import RunJobs
 from app.settings import MEGABYTE, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
@@ -101,7 +102,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     background: list[asyncio.Task[object]] = [
         asyncio.create_task(_keep_house(KeepHouse(store, retention_of(settings))))
     ]
-    jobs = [asyncio.create_task(_run_jobs(services))] if settings.work_at_jobs else []
+    jobs = [asyncio.create_task(_run_jobs(services.run_jobs))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
@@ -117,28 +118,26 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
 async def _keep_house(keep_house: KeepHouse) -> None:
     """Clean up now and every hour, until cancelled."""
     while True:
-        try:
-            await asyncio.to_thread(keep_house)
-        except RoboPromptError as error:
-            logger.warning("housekeeping: %s", error)
-        except Exception:  # the next hour's attempt must not wait for a restart
-            logger.exception("housekeeping")
+        await _tried("housekeeping", keep_house)
         await asyncio.sleep(HOUSEKEEPING_S)
 
 
-async def _run_jobs(services: Services) -> None:
+async def _run_jobs(jobs: RunJobs) -> None:
     """Work at jobs until `RunJobs.stop`; if one fails, try the next."""
-    while not services.run_jobs.stopping:
-        try:
-            worked = await asyncio.to_thread(services.run_jobs.run_next)
-        except RoboPromptError as error:
-            logger.warning("jobs: %s", error)
-            worked = False
-        except Exception:  # e.g. no memory: other jobs must not wait for a restart
-            logger.exception("jobs")
-            worked = False
-        if not worked:
-            await services.run_jobs.wait(JOB_POLL_S)
+    while not jobs.stopping:
+        if not await _tried("jobs", jobs.run_next):
+            await asyncio.to_thread(jobs.wait, JOB_POLL_S)
+
+
+async def _tried(what: str, work: Callable[[], int]) -> int:
+    """Return what `work` does in a thread. An error is logged: the next attempt must not wait for a restart."""
+    try:
+        return await asyncio.to_thread(work)
+    except RoboPromptError as error:
+        logger.warning("%s: %s", what, error)
+    except Exception:  # e.g. no memory
+        logger.exception(what)
+    return 0
 
 
 def access_for(settings: Settings) -> Access:

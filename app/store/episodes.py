@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
-from typing import Any, Literal
+from typing import Any
 
-from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
+from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
@@ -14,6 +13,7 @@ from app.store.tables import fetch_page
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from app.store.visibility import of_visible_tasks, present
 
+MAX_INSTRUCTIONS = 50
 _EPISODES = tables.episodes
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
@@ -89,9 +89,9 @@ def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, E
     return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
 
 
-def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[str, ...]:
-    """At most `limit` different instructions of a task's demonstrations."""
-    query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task, _SHOWN).distinct().limit(limit)
+def instructions(connection: Connection, task: str) -> tuple[str, ...]:
+    """At most `MAX_INSTRUCTIONS` different instructions of a task's demonstrations."""
+    query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task, _SHOWN).distinct().limit(MAX_INSTRUCTIONS)
     return tuple(sorted(connection.scalars(query)))
 
 
@@ -179,24 +179,13 @@ def remove(connection: Connection, episode_id: str) -> str:
     return task
 
 
-def demonstrations(
-    connection: Connection, task: str, limit: int | None = None, order: Literal["first", "recent"] = "first"
-) -> tuple[DemonstrationRecord, ...]:
-    """The task's `limit` first or most recent demonstrations as prompts need them, or all; always oldest first.
+def demonstrations(connection: Connection, task: str, limit: int | None = None) -> tuple[DemonstrationRecord, ...]:
+    """The task's first `limit` demonstrations as prompts need them, or all, oldest first.
 
     Episodes that are left out of prompts are not demonstrations.
     """
-    rows = connection.execute(_demonstrations_query(order, limit is not None), {"task": task, "limit": limit})
-    records = tuple(_demonstration(row) for row in rows)
-    return records if order == "first" else records[::-1]
-
-
-@cache
-def _demonstrations_query(order: str, limited: bool) -> Select[Any]:
-    # Every prediction asks this, and building the statement would take as long as running it.
-    query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == bindparam("task"), _SHOWN)
-    query = query.order_by(_EPISODES.c.sequence.asc() if order == "first" else _EPISODES.c.sequence.desc())
-    return query.limit(bindparam("limit")) if limited else query
+    query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == task, _SHOWN).order_by(_EPISODES.c.sequence).limit(limit)
+    return tuple(_demonstration(row) for row in connection.execute(query))
 
 
 def scenes(connection: Connection, task: str) -> dict[str, tuple[ObjectRecord, ...]]:

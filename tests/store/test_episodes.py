@@ -139,9 +139,8 @@ def test_demonstrations(store):
             return [record.id for record in episodes.demonstrations(connection, TASK, *arguments)]
 
         assert chosen() == ids
-        assert chosen(2) == chosen(2, "first") == ids[:2]
-        assert chosen(2, "recent") == ids[3:]
-        assert chosen(100, "recent") == ids
+        assert chosen(2) == ids[:2]
+        assert chosen(100) == ids
         assert episodes.list_ids(connection, TASK) == tuple(ids)
         (record,) = episodes.demonstrations(connection, TASK, 1)
     assert (record.instruction, record.objects) == (drafts[0].instruction, drafts[0].objects)
@@ -179,7 +178,6 @@ OF_TASK = "SEARCH episodes USING INDEX ix_episodes_task_sequence (task=?)"
     ("ask", "plan"),
     [
         (lambda connection: episodes.demonstrations(connection, TASK, 10), OF_TASK),
-        (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent"), OF_TASK),
         (lambda connection: episodes.list_page(connection, TASK, 10, 5), OF_TASK.replace("?", "? AND sequence<?")),
         (
             lambda connection: episodes.demonstrations_by_id(connection, TASK, episodes.list_ids(connection, TASK)),

@@ -1,9 +1,7 @@
 """Works at durable jobs: re-extractions of tasks too large for one request."""
 
-import asyncio
 import logging
 import threading
-import time
 from collections.abc import Callable, Sequence
 from datetime import timedelta
 from functools import partial
@@ -23,7 +21,6 @@ ExtractBatch = Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction
 BATCH = 20
 # A batch takes seconds, a pose server's perhaps a minute. After a crash the next process waits for it.
 LEASE = timedelta(seconds=60)
-POLL_S = 0.1
 logger = logging.getLogger(__name__)
 
 
@@ -61,11 +58,9 @@ class RunJobs:
         """Whether `stop` was called."""
         return self._stopping.is_set()
 
-    async def wait(self, seconds: float) -> None:
-        """Sleep, but not beyond `stop` by more than a moment."""
-        deadline = time.monotonic() + seconds
-        while not self.stopping and time.monotonic() < deadline:
-            await asyncio.sleep(POLL_S)
+    def wait(self, seconds: float) -> None:
+        """Sleep, but not beyond `stop`."""
+        self._stopping.wait(seconds)
 
     def run_next(self) -> bool:
         """Take a job, also one that a dead process left, and work at it to its end; whether there was one.
