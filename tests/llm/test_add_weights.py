@@ -172,7 +172,7 @@ def test_a_model_is_offered_once_it_is_added_and_until_it_is_removed(index, tiny
     after = offer(tiny, "tiny")
     assert after.available
     profile = after.profile
-    assert (profile.style, profile.representation, profile.prompt_format) == ("chat", "object_frame", "paper")
+    assert (profile.style, profile.representation, profile.prompt_format) == ("chat", "object_frame", "sums")
     assert (profile.system_prompt, profile.grammar, profile.timeout_s) == ("a", True, 300.0)
     assert "embedded/tiny  here  0 MB  MIT  tiny, for tests" in command("list")
     assert "tiny is removed" in command("remove", "tiny")
