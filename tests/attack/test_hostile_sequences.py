@@ -2,13 +2,18 @@
 
 import pytest
 
-import tests.attack.hostile_cells
-import tests.attack.hostile_skills  # noqa: F401  # sequences are listed when their modules are imported
+import tests.attack.hostile_skills  # noqa: F401  # its sequences are listed when it is imported
+from tests.attack.hostile_cells import CONTROLS
 from tests.attack.hostile_sequences import SEQUENCES, Attack, moves_wrongly
 
 # What still moves a robot wrongly with status 200 and no danger, with the reason; a sequence that no longer does leaves
 # this list.
-WRONG: dict[str, str] = {}
+WRONG = {
+    "model_turned_180_in_half": "poses could tell: the hand turns with the socket, but for half turns",
+    "negative_yaw_in_all": "poses could tell: the hand turns against the bar",
+    "peg_with_a_key_said_to_be_square": "a person declares it, and demonstrations within 40 degrees agree",
+    "socket_said_to_be_round": "a person declares it",
+}
 
 
 def cases():
@@ -24,6 +29,9 @@ def test_no_motion_that_no_demonstration_supports_without_a_danger(http, tried):
     answer, goal = tried(Attack(http))
     assert answer.status_code < 500 or answer.json()["type"] != "/problems/internal", answer.text
     assert not moves_wrongly(answer, goal), answer.text
+    if tried.__name__ in CONTROLS:
+        assert answer.json()["actions"], answer.text
+        assert all(finding["severity"] != "danger" for finding in answer.json()["findings"]), answer.text
 
 
 def test_there_are_sixty_sequences_each_by_one_name_and_all_that_move_wrongly_are_among_them():

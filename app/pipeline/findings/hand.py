@@ -26,6 +26,7 @@ END_S = 0.2  # within which a hand that is on its way gets on
 DIPS_M = 0.03  # less up and down is no way to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
+MOVING_M = 0.005  # between two frames of a moving hand
 LEAP_M, LEAP = 0.10, 4.0  # a step that long, and so many times as long as most others, is no motion of an arm
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
@@ -212,8 +213,8 @@ def _flickers(motion: Motion) -> bool:
 
 def _leaps(positions_m: Array) -> bool:
     steps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
-    most_m = float(np.quantile(steps_m, 0.9)) if len(steps_m) else 0.0
-    return bool((steps_m > max(LEAP_M, LEAP * most_m)).any())
+    moving_m = steps_m[steps_m > MOVING_M]
+    return len(moving_m) > 0 and bool(moving_m.max() > max(LEAP_M, LEAP * float(np.quantile(moving_m, 0.9))))
 
 
 def _gets_on_m_s(motion: Motion) -> float:

@@ -8,13 +8,12 @@ import numpy.typing as npt
 
 from app.pipeline.episode import stretches
 from app.pipeline.findings import Finding
-from app.pipeline.findings.hand import AT_OBJECT_M, NEARER_M
+from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
 from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from roboprompt_client.types.arrays import Array, positions_array
 
-MOVING_M = 0.005  # between two frames of a moving hand
 JUMP_M = 0.05
 JUMP_M_S = 3.0  # faster than arms move their hands
 COARSE_M = 0.05  # between two frames; poses in between are known to half of that
