@@ -41,19 +41,16 @@ class UR:
         gripper_output: int | None = None,
         gripper_s: float = GRIPPER_S,
     ) -> None:
-        control, receive, outputs = (
-            import_extra(f"rtde_{name}", "ur-rtde", "ur") for name in ("control", "receive", "io")
-        )
-        connect = f"{self.name}, {address}"
-        self._control = MakersObject(self.name, MakersObject(connect, control).RTDEControlInterface(address))
-        self._receive = MakersObject(self.name, MakersObject(connect, receive).RTDEReceiveInterface(address))
-        self._outputs = None
-        if gripper_output is not None:
-            self._outputs = MakersObject(self.name, MakersObject(connect, outputs).RTDEIOInterface(address))
+        self._control, self._receive = (self._connected(kind, address) for kind in ("Control", "Receive"))
+        self._outputs = None if gripper_output is None else self._connected("IO", address)
         self._speed, self._acceleration = speed_m_s, acceleration_m_s2
         self._output, self._gripper_s = gripper_output, gripper_s
         self._gripper_open: bool | None = None if gripper_output is None else True
         self._progress_before, self._steering = -1, False
+
+    def _connected(self, kind: str, address: str) -> MakersObject:
+        module = MakersObject(f"{self.name}, {address}", import_extra(f"rtde_{kind.lower()}", "ur-rtde", "ur"))
+        return MakersObject(self.name, getattr(module, f"RTDE{kind}Interface")(address))
 
     def state(self) -> ArmState:
         if not self._receive.isConnected():
