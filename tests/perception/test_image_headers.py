@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 import pytest
-from npy_files import HOSTILE, npy
 
 from app.perception.images import (
     MAX_CHUNKS,
@@ -17,6 +16,7 @@ from app.perception.images import (
 )
 from roboprompt_client.errors import InvalidInputError
 from tests.attack.payloads import START_OF_SCAN, many_scans, png_chunk, png_with
+from tests.npy_files import HOSTILE, npy
 
 RNG = np.random.default_rng(0)
 RGB = RNG.integers(0, 256, (40, 60, 3), np.uint8)
