@@ -127,7 +127,7 @@ SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
 LEFT_OUT = Rule("left-out", info=ALWAYS, source="docs/plans.md")
 NO_COMMON_PLAN = Rule("no-common-plan", warning=ALWAYS, source="docs/plans.md")
 FEW_DEMONSTRATIONS = Rule("few-demonstrations", info=ALWAYS, source="what a row follows is known from three on")
-MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="max_actions of a request")
+MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="the longer a reply, the more goes wrong")
 
 SCATTERED = Rule("scattered-demonstrations", "that their center may be off", info=0.0, warning=0.012)
 MISSED = Rule(

@@ -18,7 +18,6 @@ from app.pipeline.findings.rules import (
 )
 from app.pipeline.plans import shown_together
 from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
-from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_WARMED = 4  # plans whose prompts a model reads ahead
@@ -99,7 +98,7 @@ class PlanChooser:
             )
             yield FEW_DEMONSTRATIONS.finding(message, "demonstrations", {"demonstrations": len(shown)})
         if rows > MAX_USUAL_ROWS:
-            message = f"The plan takes {rows} rows; a reply may have {MAX_ACTIONS}: the longer, the more goes wrong."
+            message = f"The plan takes {rows} rows: the longer a reply, the more goes wrong."
             yield MANY_ROWS.finding(message, "demonstrations", {"rows": rows})
         if never := self._never_shown:
             yield from _left_out(never, len(self._all))

@@ -73,7 +73,7 @@ class PartReply:
 
     def __init__(self, question: Question, asked: Query, num_before: int) -> None:
         options, plans = question.request.options, question.plans.get(asked.instruction)
-        self._reader = ReplyReader(question.prefix.template.codec, asked, options.max_actions - num_before)
+        self._reader = ReplyReader(question.prefix.template.codec, asked, question.max_actions - num_before)
         self._guard = SupportGuard(plans, num_before) if plans else None
         self._allows = options.unsupported == "allow"
         self._turned = question.turned
