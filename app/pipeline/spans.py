@@ -36,7 +36,7 @@ _KAT = re.compile(
     re.DOTALL,
 )
 # A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; 2 A w: +0 +0 +2 0; ...
-_ROW = r"(?P<action>\d+ (?:[A-Z]+ [wo]|world|start):(?: [+-]\d+){3}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
+_ROW = r"(?P<action>\d+ (?:[A-Z]+ (?:ow|wo|[wo])|world|start):(?: [+-]\d+){3}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
 _OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ \w[\w .\-]*?(?: \d+){3,6})"
 _INSTRUCTION = r"(?:^|(?<=; ))(?P<instruction>[^;>\n]+)(?= >)"
 _SEPARATOR = r"(?P<separator>\n)"

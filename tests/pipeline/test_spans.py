@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
+from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -54,6 +55,12 @@ def test_every_part_of_a_prompt_has_its_kind(representation, prompt_format, inst
     assert len(texts(spans, "separator")) == 2
     assert "".join(texts(spans, "action")) == "".join(actions).replace("; ", "")
     assert not set("".join(texts(spans, "plain"))) - set("{}, >;")
+
+
+@pytest.mark.parametrize("frame", [*(f"A {frame}" for frame in (*OBJECT_FRAMES, *MIXED_FRAMES)), "world", "start"])
+def test_a_row_of_every_frame_is_an_action(frame):
+    row = f"1 {frame}: +0 -12 +14 0 36 36 0"
+    assert texts(prompt_spans(row, "object_frame", "paper"), "action") == [row]
 
 
 @pytest.mark.parametrize(("representation", "prompt_format"), FORMATS)

@@ -1,9 +1,10 @@
 """Chooses the demonstrations that a prompt shows, by the plan that fits the scene, with findings that explain it."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
@@ -16,6 +17,7 @@ from app.pipeline.findings.rules import (
     SCENE_BETWEEN,
     SCENE_BEYOND,
 )
+from app.pipeline.groups import grouped
 from app.pipeline.plans import shown_together
 from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
 from roboprompt_client.types.poses import ObjectPose
@@ -78,10 +80,8 @@ class PlanChooser:
     @cached_property
     def _parted(self) -> list[Parting]:
         """The separations of plans, one for each form of instruction that has one."""
-        groups: dict[str, list[Demonstration]] = defaultdict(list)
-        for demonstration in self._all:
-            groups[demonstration.order.form].append(demonstration)
-        return [found for group in groups.values() if (found := parting(group)) is not None]
+        groups = grouped(self._all, attrgetter("order.form")).values()
+        return [found for group in groups if (found := parting(group)) is not None]
 
     @cached_property
     def _never_shown(self) -> tuple[Demonstration, ...]:
