@@ -104,7 +104,14 @@ OTHER_FRAME = Rule(
     danger=0.34,
     source="no danger in right scenes, be the hand where recordings start or elsewhere: docs/results/safety.md",
 )
-TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
+TURNED = Rule(
+    "object-turned",
+    "beyond the demonstrations",
+    "degrees",
+    warning=10.0,
+    danger=120.0,
+    source="people's stacks in robosuite, of three demonstrations: a wrist cannot follow all the way round",
+)
 TURNED_BEYOND_MANY = Rule(
     "object-turned",
     "beyond ten or more demonstrations",
@@ -126,7 +133,13 @@ SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.m
 SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
 LEFT_OUT = Rule("left-out", info=ALWAYS, source="docs/plans.md")
 NO_COMMON_PLAN = Rule("no-common-plan", warning=ALWAYS, source="docs/plans.md")
-FEW_DEMONSTRATIONS = Rule("few-demonstrations", info=ALWAYS, source="what a row follows is known from three on")
+FEW_DEMONSTRATIONS = Rule(
+    "few-demonstrations",
+    "grasps of a single demonstration",
+    info=ALWAYS,
+    danger=2.0,
+    source="what a row follows is known from three on: docs/plans.md",
+)
 MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="the longer a reply, the more goes wrong")
 
 SCATTERED = Rule("scattered-demonstrations", "that their center may be off", info=0.0, warning=0.012)

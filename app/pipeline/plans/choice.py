@@ -96,12 +96,20 @@ class PlanChooser:
                 f"The prompt shows {len(shown)} demonstration{'s' if len(shown) > 1 else ''} of the plan: with fewer"
                 f" than {FEW} it is not known what a row follows. Record more in scenes like this one."
             )
-            yield FEW_DEMONSTRATIONS.finding(message, "demonstrations", {"demonstrations": len(shown)})
+            numbers = {"demonstrations": len(shown)}
+            yield FEW_DEMONSTRATIONS.finding(message, "demonstrations", numbers, value=_grasps_of_one(shown))
         if rows > MAX_USUAL_ROWS:
             message = f"The plan takes {rows} rows: the longer a reply, the more goes wrong."
             yield MANY_ROWS.finding(message, "demonstrations", {"rows": rows})
         if never := self._never_shown:
             yield from _left_out(never, len(self._all))
+
+
+def _grasps_of_one(shown: Sequence[Demonstration]) -> int:
+    """Return how often the hand closes in a single demonstration: each grasp may be of another object; else 0."""
+    if len(shown) != 1:
+        return 0
+    return sum(not shown[0].actions[k].gripper_open for k in shown[0].switches)
 
 
 def _usual(parted: Parting) -> list[int]:
