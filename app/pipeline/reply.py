@@ -15,6 +15,7 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.anchors import M_PER_RAD
 from app.pipeline.representation.base import Codec
 from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -140,9 +141,8 @@ def _apart_m(replies: Sequence[Sequence[EndEffectorAction]]) -> Array:
     positions_m = np.array([[action.position_m for action in reply] for reply in replies])
     turns = np.array([[action.quaternion_xyzw for action in reply] for reply in replies])
     states = np.array([[action.gripper_open for action in reply] for reply in replies])
-    cosines = np.abs(np.einsum("akq,bkq->abk", turns, turns))
     off_m = np.linalg.norm(positions_m[:, None] - positions_m[None], axis=3)
-    off_m += M_PER_RAD * 2 * np.arccos(np.clip(cosines, 0, 1))
+    off_m += M_PER_RAD * quaternions.angles_rad(turns[:, None], turns[None])
     off_m[states[:, None] != states[None]] = np.inf
     apart_m: Array = off_m.max(axis=2)
     np.fill_diagonal(apart_m, 0.0)

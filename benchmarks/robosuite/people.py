@@ -11,7 +11,6 @@ from benchmarks.robosuite.scene import TASKS, Floats, gripper_open
 from roboprompt_client.types.poses import ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
 
-TABLE_OF_2018_M = (-0.56, 0.0, 0.0)  # robosuite 0.1 had its world frame in the arm's base, 1.0 in the table
 SETTLED_S = 0.5  # objects fall onto the table first
 
 
@@ -22,7 +21,8 @@ class PeopleTask:
     Attributes:
         simulated: the task in whose scenes predictions are carried out.
         files: one for each demonstration.
-        bodies: the recorded names of the task's objects, in its order; any of several.
+        bodies: the recorded names of the task's objects, in its order; any of several. Those that never move are among
+            the recording's `static_names`.
     """
 
     simulated: str
@@ -34,6 +34,14 @@ PEOPLE: Mapping[str, PeopleTask] = {
     "lift_by_people": PeopleTask("lift", tuple(f"lift_panda_{k}.npz" for k in range(1, 9)), (("cube", "cube_main"),)),
     "stack_by_people": PeopleTask(
         "stack", ("stack_panda_1.npz", "stack_sawyer_1.npz", "stack_sawyer_2.npz"), (("cubeA",), ("cubeB",))
+    ),
+    "nuts_by_people": PeopleTask(
+        "both_nuts",
+        ("nutassembly_panda_1.npz", "nutassembly_sawyer_1.npz", "nutassembly_sawyer_2.npz"),
+        (("SquareNut0",), ("RoundNut0",), ("peg1",), ("peg2",)),
+    ),
+    "objects_by_a_person": PeopleTask(
+        "four_objects", ("pickplace_panda_1.npz",), (("Milk0",), ("Bread0",), ("Cereal0",), ("Can0",), ("bin2",))
     ),
 }
 
@@ -47,7 +55,9 @@ def recorded_by_people(folder: Path, task: str, number: int) -> RecordedDemonstr
     """
     recorded, name = PEOPLE[task], PEOPLE[task].files[number]
     data = np.load(folder / name)
-    moved_m = np.array(TABLE_OF_2018_M if "sawyer" in name else (0.0, 0.0, 0.0))
+    still = dict(zip(data["static_names"].tolist(), np.asarray(data["static_positions"], np.float64), strict=True))
+    table_m = still.get("table", np.zeros(3))
+    moved_m = np.array([-table_m[0], -table_m[1], 0.0])  # robosuite 0.1 had its world frame in the arm's base
     places_m, turns = data["end_effector_positions"] + moved_m, data["end_effector_quaternions_xyzw"]
     times_s = np.asarray(data["timestamps"], np.float64)
     widths_m = np.asarray(data["gripper_width_m"], np.float64)
@@ -55,9 +65,10 @@ def recorded_by_people(folder: Path, task: str, number: int) -> RecordedDemonstr
     names, settled = data["object_names"].tolist(), int(np.searchsorted(times_s, SETTLED_S))
     objects = []
     for body, known in zip(TASKS[recorded.simulated].bodies, recorded.bodies, strict=True):
-        row = next(names.index(other) for other in known if other in names)
-        place_m: Floats = data["object_positions"][row, settled] + moved_m
-        objects.append(ObjectPose(body.name, place_m, data["object_quaternions_xyzw"][row, settled]))
+        found = next(other for other in known if other in names or other in still)
+        place_m: Floats = still[found] if found in still else data["object_positions"][names.index(found), settled]
+        turned = (0, 0, 0, 1) if found in still else data["object_quaternions_xyzw"][names.index(found), settled]
+        objects.append(ObjectPose(body.name, place_m + moved_m, np.asarray(turned, np.float64)))
     hand = Pose(tuple(map(float, places_m[0])), tuple(map(float, turns[0])))
     view = SceneView(task, number, TASKS[recorded.simulated].instruction, tuple(objects), (), {}, hand)
     frequency_hz = (len(times_s) - 1) / float(times_s[-1])

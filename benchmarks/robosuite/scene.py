@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 CONTROL_HZ = 20.0
 STEP_M, STEP_RAD = 0.05, 0.5  # the motions that OSC_POSE makes of a command of 1
 OPEN, CLOSE = -1.0, 1.0  # the gripper's command
-MAX_STEPS = 700
+MAX_STEPS = 1500
 AFTER_SUCCESS_STEPS = 12  # so long the arm goes on
 SETTLING_STEPS = 10  # in which the objects fall onto the table
 
@@ -33,11 +33,16 @@ class Body:
 
 @dataclass(frozen=True)
 class Task:
-    """One of robosuite's tasks, with its options and the objects that a perception system would report."""
+    """One of robosuite's tasks, with the objects that a perception system would report.
+
+    Attributes:
+        scripted: whether `expert` can demonstrate it.
+    """
 
     env: str
     instruction: str
     bodies: tuple[Body, ...]
+    scripted: bool = True
 
 
 TASKS: dict[str, Task] = {
@@ -52,6 +57,29 @@ TASKS: dict[str, Task] = {
         "NutAssemblySquare",
         "put the square nut on the peg",
         (Body("square nut", "SquareNut_main"), Body("peg", "peg1")),
+    ),
+    "both_nuts": Task(
+        "NutAssembly",
+        "put the square nut on the square peg and the round nut on the round peg",
+        (
+            Body("square nut", "SquareNut_main"),
+            Body("round nut", "RoundNut_main"),
+            Body("square peg", "peg1"),
+            Body("round peg", "peg2"),
+        ),
+        scripted=False,
+    ),
+    "four_objects": Task(
+        "PickPlace",
+        "put the milk, the bread, the cereal and the can into the bin",
+        (
+            Body("milk", "Milk_main"),
+            Body("bread", "Bread_main"),
+            Body("cereal", "Cereal_main"),
+            Body("can", "Can_main"),
+            Body("bin", "bin2"),
+        ),
+        scripted=False,
     ),
 }
 

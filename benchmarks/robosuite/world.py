@@ -28,7 +28,7 @@ EXPERT_SPEED = 0.4  # of the fastest, as people go
 
 @dataclass(frozen=True)
 class Robosuite:
-    """Four tasks of robosuite 1.5 with scripted demonstrations, and two with those of people.
+    """Four tasks of robosuite 1.5 with scripted demonstrations, and four with those of people.
 
     Attributes:
         recordings: the folder of people's recordings, from the variable ROBOSUITE_RECORDINGS; without it the tasks of
@@ -42,7 +42,7 @@ class Robosuite:
     @property
     def tasks(self) -> Mapping[str, Mapping[str, float]]:
         people = PEOPLE if self.recordings is not None else {}
-        return {name: {} for name in (*TASKS, *people)}
+        return {name: {} for name in (*(name for name, task in TASKS.items() if task.scripted), *people)}
 
     def conditions(self) -> Mapping[str, Any]:
         return {"world": "robosuite", "control_frequency_hz": CONTROL_HZ}

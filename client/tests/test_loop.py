@@ -1,5 +1,7 @@
 """The robot's loop: whatever goes wrong, the arm is stopped."""
 
+from dataclasses import replace
+
 import pytest
 from arms import ANSWER, Arm, Service
 
@@ -71,6 +73,12 @@ def test_more_actions_than_asked_for_are_not_carried_out(stream):
     with pytest.raises(UnsafeActionError, match="at most 2 actions"):
         run_task(Service(ANSWER), arm, "pick", "pick up the cube", max_actions=2, stream=stream)
     assert arm.stopped == 1
+
+
+def test_a_long_plan_is_carried_out_without_a_word_about_its_length():
+    arm = Arm()
+    run_task(Service(replace(ANSWER, actions=10 * ANSWER.actions)), arm, "pick", "pick up the cube")
+    assert len(arm.heights) == 30
 
 
 START = Pose((0.1, 0.2, 1.05), (1.0, 0, 0, 0))

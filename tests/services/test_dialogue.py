@@ -129,6 +129,14 @@ def test_too_many_clauses_for_the_actions_allowed(taught):
         ask(services, thrice)
 
 
+def test_actions_are_allowed_as_the_plans_need_unless_the_request_says_how_many(taught):
+    services = taught(RELATIVE)
+    nine = replace(TWICE, instruction=", then ".join(["pick up the cube"] * 9))
+    assert len(ask(services, nine).reply.actions) == 27
+    with pytest.raises(InvalidInputError, match="is 25, but the 9 parts of the instruction take 27 actions or more"):
+        ask(services, nine.with_options(max_actions=25))
+
+
 def test_the_papers_format_asks_for_a_whole_instruction_at_once(taught):
     services = taught(f"[{ROW}]")
     both = TWICE.with_options(representation="absolute", unsupported="allow")

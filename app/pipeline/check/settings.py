@@ -13,7 +13,6 @@ from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.keyframes.resting import LEFT_M, leave_path
 from app.pipeline.plans import Recording
 from app.pipeline.representation.anchors import object_rotation, tilted_objects
-from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.arrays import Array
 
 MISSED_M = 0.02  # twice what the rules that follow a path allow
@@ -63,12 +62,12 @@ def path_left(plan: PlanCheck, number: int, rule: KeyframeRule) -> list[Finding]
 
 
 def many_rows(plan: PlanCheck, number: int) -> list[Finding]:
-    """Return a finding if a plan has almost as many rows as a reply may have actions."""
+    """Return a finding if a plan has many rows."""
     if not plan.shown or len(plan.rows) <= MANY_ROWS:
         return []
     message = (
-        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows. A reply may have {MAX_ACTIONS}, and longer ones"
-        " fail more often. Teach the parts as tasks of their own, or raise keyframes.tolerance_m."
+        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows, and longer replies fail more"
+        " often. Teach the parts as tasks of their own, or raise keyframes.tolerance_m."
     )
     return [Finding("many-rows", "warning", message, f"plans[{number}]", {"rows": len(plan.rows)})]
 

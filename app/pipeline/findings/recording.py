@@ -105,8 +105,8 @@ def _keyframes(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> Iterator
         yield Finding("keyframes-miss-the-path", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
     if len(keyframes) > MAX_KEYFRAMES:
         message = (
-            f"There are {len(keyframes)} keyframes, more than the {MAX_KEYFRAMES} actions that a prediction has by"
-            " default. Record shorter tasks, or use the rule auto."
+            f"There are {len(keyframes)} keyframes, more than {MAX_KEYFRAMES}: the longer a reply, the more goes"
+            " wrong. Record shorter tasks, or use the rule auto."
         )
         yield Finding("too-many-keyframes", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
 

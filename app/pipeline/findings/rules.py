@@ -85,7 +85,8 @@ HEIGHT = Rule("object-at-another-height", "above or below every demonstration", 
 BEYOND = Rule("object-beyond-demonstrations", "beyond the widened box of places", "m", warning=0.05, danger=0.10)
 START_BEYOND = Rule("start-beyond-demonstrations", "the same, of the hand", "m", warning=0.10, danger=0.20)
 OTHER_FRAME = Rule("hand-in-another-frame", "share of the recordings", danger=0.34, source="docs/results/safety.md")
-TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
+# a wrist cannot follow all the way round: people's stacks in robosuite, of three demonstrations
+TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0, danger=120.0)
 # of ten or more demonstrations; a danger in 0.2 % of 10560 right scenes
 TURNED_BEYOND_MANY = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0, danger=20.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.03)
@@ -101,8 +102,14 @@ SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.m
 SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
 LEFT_OUT = Rule("left-out", info=ALWAYS, source="docs/plans.md")
 NO_COMMON_PLAN = Rule("no-common-plan", warning=ALWAYS, source="docs/plans.md")
-FEW_DEMONSTRATIONS = Rule("few-demonstrations", info=ALWAYS, source="what a row follows is known from three on")
-MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="max_actions of a request")
+FEW_DEMONSTRATIONS = Rule(
+    "few-demonstrations",
+    "grasps of a single demonstration",
+    info=ALWAYS,
+    danger=2.0,
+    source="what a row follows is known from three on: docs/plans.md",
+)
+MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="the longer a reply, the more goes wrong")
 
 SCATTERED = Rule("scattered-demonstrations", "that their center may be off", info=0.0, warning=0.012)
 MISSED = Rule("scattered-demonstrations", "the same where the hand takes or presses", "m", danger=0.012)

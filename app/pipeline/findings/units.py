@@ -9,6 +9,7 @@ from app.pipeline.findings.quaternion_order import check_hand_order, check_objec
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
 from roboprompt_client.types.poses import ObjectPose
@@ -100,8 +101,8 @@ def _check_moves(motion: Motion) -> None:
     """Refuse a recording in which the hand neither moves nor turns and the gripper stays as it is."""
     trajectory = motion.trajectory
     away_m = float(np.linalg.norm(trajectory.positions_m - trajectory.positions_m[0], axis=1).max())
-    alike = np.clip(np.abs(trajectory.quaternions_xyzw @ trajectory.quaternions_xyzw[0]), 0, 1)
-    turned_deg = float(np.degrees(2 * np.arccos(alike)).max())
+    turns_rad = quaternions.angles_rad(trajectory.quaternions_xyzw, trajectory.quaternions_xyzw[0])
+    turned_deg = float(np.degrees(turns_rad).max())
     if away_m < MIN_MOTION_M and turned_deg < MIN_MOTION_DEG and not motion.gripper_changes:
         message = f"moves the hand by {1000 * away_m:.1f} mm and {turned_deg:.1f} degrees in {len(motion)} frames"
         raise InvalidInputError("trajectory", message, "a demonstration in which the robot moves: record it again")

@@ -10,6 +10,7 @@ import numpy as np
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.path import TOLERANCE_M, HandPath
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -46,6 +47,11 @@ class Phase(NamedTuple):
     last: int
     gripper_open: bool
     ends_open: bool
+
+    @property
+    def releases(self) -> bool:
+        """Whether the gripper opens at the end."""
+        return self.ends_open and not self.gripper_open
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +92,9 @@ class Motion:
             return np.zeros(1)
         frames = np.arange(last + 1)
         before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, last)
-        positions_m, quaternions = self.trajectory.positions_m, self.trajectory.quaternions_xyzw
+        positions_m, hands = self.trajectory.positions_m, self.trajectory.quaternions_xyzw
         way_m = np.linalg.norm(positions_m[after] - positions_m[before], axis=1)
-        alike = np.abs(np.einsum("tk,tk->t", quaternions[before], quaternions[after]))
-        turn_rad = 2 * np.arccos(np.clip(alike, 0, 1))
+        turn_rad = quaternions.angles_rad(hands[before], hands[after])
         speeds: Array = (way_m + M_PER_RAD * turn_rad) / np.maximum(self.times_s[after] - self.times_s[before], 1e-9)
         return speeds
 

@@ -4,15 +4,16 @@ What people record differs in more than matters: they pass corners sooner or lat
 A language model that continues a pattern needs to see what is the same.
 """
 
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import TypeVar
+from operator import attrgetter
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.groups import grouped, made_by_group, places_by
 from app.pipeline.plans.agreement import agreed
 from app.pipeline.plans.alignment import aligned
 from app.pipeline.plans.recording import Recording
@@ -34,8 +35,6 @@ __all__ = [
     "words_decide",
 ]
 
-Key = TypeVar("Key")
-Item = TypeVar("Item")
 Group = tuple[Demonstration, ...]
 RARE_SHARE = 1 / 3  # of an instruction's demonstrations: a plan as rare is left out unless the scene calls for it
 MIN_PER_INSTRUCTION = 2  # demonstrations, on average, to see that their plan is no chance
@@ -51,28 +50,17 @@ def demonstrated(recordings: Sequence[Recording]) -> Group:
 
 def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
     """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
-    result = [recording.demonstration for recording in recordings]
-    for places in _grouped((demonstration.order.form, k) for k, demonstration in enumerate(result)).values():
-        _put(result, places, aligned([recordings[k] for k in places]))
-    return tuple(result)
+    return made_by_group(recordings, lambda recording: recording.demonstration.order.form, aligned)
 
 
 def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
     """The demonstrations with each row as those of its plan agree on it."""
-    result = list(demonstrations)
-    for places in _grouped((demonstration.kind, k) for k, demonstration in enumerate(result)).values():
-        _put(result, places, agreed([result[k] for k in places]))
-    return tuple(result)
-
-
-def _put(result: list[Demonstration], places: Sequence[int], demonstrations: Sequence[Demonstration]) -> None:
-    for k, demonstration in zip(places, demonstrations, strict=True):
-        result[k] = demonstration
+    return made_by_group(demonstrations, attrgetter("kind"), agreed)
 
 
 def by_plan(demonstrations: Sequence[Demonstration]) -> list[Group]:
     """The demonstrations of each instruction and plan."""
-    return [tuple(group) for group in _grouped((d.kind, d) for d in demonstrations).values()]
+    return [tuple(group) for group in grouped(demonstrations, attrgetter("kind")).values()]
 
 
 def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
@@ -82,13 +70,12 @@ def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
     near to each other have the same plan) or the instruction (then all that name the same objects have).
     """
     kept: set[int] = set()
-    for places in _grouped((d.order.form, k) for k, d in enumerate(demonstrations)).values():
-        keys = {k: demonstrations[k].kind for k in places}
-        counts = Counter(keys.values())
-        usual = counts.most_common(1)[0][0]
+    for places in places_by(demonstrations, attrgetter("order.form")).values():
         group = [demonstrations[k] for k in places]
-        decides = is_decided(group)
-        kept |= {k for k, key in keys.items() if key == usual or decides or counts[key] > RARE_SHARE * len(places)}
+        counts = Counter(shown.kind for shown in group)
+        usual, decides = counts.most_common(1)[0][0], is_decided(group)
+        often = {kind for kind, count in counts.items() if kind == usual or count > RARE_SHARE * len(group)}
+        kept |= {k for k in places if decides or demonstrations[k].kind in often}
     return tuple(demonstrations[k] for k in sorted(kept))
 
 
@@ -103,8 +90,7 @@ def usual_ways(group: Sequence[Demonstration]) -> list[Group]:
 
     Keyframes that were not aligned have no plan; there the gripper's switches tell.
     """
-    ways = _grouped((_way(demonstration), demonstration) for demonstration in group)
-    return [tuple(way) for way in ways.values() if len(way) > RARE_SHARE * len(group)]
+    return [tuple(way) for way in grouped(group, _way).values() if len(way) > RARE_SHARE * len(group)]
 
 
 def _way(demonstration: Demonstration) -> tuple[int | bool, ...]:
@@ -127,12 +113,6 @@ def _scene_decides(group: Sequence[Demonstration]) -> bool:
 
 def words_decide(group: Sequence[Demonstration]) -> bool:
     """Whether demonstrations of the same words have the same plan, and several do."""
-    plans = _grouped((demonstration.instruction, demonstration.kind) for demonstration in group)
-    return all(len(set(keys)) == 1 for keys in plans.values()) and len(group) >= MIN_PER_INSTRUCTION * len(plans)
-
-
-def _grouped(pairs: Iterable[tuple[Key, Item]]) -> dict[Key, list[Item]]:
-    groups: dict[Key, list[Item]] = defaultdict(list)
-    for key, item in pairs:
-        groups[key].append(item)
-    return groups
+    by_words = grouped(group, attrgetter("instruction")).values()
+    one_plan = all(len({shown.kind for shown in alike}) == 1 for alike in by_words)
+    return one_plan and len(group) >= MIN_PER_INSTRUCTION * len(by_words)

@@ -6,15 +6,17 @@ keyframes of the same number close together relative to their anchors. Each way 
 """
 
 import math
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from operator import attrgetter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.groups import places_by
 from app.pipeline.keyframes import Keyframe
 from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
 from app.pipeline.keyframes.resting import leave_path
@@ -29,6 +31,7 @@ PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyfram
 ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
 TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
 CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
+MOST = 2.0  # times as many recordings go on after the release with which one ends
 MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cost no more
 
 Distances = Callable[[HandPath, int], Array]
@@ -41,10 +44,9 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
     Args:
         group: recordings with the same form of instruction.
     """
-    by_signature: dict[tuple[bool, ...], list[int]] = defaultdict(list)
-    for place, recording in enumerate(group):
-        by_signature[recording.signature].append(place)
-    plans = [places for alike in by_signature.values() for places in _by_grasped(group, alike)]
+    group = _ending_alike(group)
+    by_signature = places_by(group, attrgetter("signature")).values()
+    plans = [places for alike in by_signature for places in _by_grasped(group, alike)]
     found: dict[int, Demonstration] = {}
     for plan, places in enumerate(plans):  # the loop appends to `plans` what turns out to be another way
         while other := other_way(demonstrations := _of_one_signature([group[place] for place in places])):
@@ -52,6 +54,16 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
             places = [place for k, place in enumerate(places) if k not in other]
         found |= {place: replace(shown, plan=plan) for place, shown in zip(places, demonstrations, strict=True)}
     return tuple(found[place] for place in range(len(group)))
+
+
+def _ending_alike(group: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings, with a stay at the end of those that end with a release after which most others go on."""
+    often = Counter(recording.signature for recording in group)
+    return [
+        replace(recording, stays=recording.motion.phases[-1].releases and MOST * often[ends] <= often[(*ends, True)])
+        for recording in group
+        if (ends := recording.signature)
+    ]
 
 
 def _by_grasped(group: Sequence[Recording], places: Sequence[int]) -> list[list[int]]:
@@ -234,7 +246,7 @@ def _chosen(recording: Recording, numbers: Sequence[int], distances: Distances |
         distances: from the other demonstrations, a second cost; None: only the deviation from the path counts.
     """
     found: list[Keyframe] = []
-    for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
+    for phase, path, number in zip(recording.phases, recording.paths, numbers, strict=True):
         if number == 1:  # the end of the phase
             found += at_frames(phase, [phase.last])
             continue

@@ -1,9 +1,10 @@
 """Chooses the demonstrations that a prompt shows, by the plan that fits the scene, with findings that explain it."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
@@ -16,9 +17,9 @@ from app.pipeline.findings.rules import (
     SCENE_BETWEEN,
     SCENE_BEYOND,
 )
+from app.pipeline.groups import grouped
 from app.pipeline.plans import shown_together
 from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
-from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_WARMED = 4  # plans whose prompts a model reads ahead
@@ -79,10 +80,8 @@ class PlanChooser:
     @cached_property
     def _parted(self) -> list[Parting]:
         """The separations of plans, one for each form of instruction that has one."""
-        groups: dict[str, list[Demonstration]] = defaultdict(list)
-        for demonstration in self._all:
-            groups[demonstration.order.form].append(demonstration)
-        return [found for group in groups.values() if (found := parting(group)) is not None]
+        groups = grouped(self._all, attrgetter("order.form")).values()
+        return [found for group in groups if (found := parting(group)) is not None]
 
     @cached_property
     def _never_shown(self) -> tuple[Demonstration, ...]:
@@ -97,12 +96,20 @@ class PlanChooser:
                 f"The prompt shows {len(shown)} demonstration{'s' if len(shown) > 1 else ''} of the plan: with fewer"
                 f" than {FEW} it is not known what a row follows. Record more in scenes like this one."
             )
-            yield FEW_DEMONSTRATIONS.finding(message, "demonstrations", {"demonstrations": len(shown)})
+            numbers = {"demonstrations": len(shown)}
+            yield FEW_DEMONSTRATIONS.finding(message, "demonstrations", numbers, value=_grasps_of_one(shown))
         if rows > MAX_USUAL_ROWS:
-            message = f"The plan takes {rows} rows; a reply may have {MAX_ACTIONS}: the longer, the more goes wrong."
+            message = f"The plan takes {rows} rows: the longer a reply, the more goes wrong."
             yield MANY_ROWS.finding(message, "demonstrations", {"rows": rows})
         if never := self._never_shown:
             yield from _left_out(never, len(self._all))
+
+
+def _grasps_of_one(shown: Sequence[Demonstration]) -> int:
+    """Return how often the hand closes in a single demonstration: each grasp may be of another object; else 0."""
+    if len(shown) != 1:
+        return 0
+    return sum(not shown[0].actions[k].gripper_open for k in shown[0].switches)
 
 
 def _usual(parted: Parting) -> list[int]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
+from app.pipeline.keyframes.motion import Phase
 from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.keyframes.rule import waypoints
@@ -19,11 +20,16 @@ CLEARLY = 2.0  # if all others are so many times as far
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A demonstration with the motion that it was made from."""
+    """A demonstration with the motion that it was made from.
+
+    Attributes:
+        stays: whether a last phase is added in which the hand stays where the recording ends, as most others go on.
+    """
 
     demonstration: Demonstration
     motion: Motion
     rule: KeyframeRule
+    stays: bool = False
 
     @cached_property
     def manner(self) -> Manner:
@@ -35,33 +41,43 @@ class Recording:
     @cached_property
     def keyframes(self) -> tuple[Keyframe, ...]:
         """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
-        found = find_keyframes(self.motion, self.rule)
-        if len(self._counts_of(found)) == len(self.motion.phases):
+        found = (*find_keyframes(self.motion, self.rule), *self._last)
+        if len(self._counts_of(found)) == len(self.phases):
             return found
         return self._waypoints
 
     @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """Those of the motion, with the one that is added."""
+        return (*self.motion.phases, *(Phase(frame, frame, is_open, is_open) for frame, is_open in self._last))
+
+    @property
+    def _last(self) -> list[Keyframe]:
+        """The keyframe of the phase that is added."""
+        return [Keyframe(len(self.motion) - 1, self.motion.phases[-1].ends_open)] if self.stays else []
+
+    @cached_property
     def _waypoints(self) -> tuple[Keyframe, ...]:
-        return waypoints(self.motion, self.rule.tolerance_m, self.rule.tolerance_deg)
+        return (*waypoints(self.motion, self.rule.tolerance_m, self.rule.tolerance_deg), *self._last)
 
     @cached_property
     def paths(self) -> tuple[HandPath, ...]:
         """Of each phase."""
         tolerances = (self.rule.tolerance_m, self.rule.tolerance_deg)
-        return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.motion.phases)
+        return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.phases)
 
     @property
     def counts(self) -> tuple[int, ...]:
         """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
         by_switches = self._counts_of(self.keyframes)
-        if len(by_switches) == len(self.motion.phases):
+        if len(by_switches) == len(self.phases):
             return by_switches
         # Keyframes that show other switches than there are are counted by time.
         frames = [keyframe.frame for keyframe in self.keyframes]
-        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.motion.phases)
+        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.phases)
 
     def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
-        counts, state = [0], bool(self.motion.phases[0].gripper_open)
+        counts, state = [0], self.phases[0].gripper_open
         for keyframe in keyframes:
             counts[-1] += 1
             if keyframe.gripper_open != state:
@@ -81,7 +97,7 @@ class Recording:
     @property
     def signature(self) -> tuple[bool, ...]:
         """What the gripper does, in order."""
-        return (self.motion.phases[0].gripper_open, *(phase.ends_open for phase in self.motion.phases))
+        return (self.phases[0].gripper_open, *(phase.ends_open for phase in self.phases))
 
     @cached_property
     def grasped(self) -> tuple[int | None, ...]:
@@ -90,7 +106,7 @@ class Recording:
         Where objects stand is known before the first action: one that was moved is found by no later grasp.
         """
         objects, positions_m = self.demonstration.ordered_objects, self.motion.trajectory.positions_m
-        grasps = [phase.last for phase in self.motion.phases if phase.gripper_open and not phase.ends_open]
+        grasps = [phase.last for phase in self.phases if phase.gripper_open and not phase.ends_open]
         found: list[int | None] = []
         for frame in grasps if objects else ():
             off_m = [float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in objects]

@@ -12,10 +12,12 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.plans.recording import GRASPED_M
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 
 HUBER = 1.5  # in robust standard deviations: residuals beyond it get less weight
 ITERATIONS = 5
+MAX_AVERAGED_RAD = math.radians(60)
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
 TOLERANCE_SHARE = 0.9  # the share of the demonstrations that lie within a row's tolerance
@@ -141,20 +143,25 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: froze
 def robust_center(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
     """Return the robust mean of poses with outliers: Huber's estimate, which starts at the median.
 
+    Rotations of a minority that are far from those of most have no part in the mean, which would be like neither.
+
     Args:
         offsets_m: (N, 3).
         rotations: N.
     """
     center_m: Array = np.median(offsets_m, axis=0)
-    quaternions = rotations.as_quat()
-    apart_rad = 2 * np.arccos(np.clip(np.abs(quaternions @ quaternions.T), 0, 1))
-    mean = rotations[int(apart_rad.sum(axis=1).argmin())]  # the medoid
+    hands = rotations.as_quat()
+    apart_rad = quaternions.angles_rad(hands[:, None], hands)
+    medoid = int(apart_rad.sum(axis=1).argmin())
+    mean, alike = rotations[medoid], apart_rad[medoid] <= MAX_AVERAGED_RAD
+    if 2 * alike.sum() <= len(alike):
+        alike[:] = True
     for _ in range(ITERATIONS):
         off_m = np.linalg.norm(offsets_m - center_m, axis=1) + M_PER_RAD * (mean.inv() * rotations).magnitude()
         sigma_m = max(MAD_TO_SIGMA * float(np.median(off_m)), PRECISE_M)
         weights = np.minimum(1.0, HUBER * sigma_m / np.maximum(off_m, 1e-12))
         center_m = weights @ offsets_m / weights.sum()
-        mean = rotations.mean(weights)
+        mean = rotations.mean(weights * alike)
     return center_m, mean
 
 

@@ -22,25 +22,19 @@ class PlacedRow:
     """A row of a plan in an observed scene.
 
     Attributes:
+        demonstrated: the row, with its scatter.
         anchor: what it is relative to.
         origin_m: (3,) where the anchor is, in the world frame.
         place_axes_xyzw, hand_axes_xyzw: (4,) how its axes are turned there, for places and for the hand's rotation.
         action: its center in the world frame.
-        tolerance_m, tolerance_deg: distance from the center within which most demonstrations lie.
-        reach_m, reach_deg: distance from the center within which an action is supported.
-        grippers: the states of the gripper that demonstrations have there.
     """
 
+    demonstrated: PlanRow
     anchor: Anchor
     origin_m: Array
     place_axes_xyzw: Array
     hand_axes_xyzw: Array
     action: EndEffectorAction
-    tolerance_m: float
-    tolerance_deg: float
-    reach_m: float
-    reach_deg: float
-    grippers: frozenset[bool]
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """Return an action's offset (3,) in meters along the anchor's axes, and its rotation (4,) relative to them."""
@@ -57,13 +51,13 @@ class PlacedRow:
 
     def beyond(self, action: EndEffectorAction) -> tuple[float, float]:
         """Return how far an action is beyond the farthest demonstration, in meters and degrees; 0 within."""
-        off_m, off_deg = self.away(action)
-        return max(0.0, off_m - (self.reach_m - MARGIN_M)), max(0.0, off_deg - (self.reach_deg - MARGIN_DEG))
+        (off_m, off_deg), (reach_m, reach_deg) = self.away(action), self.demonstrated.reach
+        return max(0.0, off_m - (reach_m - MARGIN_M)), max(0.0, off_deg - (reach_deg - MARGIN_DEG))
 
     def supports(self, action: EndEffectorAction) -> bool:
         """Return whether demonstrations support the action."""
-        off_m, off_deg = self.away(action)
-        return off_m <= self.reach_m and off_deg <= self.reach_deg and action.gripper_open in self.grippers
+        (off_m, off_deg), (reach_m, reach_deg) = self.away(action), self.demonstrated.reach
+        return off_m <= reach_m and off_deg <= reach_deg and action.gripper_open in self.demonstrated.grippers
 
 
 PlacedPlan = tuple[PlacedRow, ...]
@@ -134,10 +128,7 @@ def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, ti
         positions_m.append(origin_m + quaternions.rotated(place_xyzw, row.center_m))
         quaternions_xyzw.append(quaternions.canonical(quaternions.product(hand_xyzw, row.mean_xyzw)))
     actions = EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
-    return tuple(
-        PlacedRow(*frame, action, *row.tolerance, *row.reach, row.grippers)
-        for row, frame, action in zip(rows, frames, actions, strict=True)
-    )
+    return tuple(PlacedRow(row, *frame, action) for row, frame, action in zip(rows, frames, actions, strict=True))
 
 
 class SupportGuard:
@@ -192,14 +183,14 @@ def _nearest(rows: Sequence[PlacedRow], action: EndEffectorAction) -> PlacedRow:
 
 
 def _unsupported(index: int, action: EndEffectorAction, nearest: PlacedRow) -> UnsupportedActionError:
-    off_m, off_deg = nearest.away(action)
+    (off_m, off_deg), (reach_m, reach_deg) = nearest.away(action), nearest.demonstrated.reach
     of = nearest.anchor.object_name or f"the {nearest.anchor.frame}"
     expected = f"{nearest.action.position_m.round(3).tolist()} m"
-    if off_m > nearest.reach_m:
-        bound = f"within {100 * nearest.reach_m:.1f} cm of {expected}, seen from {of}"
+    if off_m > reach_m:
+        bound = f"within {100 * reach_m:.1f} cm of {expected}, seen from {of}"
         return UnsupportedActionError(index, f"is {100 * off_m:.1f} cm from where demonstrations go", bound)
-    if off_deg > nearest.reach_deg:
-        bound = f"within {nearest.reach_deg:.1f} degrees, seen from {of}"
+    if off_deg > reach_deg:
+        bound = f"within {reach_deg:.1f} degrees, seen from {of}"
         return UnsupportedActionError(index, f"is turned by {off_deg:.1f} degrees from the demonstrations", bound)
     state = "open" if action.gripper_open else "closed"
     return UnsupportedActionError(index, f"has the gripper {state}", "the gripper as demonstrations have it there")

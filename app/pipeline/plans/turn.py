@@ -6,13 +6,13 @@ service chooses a turn for the observed scene. The paper leaves the turn as reco
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.groups import made_by_group
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.support import PlacedPlan
 from roboprompt_client.types import quaternions
@@ -85,21 +85,17 @@ def _along_approach(demonstration: Demonstration) -> list[float]:
     return found
 
 
-def folded(recordings: Sequence[Recording]) -> list[Recording]:
+def folded(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     """Return the recordings with the hand turned by 180 degrees throughout in those whose grasp differs so from most.
 
     The grasps are compared within one instruction, in the world frame or that of an object, where they differ least.
     """
-    by_form: dict[str, list[int]] = defaultdict(list)
-    for place, recording in enumerate(recordings):
-        by_form[recording.demonstration.order.form].append(place)
-    result = list(recordings)
-    for places in by_form.values():
-        demonstrations = [recordings[place].demonstration for place in places]
-        for place, turns in zip(places, _turned_from_most(demonstrations), strict=True):
-            if turns:
-                result[place] = _half_turned_recording(recordings[place])
-    return result
+    return made_by_group(recordings, lambda recording: recording.demonstration.order.form, _folded)
+
+
+def _folded(alike: Sequence[Recording]) -> list[Recording]:
+    turned = _turned_from_most([recording.demonstration for recording in alike])
+    return [_half_turned_recording(one) if turns else one for one, turns in zip(alike, turned, strict=True)]
 
 
 def _half_turned_recording(recording: Recording) -> Recording:
@@ -125,7 +121,7 @@ def _turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
         pairs = zip(frames, hands, strict=True)
         seen = np.array([quaternions.product(quaternions.inverse(frame), hand) for frame, hand in pairs])
         turned = np.array([quaternions.product(hand, HALF_TURN) for hand in seen])
-        apart_deg, turned_deg = (np.degrees(2 * np.arccos(np.clip(np.abs(seen @ q.T), 0, 1))) for q in (seen, turned))
+        apart_deg, turned_deg = (np.degrees(quaternions.angles_rad(seen[:, None], q)) for q in (seen, turned))
         least_deg = min(least_deg, float(apart_deg.mean(axis=1).min()))
         folded_deg = np.minimum(apart_deg, turned_deg).mean(axis=1)
         middle = int(folded_deg.argmin())

@@ -14,6 +14,7 @@ from app.pipeline.representation.anchors import (
     WORLD,
     Anchor,
     Anchors,
+    anchor_pose,
     in_frame,
     mixed_frames,
     relative_poses,
@@ -21,6 +22,7 @@ from app.pipeline.representation.anchors import (
 from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts
+ONE_YAW_RAD = math.radians(5)  # objects that are turned by less do not tell their two frames apart
 CONTRADICTED_M = 0.03  # a row that scatters by this much more in one frame than in the other does not have it
 EQUAL_SPREAD_M = 0.002  # anchors this close to the best count as equal: then the previous row's anchor is kept
 CLEARLY_LESS = 0.6  # share of the best object's scatter below which the world or the start is chosen instead
@@ -66,16 +68,20 @@ def choose_anchors(
             spreads_m[anchors] = _spreads_m(group, anchors, tilted)
             for k in rows:
                 settled[k] = min(settled[k], anchors, key=lambda one: spreads_m[one][k])
-    return _one_frame_in_approaches(group, settled, spreads_m)
+    return _one_frame_in_approaches(group, settled, spreads_m, tilted)
 
 
 def _one_frame_in_approaches(
-    group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
+    group: Sequence[Demonstration],
+    chosen: Sequence[Anchors],
+    spreads_m: Mapping[Anchors, list[float]],
+    tilted: frozenset[str],
 ) -> list[Anchors]:
     """Return the anchors with hover, grasp and lift of each object in one frame.
 
     If all demonstrations show an object at one yaw, both of its frames fit, and noise decides which scatters less in a
-    row: at another yaw the hand would then turn between hover and grasp.
+    row: at another yaw the hand would then turn between hover and grasp. It follows the object's axes, as with a single
+    demonstration.
 
     Args:
         spreads_m: by anchors the scatter of each row.
@@ -85,14 +91,24 @@ def _one_frame_in_approaches(
         names = _names(found[grasp])
         near = [_names(anchors) == names and _aside_m(group, k, grasp) <= APPROACH_M for k, anchors in enumerate(found)]
         rows = _around(grasp, near)
-        frames = [in_frame(found[grasp], frame) for frame in OBJECT_FRAMES]
-        if "" in names or len({found[k] for k in rows}) == 1 or any(frame not in spreads_m for frame in frames):
+        _, own = frames = [in_frame(found[grasp], frame) for frame in OBJECT_FRAMES]
+        if "" in names or any(frame not in spreads_m for frame in frames):
             continue
         frames += dict.fromkeys(found[k] for k in rows if found[k] not in frames)
         best = min(frames, key=lambda frame: sum(spreads_m[frame][k] for k in rows))
+        if _at_one_yaw(group, own, tilted):
+            best = own
+        elif len({found[k] for k in rows}) == 1:
+            continue
         if all(spreads_m[best][k] - spreads_m[found[k]][k] <= CONTRADICTED_M for k in rows):
             found[rows.start : rows.stop] = [best] * len(rows)
     return found
+
+
+def _at_one_yaw(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> bool:
+    """Return whether the objects of these frames are turned alike in all demonstrations."""
+    axes = [anchor_pose(anchor, shown, tilted).place_axes for anchor, shown in zip(own, group, strict=True)]
+    return all((axes[0].inv() * other).magnitude() <= ONE_YAW_RAD for other in axes)
 
 
 def _without_bystanders(

@@ -16,6 +16,7 @@ from scipy.special import betaincinv
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.order.order import Order
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
@@ -200,10 +201,10 @@ def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
     if tilted.isdisjoint(anchor.object_name for anchor in anchors):
         offsets_m = offsets_m[..., :2]
-    quaternions = np.array([rotations.as_quat() for _, rotations in relative])  # (N, K, 4)
-    cosines = np.abs(np.einsum("ikq,jkq->ijk", quaternions, quaternions))
+    hands = np.array([rotations.as_quat() for _, rotations in relative])  # (N, K, 4)
     places_m = np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=3)
-    apart_m = np.sort(np.array([places_m, 2 * M_PER_RAD * np.arccos(np.minimum(cosines, 1))]), axis=2)
+    turns_m = M_PER_RAD * quaternions.angles_rad(hands[:, None], hands)
+    apart_m = np.sort(np.array([places_m, turns_m]), axis=2)
     scatter: Array = np.sqrt((apart_m[:, :, : _deciding(len(group))] ** 2).mean(axis=2)).min(axis=1)
     return scatter
 

@@ -12,10 +12,10 @@ own binning costs nothing.
 """
 
 import re
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
+from app.pipeline.groups import made_by_group, places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
     MIXED_FRAMES,
@@ -43,7 +44,6 @@ from app.pipeline.representation.object_rows import (
     actions_at,
     anchor_text,
     fit_rows,
-    groups_of,
     in_full,
     letter,
     row_text,
@@ -89,11 +89,8 @@ class ObjectFrameCodec(Codec):
     ) -> "ObjectFrameCodec":
         """Choose each row's anchor and make equal what differs by rounding only."""
         tilted = tilted_objects(demonstrations)
-        table: list[tuple[Row, ...]] = [()] * len(demonstrations)
-        for places in groups_of(demonstrations).values():
-            for place, rows in zip(places, fit_rows([demonstrations[k] for k in places], tilted), strict=True):
-                table[place] = rows
-        return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table))
+        table = made_by_group(demonstrations, attrgetter("kind"), partial(fit_rows, tilted=tilted))
+        return cls(workspace, tuple(demonstrations), with_instruction, tilted, table)
 
     def questions(self, order: Order) -> tuple[str, ...]:
         return clause_by_clause(self.demonstrations, order)
@@ -123,13 +120,10 @@ class ObjectFrameCodec(Codec):
 
         Where rows differ, all are needed: they show how often each variant occurs, and in which scenes.
         """
-        asking: dict[str, list[int]] = defaultdict(list)
-        for (asks, *_), places in groups_of(self.demonstrations).items():
-            asking[asks] += places
         needed: set[int] = set()
-        for places in asking.values():
+        for places in places_by(self.demonstrations, attrgetter("order.form")).values():
             texts = {self.actions_text(self.demonstrations[place]) for place in places}
-            needed.update(sorted(places)[-MAX_REPEATED:] if len(texts) == 1 else places)
+            needed.update(places[-MAX_REPEATED:] if len(texts) == 1 else places)
         return tuple(self.demonstrations[place] for place in sorted(needed))
 
     def grammar(self, query: Query, max_actions: int) -> str:

@@ -6,14 +6,16 @@ with a margin; a single demonstration leaves none, so that it is copied.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, in_order
+from app.pipeline.groups import places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import Frame, asked_anchor
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.object_rows import Row, anchor_text, groups_of, letter
+from app.pipeline.representation.object_rows import Row, anchor_text, letter
 from app.pipeline.workspace import ROTATION_BINS
 
 MARGIN_UNITS = 2  # 1 cm
@@ -70,7 +72,7 @@ def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order
 
     Plans of demonstrations that ask for the same as the order, or where none does of those with as many clauses.
     """
-    groups = groups_of(demonstrations)
+    groups = places_by(demonstrations, attrgetter("kind"))
     as_long = [
         places for places in groups.values() if len(demonstrations[places[0]].order.clauses) == len(asked.clauses)
     ]

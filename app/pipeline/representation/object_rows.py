@@ -2,7 +2,6 @@
 
 import re
 import string
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,14 +38,6 @@ class Row:
     def turned_as(self, other: "Row | None") -> bool:
         """Whether it has the rotation numbers of the other row."""
         return other is not None and self.numbers[3:] == other.numbers[3:]
-
-
-def groups_of(demonstrations: Sequence[Demonstration]) -> dict[tuple[str, int | None, int], list[int]]:
-    """The places of demonstrations of one kind: they have the same rows."""
-    groups: dict[tuple[str, int | None, int], list[int]] = defaultdict(list)
-    for place, demonstration in enumerate(demonstrations):
-        groups[demonstration.kind].append(place)
-    return groups
 
 
 def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[Row, ...]]:

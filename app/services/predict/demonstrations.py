@@ -83,7 +83,7 @@ def read_compared(
 
 def recordings_of(
     connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
-) -> list[Recording]:
+) -> Sequence[Recording]:
     """Return each record's demonstration with the motion of its trajectory; objects that not all have are left out."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])

@@ -93,4 +93,4 @@ class MotionCheck:
         self._limits, self._guard = limits, guard
 
     def _guarding(self, limits: MotionLimits) -> MotionGuard:
-        return MotionGuard(limits, self._question.request.options.max_actions, self._question.known.end_effector)
+        return MotionGuard(limits, self._question.max_actions, self._question.known.end_effector)

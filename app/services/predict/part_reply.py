@@ -50,13 +50,14 @@ class PredictedAction:
     def _anchor(self, row: PlacedRow) -> JsonObject:
         """What the action is relative to, so that a robot that looks again can follow it."""
         offset_m, rotation_xyzw = row.seen_from_anchor(self.action)
+        tolerance_m, tolerance_deg = row.demonstrated.tolerance
         return {
             "object": row.anchor.object_name or None,
             "frame": row.anchor.frame,
             "offset_m": offset_m.tolist(),
             "rotation_xyzw": rotation_xyzw.tolist(),
-            "tolerance_m": row.tolerance_m,
-            "tolerance_deg": row.tolerance_deg,
+            "tolerance_m": tolerance_m,
+            "tolerance_deg": tolerance_deg,
         }
 
 
@@ -73,7 +74,7 @@ class PartReply:
 
     def __init__(self, question: Question, asked: Query, num_before: int) -> None:
         options, plans = question.request.options, question.plans.get(asked.instruction)
-        self._reader = ReplyReader(question.prefix.template.codec, asked, options.max_actions - num_before)
+        self._reader = ReplyReader(question.prefix.template.codec, asked, question.max_actions - num_before)
         self._guard = SupportGuard(plans, num_before) if plans else None
         self._allows = options.unsupported == "allow"
         self._turned = question.turned

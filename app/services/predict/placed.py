@@ -15,14 +15,15 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import GRIPPER_TURNED
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned_plan
+from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.evidence import previewed
 from app.services.predict.known import Known
 from app.services.predict.prefix import Prefix
-from app.services.predict.request import MAX_ACTIONS_ASKED, PredictOptions
+from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard
-from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.motion.limits import MAX_ACTIONS, USUAL_ACTIONS, MotionLimits
 from roboprompt_client.types.poses import Pose
 
 MAX_TASKS = 64  # whose demonstrated wrist angles are kept
@@ -36,14 +37,11 @@ def place_plans(
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
-        InvalidInputError: if the parts take more actions than the request allows.
     """
     placed = {part.instruction: prefix.support.placed(part) for part in parts}
     if options.unsupported == "refuse":
         _require_within_workspace(placed.values(), known.settings.limits_of_motion())
-    plans, turned = _turned_plans(placed, known.taught, known.settings, known.end_effector)
-    _check_number([plans.get(part.instruction) for part in parts], options.max_actions)
-    return plans, turned
+    return _turned_plans(placed, known.taught, known.settings, known.end_effector)
 
 
 def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limits: MotionLimits) -> None:
@@ -115,9 +113,25 @@ def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pos
     return sum(not item.reachable for plan in plans for item in previewed([row.action for row in plan], settings, hand))
 
 
-def _check_number(placed: Sequence[tuple[PlacedPlan, ...] | None], most: int) -> None:
-    """Refuse several parts whose shortest plans have more actions than `most`, before an LLM writes them in vain."""
-    fewest = sum(min(map(len, plans), default=1) if plans else 1 for plans in placed)
-    if len(placed) > 1 and fewest > most:
-        message = f"is {most}, but the {len(placed)} parts of the instruction take {fewest} actions or more"
-        raise InvalidInputError("max_actions", message, f"{fewest} or more, at most {MAX_ACTIONS_ASKED}")
+def actions_allowed(prefix: Prefix, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
+    """Return how many actions the answer may have: as asked for, else what the plans of the parts need, 25 at least.
+
+    Raises:
+        InvalidInputError: if several parts take more, before an LLM writes them in vain.
+    """
+    counts = [_row_counts(prefix, part, plans.get(part.instruction)) for part in parts]
+    fewest, most = sum(map(min, counts)), sum(map(max, counts))
+    allowed = asked or min(max(most, USUAL_ACTIONS), MAX_ACTIONS)
+    if len(parts) > 1 and fewest > allowed:
+        message = f"is {allowed}, but the {len(parts)} parts of the instruction take {fewest} actions or more"
+        raise InvalidInputError("max_actions", message, f"{fewest} or more, at most {MAX_ACTIONS}")
+    return allowed
+
+
+def _row_counts(prefix: Prefix, part: Query, placed: Sequence[PlacedPlan] | None) -> Sequence[int]:
+    """Return the number of rows of each plan; of unknown plans what demonstrations with other clauses suggest."""
+    if placed is None:
+        return row_count_bounds(
+            [shown for group, _ in prefix.support.plans for shown in group], part.order, MAX_ACTIONS
+        )
+    return [len(plan) for plan in placed] or [1]

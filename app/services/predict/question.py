@@ -17,7 +17,7 @@ from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
 from app.services.predict.known import Known
-from app.services.predict.placed import Plans, place_plans
+from app.services.predict.placed import Plans, actions_allowed, place_plans
 from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictRequest
 from roboprompt_client.types.poses import EndEffectorAction, Pose
@@ -38,6 +38,7 @@ class Question:
             have rotations only where the demonstrations have them.
         prompt: of the first part.
         plans: by a part's instruction, the demonstrated rows placed in the observed scene; None where unknown.
+        max_actions: the largest number of actions that the answer may have.
         turned: whether the hand is turned by 180 degrees from what a reply says, in `plans` and in the actions.
         findings: those known before the LLM is asked.
         samples: if several replies are requested, the question for each, with its own seed.
@@ -51,6 +52,7 @@ class Question:
     prefix: Prefix
     prompt: Prompt
     plans: Plans
+    max_actions: int
     turned: bool = False
     findings: tuple[Finding, ...] = ()
     samples: tuple["Question", ...] = ()
@@ -81,9 +83,10 @@ def write_question(
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
     plans, turned = place_plans(known, prefix, parts, request.options)
-    prompt = template.ask(parts[0], request.options.max_actions)
+    max_actions = actions_allowed(prefix, parts, plans, request.options.max_actions)
+    prompt = template.ask(parts[0], max_actions)
     request = request.without_frames()
-    question = Question(request, known, order, seen, parts, prefix, prompt, plans, turned=bool(turned))
+    question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
     question = replace(question, findings=(*why, *doubts_before(question), *turned))
     if request.options.num_samples == 1:
         return question

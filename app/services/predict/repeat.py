@@ -19,6 +19,7 @@ from app.store.values import JsonObject
 from app.store.visibility import present
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard, action_from_json
+from roboprompt_client.motion.limits import MAX_ACTIONS
 
 SCOPE = idempotency.PREDICT
 MAX_WAIT_S = 60.0  # for a request with the same key
@@ -95,7 +96,7 @@ class RepeatedPredictions:
 
     def _check(self, connection: Connection, request: PredictRequest, answer: JsonObject) -> None:
         limits = self._limits.read(connection, request.task)
-        guard = MotionGuard(limits, request.options.max_actions, request.end_effector)
+        guard = MotionGuard(limits, MAX_ACTIONS, request.end_effector)
         try:
             for index, action in enumerate(answer["actions"]):
                 guard.check(action_from_json(index, action))

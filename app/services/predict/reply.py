@@ -110,7 +110,7 @@ class Reply:
 
     def _parts(self) -> Iterator[Query]:
         """Yield the parts of the instruction, setting `prompt` for each."""
-        question, most = self.question, self._options.max_actions
+        question, most = self.question, self.question.max_actions
         for number, part in enumerate(question.parts):
             if (remaining := most - len(self.actions)) <= 0:
                 message = f"{most} actions do not carry out all {len(question.parts)} parts"
@@ -150,7 +150,7 @@ class Reply:
             raise ModelTimeoutError(f"{question.known.profile.name} did not answer within {within_s:g} s")
         return CompletionRequest(
             self.prompt,
-            max_tokens=(options.max_actions - len(self.actions)) * MAX_TOKENS_PER_ACTION,
+            max_tokens=(question.max_actions - len(self.actions)) * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
             temperature=temperature,
             seed=options.seed,

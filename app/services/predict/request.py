@@ -22,7 +22,6 @@ from roboprompt_client.types.poses import Pose
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5
 MAX_TIMEOUT_S = 600.0  # `roboprompt_client` waits as long
-MAX_ACTIONS_ASKED = 100  # that a request may raise `max_actions` to
 Doubtful = Literal["refuse", "allow"]
 
 
@@ -68,7 +67,11 @@ class PredictOptions(BaseModel):
             "severity danger; objects that are not clear are refused either way"
         ),
     ] = "refuse"
-    max_actions: Annotated[int, Field(ge=1, le=MAX_ACTIONS_ASKED), WHOLE] = MAX_ACTIONS
+    max_actions: Annotated[
+        int | None,
+        Field(ge=1, le=MAX_ACTIONS, description="left out: as many as the demonstrated plans need, 25 at least"),
+        WHOLE,
+    ] = None
     timeout_s: Annotated[
         Number | None, Field(ge=0.1, le=MAX_TIMEOUT_S, description="default: the model's, see GET /models")
     ] = None

@@ -10,7 +10,8 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import Pose
 
 HAND_RADIUS_M = 0.05
-MAX_ACTIONS = 25  # of one prediction (RoboPrompt, section IV-B: the steps of an episode)
+USUAL_ACTIONS = 25  # of one prediction (RoboPrompt, section IV-B: the steps of an episode)
+MAX_ACTIONS = 100  # of one prediction, whatever a request asks for
 STEP_BOUNDS = ("max_step_m", "max_step_rotation_deg")
 BOUNDS = ("keep_out", *STEP_BOUNDS, "hand_radius_m")
 

@@ -182,7 +182,7 @@ class _Run:
     def guard(self, observation: Observation) -> MotionGuard:
         """For actions that begin where the robot is in `observation`."""
         self.allowed.require_start(observation.end_effector)
-        return MotionGuard(self.allowed, int(self.options.get("max_actions", MAX_ACTIONS)), observation.end_effector)
+        return MotionGuard(self.allowed, int(self.options.get("max_actions") or MAX_ACTIONS), observation.end_effector)
 
     def _check_all(self, observation: Observation, actions: Sequence[EndEffectorAction]) -> None:
         guard = self.guard(observation)

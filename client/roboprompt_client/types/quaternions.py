@@ -57,6 +57,13 @@ def angle_between_rad(first: npt.ArrayLike, second: npt.ArrayLike) -> float:
     return angle_rad(product(inverse(first), second))
 
 
+def angles_rad(first: Array, second: Array) -> Array:
+    """Return the angles (...) between rotations (..., 4) that broadcast, each 0 to pi."""
+    alike = np.abs(np.einsum("...q,...q->...", first, second))
+    angles: Array = 2 * np.arccos(np.minimum(alike, 1))
+    return angles
+
+
 def about_z(angle_rad: float) -> Array:
     """Return the rotation about the z axis."""
     return np.array([0.0, 0.0, math.sin(angle_rad / 2), math.cos(angle_rad / 2)])

@@ -97,13 +97,15 @@ def recorded(folder, name, **changed):
         "object_names": np.array(["cubeB", "cubeA"]),
         "object_positions": np.tile([[[0.6, 0, 0.82]], [[0.5, 0, 0.82]]], (1, frames, 1)),
         "object_quaternions_xyzw": np.tile([[[0.0, 0, 0, 1]]], (2, frames, 1)),
+        "static_names": np.array(["peg", "table"]),
+        "static_positions": np.array([[0.7, 0, 0.85], [0.0, 0, 0.8]]),
     }
     np.savez(folder / name, **{**data, **changed})
 
 
 def test_people_recorded_in_the_frame_of_another_arm_are_moved_into_the_table(tmp_path):
     recorded(tmp_path, "stack_panda_1.npz")
-    recorded(tmp_path, "stack_sawyer_1.npz")
+    recorded(tmp_path, "stack_sawyer_1.npz", static_positions=np.array([[0.7, 0, 0.85], [0.56, 0, 0.4]]))
     new, old = (people.recorded_by_people(tmp_path, "stack_by_people", number) for number in (0, 1))
     assert [pose.name for pose in new.scene.objects] == [body.name for body in TASKS["stack"].bodies]
     np.testing.assert_allclose(new.scene.objects[0].position_m, [0.5, 0, 0.82])
@@ -112,5 +114,14 @@ def test_people_recorded_in_the_frame_of_another_arm_are_moved_into_the_table(tm
 
 
 def test_tasks_of_people_are_there_where_their_folder_is(tmp_path):
-    assert set(world.Robosuite(None).tasks) == set(TASKS)
-    assert set(world.Robosuite(tmp_path).tasks) == {*TASKS, *people.PEOPLE}
+    scripted = {name for name, task in TASKS.items() if task.scripted}
+    assert set(world.Robosuite(None).tasks) == scripted
+    assert set(world.Robosuite(tmp_path).tasks) == {*scripted, *people.PEOPLE}
+
+
+def test_what_never_moves_stands_where_the_recording_has_it(tmp_path, monkeypatch):
+    still = people.PeopleTask("stack", ("stack_panda_1.npz",), (("cubeA",), ("peg",)))
+    monkeypatch.setitem(people.PEOPLE, "still", still)
+    recorded(tmp_path, "stack_panda_1.npz")
+    peg = people.recorded_by_people(tmp_path, "still", 0).scene.objects[1]
+    np.testing.assert_allclose(peg.position_m, [0.7, 0, 0.85])

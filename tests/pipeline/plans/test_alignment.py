@@ -2,8 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan, by_plan, plan_rows, shown_together
+from app.pipeline.plans.rows import robust_center
 
 from ..recordings import flowing, pick_and_place, resting
 from ..scenes import pose, same_actions
@@ -209,3 +212,22 @@ def test_a_recording_whose_grasps_are_not_clear_does_not_bring_two_orders_togeth
     recordings.insert(place, unclear)
     assert [one.grasped for one in recordings].count((None, None)) == 1
     assert [len(group) for group in by_plan(aligned_by_plan(recordings))] == [3, 1]
+
+
+def test_a_recording_that_ends_with_its_release_has_the_plan_of_those_that_go_on():
+    recordings = [picked(600 + k) for k in range(4)]
+    longer, frames = recordings[0], recordings[0].motion.phases[-1].first + 1
+    recorded = longer.motion.trajectory
+    arrays = {name: array[:frames] for name, array in vars(recorded).items() if isinstance(array, np.ndarray)}
+    shorter = replace(longer, motion=Motion.of(replace(recorded, **arrays)))
+    assert shorter.signature != longer.signature
+    aligned = aligned_by_plan([shorter, *recordings[1:]])
+    assert len({(d.plan, len(d.actions)) for d in aligned}) == 1
+    np.testing.assert_allclose(aligned[0].actions[-1].position_m, shorter.motion.trajectory.positions_m[-1])
+    assert len({d.plan for d in aligned_by_plan([shorter, *recordings[1:2]])}) == 2  # neither is the usual end
+
+
+def test_a_hand_that_is_far_from_most_has_no_part_in_the_mean_rotation():
+    hands = Rotation.from_euler("z", [0, 4, 115], degrees=True)
+    _, mean = robust_center(np.zeros((3, 3)), hands)
+    assert abs(mean.as_euler("zyx", degrees=True)[0] - 2) < 3

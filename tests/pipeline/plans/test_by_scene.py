@@ -125,6 +125,13 @@ def test_plans_of_one_demonstration_each_show_one_and_name_the_others():
     assert codes(chosen) == {"few-demonstrations": "info", "left-out": "info", "no-common-plan": "warning"}
 
 
+@pytest.mark.parametrize(("states", "severity"), [([True, False, True], "info"), ([True, False] * 2, "danger")])
+def test_a_single_demonstration_that_grasps_more_than_once_is_a_danger(states, severity):
+    shown = placed(0, 0, plan=0, number=0)
+    actions = tuple(replace(shown.actions[0], gripper_open=state) for state in states)
+    assert codes(PlanChooser([replace(shown, actions=actions)])(scene(0)))["few-demonstrations"] == severity
+
+
 def test_prompts_that_are_read_beforehand_are_those_of_the_most_usual_plans():
     chooser = PlanChooser(taught(SHOWN_DEG))
     likely = [tuple(shown.id for shown in choice.shown) for choice in chooser.likely()]

@@ -229,7 +229,8 @@ def test_a_row_tells_how_far_demonstrations_scatter():
     ]
     ((row,),) = Support.of(by_plan(shown)).placed(Query(INSTRUCTION, SMALL))
     assert row.anchor.object_name == "red cube"
-    assert 0.005 <= row.tolerance_m <= 0.01 < row.reach_m == pytest.approx(0.04)
+    (tolerance_m, _), (reach_m, _) = row.demonstrated.tolerance, row.demonstrated.reach
+    assert 0.005 <= tolerance_m <= 0.01 < reach_m == pytest.approx(0.04)
     far = EndEffectorAction(np.add(PLACE_M, [0.041, 0, 0.1]), row.action.quaternion_xyzw, gripper_open=True)
     near = replace(far, position_m=np.add(PLACE_M, [0.039, 0, 0.1]))
     assert (row.supports(near), row.supports(far)) == (True, False)
