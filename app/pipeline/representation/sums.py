@@ -21,12 +21,13 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
+from app.pipeline.groups import places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_integers
 from app.pipeline.representation.anchors import START, WORLD, Anchor, Frame, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import Row, actions_at, groups_of, letter
+from app.pipeline.representation.object_rows import Row, actions_at, letter
 from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
@@ -100,7 +101,7 @@ class SumsCodec(Codec):
     def fit(cls, demonstrations: Sequence[Demonstration], workspace: Workspace) -> "SumsCodec":
         """Find what each row follows, and the steps."""
         codec = cls(workspace, ObjectFrameCodec.fit(demonstrations, workspace, with_instruction=True), {})
-        for places in groups_of(demonstrations).values():
+        for places in places_by(demonstrations, lambda item: item.kind).values():
             for step in codec._steps_of(places):
                 codec.letters.setdefault(step, letter(len(codec.letters)).lower())
         return codec
