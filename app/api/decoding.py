@@ -6,7 +6,7 @@ The values of a JSON document are counted in its bytes before anything is decode
 
 import json
 import re
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -174,16 +174,35 @@ def msgpack_object(data: bytes) -> dict[str, Any]:
 
 
 def check_only_json_types(document: dict[str, Any]) -> None:
-    """Refuse bytes, and keys that are no text: the document is stored as JSON.
+    """Refuse bytes and other values that JSON does not have: the document is stored as JSON.
 
     Raises:
-        InvalidInputError: naming the value or the kind of key.
+        InvalidInputError: naming the place.
     """
-    try:
-        json.dumps(document, sort_keys=True, default=_refused)
-    except (TypeError, RecursionError) as error:
-        raise InvalidInputError("body", f"has keys that are no text, or too many levels ({error})", "JSON") from None
+    if (fault := _fault(document, 0)) is not None:
+        path, message, valid = fault
+        place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in reversed(path))
+        raise InvalidInputError(place.removeprefix(".") or "body", message, valid)
 
 
-def _refused(value: object) -> None:
-    raise InvalidInputError("body", f"holds {value!r:.40} of the type {type(value).__name__}", "what JSON can say")
+def _fault(value: object, depth: int) -> tuple[list[str | int], str, str] | None:
+    """Where there is something that JSON does not have, from within outwards, what it is, and what would be valid."""
+    if depth > MAX_DEPTH:
+        return [], "lies too deep", f"at most {MAX_DEPTH} levels"
+    items: Iterable[tuple[Any, Any]]
+    if isinstance(value, dict):
+        items = value.items()
+    elif isinstance(value, list):
+        items = enumerate(value)
+    elif isinstance(value, str | int | float | bool | None):
+        return None
+    else:
+        return [], f"is of the type {type(value).__name__}", "what JSON can say"
+    for key, item in items:
+        if isinstance(value, dict) and not isinstance(key, str):
+            return [], f"has the key {key!r:.40}", "keys that are text"
+        # the place is put together only where there is a fault: keys may be long, and items many
+        if (fault := _fault(item, depth + 1)) is not None:
+            fault[0].append(key)
+            return fault
+    return None
