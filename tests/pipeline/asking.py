@@ -2,7 +2,6 @@
 
 from app.pipeline.episode import Query
 from app.pipeline.reply import ReplyReader
-from roboprompt_client.motion.limits import MAX_ACTIONS
 
 
 def grammar_of(codec, instruction):
@@ -15,6 +14,6 @@ def schema_of(codec, instruction):
     return codec.schema(Query(instruction, codec.demonstrations[0].objects), 25)
 
 
-def parse_reply(reply_text, codec, objects, instruction, max_actions=MAX_ACTIONS):
+def parse_reply(reply_text, codec, objects, instruction, max_actions=25):
     """The actions of a whole reply."""
     return ReplyReader(codec, Query(instruction, tuple(objects)), max_actions).finish(reply_text)

@@ -113,9 +113,10 @@ def test_early_actions_do_not_excuse_a_reply_that_is_refused_as_a_whole():
 def test_more_actions_than_allowed_are_an_error(num_actions):
     text = f"[{', '.join(['[46, 74, 55, 54, 36, 37, 1]'] * num_actions)}]"
     if num_actions <= MAX_ACTIONS:
-        assert len(parse_reply(text, ABSOLUTE, [CUP], LIFT)) == len(fed(ABSOLUTE, [text])[1][0]) == num_actions
+        assert len(parse_reply(text, ABSOLUTE, [CUP], LIFT, MAX_ACTIONS)) == num_actions
+        assert len(fed(ABSOLUTE, [text])[1][0]) == num_actions
         return
-    for read in (lambda: parse_reply(text, ABSOLUTE, [CUP], LIFT), lambda: fed(ABSOLUTE, [text])):
+    for read in (lambda: parse_reply(text, ABSOLUTE, [CUP], LIFT, MAX_ACTIONS), lambda: fed(ABSOLUTE, [text])):
         with pytest.raises(ReplyParseError, match=f"{num_actions} actions, more than {MAX_ACTIONS}"):
             read()
 

@@ -40,6 +40,7 @@ export async function takePoses(form, id) {
 
 /** Take over its cameras and images, and the objects' ids in its masks. */
 export async function takeImages(form, id) {
+  const before = byId("files").value;
   const { cameras, images, mask_ids } = await call(`/ui/predict/scenes/${id}`);
   for (const [name, ids] of Object.entries(mask_ids)) {
     const field = fieldOf(form, name, "mask_ids");
@@ -49,7 +50,7 @@ export async function takeImages(form, id) {
   listCameras();
   taken.clear();
   for (const [part, address] of Object.entries(images)) taken.set(part, address);
-  byId("files").value = "";
+  if (byId("files").value === before) byId("files").value = ""; // files chosen meanwhile are what is meant
   chosenImages();
 }
 
