@@ -41,16 +41,6 @@ def test_first_episode_fixes_the_objects_and_their_order(store):
         use_case(upload("cube", "bowl"), respond)  # which stands where the hand acts
 
 
-def test_a_hand_that_cannot_have_done_this_is_doubted_at_once(store):
-    def found(sent):
-        return [(item["code"], item["severity"]) for item in UploadEpisode(store)(sent, respond)["findings"]]
-
-    right, doubt = upload("cube"), ("implausible-gripper", "warning")
-    inverted = replace(right.episode.trajectory, gripper_open=~right.episode.trajectory.gripper_open)
-    assert doubt not in found(right)
-    assert doubt in found(replace(right, episode=replace(right.episode, trajectory=inverted)))
-
-
 def test_first_uploads_at_once_agree_on_the_objects(store):
     use_case, outcomes, gate = UploadEpisode(store), [], threading.Barrier(6)
 

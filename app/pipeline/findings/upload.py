@@ -1,15 +1,12 @@
 """All that is noticed about a demonstration at its upload."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.elsewhere import unlike_findings
-from app.pipeline.findings.hand import RecordedHand, kept
-from app.pipeline.findings.implausible import hand_findings
 from app.pipeline.findings.recording import compared_findings, contact_findings, recording_findings
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.units import unit_findings
@@ -40,14 +37,11 @@ def upload_findings(
     Raises:
         InvalidInputError: if `extra` has commanded positions of another shape.
     """
-    hand = RecordedHand.of(motion, new, kept(motion, new.actions, rule.delta_rad_s))
     return (
         *alike_findings(alike, new.instruction),
         *unit_findings(motion.trajectory, new.objects),
         *compared_findings(compared),
         *recording_findings(motion, new.actions, rule),
         *contact_findings(motion, tracked, extra),
-        # Dangers of an answer, where more than a third of the recordings have them; one is only a reason to look.
-        *(replace(doubt, severity="warning") for doubt in hand_findings([new], [hand])),
         *unlike_findings(new, others),
     )
