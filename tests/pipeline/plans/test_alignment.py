@@ -228,6 +228,6 @@ def test_a_recording_that_ends_with_its_release_has_the_plan_of_those_that_go_on
 
 
 def test_a_hand_that_is_far_from_most_has_no_part_in_the_mean_rotation():
-    hands = Rotation.from_euler("z", [0, 4, 115], degrees=True)
+    hands = Rotation.from_euler("z", [[0], [4], [115]], degrees=True)
     _, mean = robust_center(np.zeros((3, 3)), hands)
     assert abs(mean.as_euler("zyx", degrees=True)[0] - 2) < 3
