@@ -14,7 +14,7 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.anchors import M_PER_RAD
 from app.pipeline.representation.base import Codec
-from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.motion.limits import USUAL_ACTIONS
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -32,7 +32,7 @@ class ReplyReader:
         max_actions: more than these are an error.
     """
 
-    def __init__(self, codec: Codec, query: Query, max_actions: int = MAX_ACTIONS) -> None:
+    def __init__(self, codec: Codec, query: Query, max_actions: int = USUAL_ACTIONS) -> None:
         self._codec = codec
         self._decode = codec.decoder(query)
         self._max_actions = max_actions

@@ -9,7 +9,7 @@ from app.sim.moves import UP, action_from_move, move_to, nearest_yaw_rad, pick, 
 from app.sim.tasks import COMPOSITION_TASKS, TASKS, make_task
 from app.sim.tasks.carrying import BARRIERS, PLATE
 from app.sim.tasks.rearranging import BLOCKS, ClearKind
-from roboprompt_client.motion.limits import MAX_ACTIONS
+from roboprompt_client.motion.limits import USUAL_ACTIONS
 from tests.sim.test_instructions import words_of
 
 SEED = 100_000
@@ -61,7 +61,7 @@ def test_an_answer_has_as_many_rows_as_demonstrations_have_room_for(name):
     rows = [len(make_task(name, 0, k).expert()) for k in range(task.variations + task.test_only_variations)]
     shown, asked = rows[: task.variations], rows[task.variations :]
     # grammars hold a reply between the shortest and the longest demonstration
-    assert min(shown) <= min(asked) <= max(asked) <= max(shown) <= MAX_ACTIONS
+    assert min(shown) <= min(asked) <= max(asked) <= max(shown) <= USUAL_ACTIONS
 
 
 def test_cubes_wait_on_the_free_pad_and_not_beside_it():

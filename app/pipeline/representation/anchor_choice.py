@@ -23,6 +23,7 @@ from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts
 ONE_YAW_RAD = math.radians(5)  # objects that are turned by less do not tell their two frames apart
+NO_YAW_RAD = 1e-6
 CONTRADICTED_M = 0.03  # a row that scatters by this much more in one frame than in the other does not have it
 EQUAL_SPREAD_M = 0.002  # anchors this close to the best count as equal: then the previous row's anchor is kept
 CLEARLY_LESS = 0.6  # share of the best object's scatter below which the world or the start is chosen instead
@@ -106,9 +107,12 @@ def _one_frame_in_approaches(
 
 
 def _at_one_yaw(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> bool:
-    """Return whether the objects of these frames are turned alike in all demonstrations."""
+    """Return whether the objects of these frames are turned alike in all demonstrations, but not exactly.
+
+    One that is turned exactly alike has no yaw to follow: it is round, or nothing observes how it is turned.
+    """
     axes = [anchor_pose(anchor, shown, tilted).place_axes for anchor, shown in zip(own, group, strict=True)]
-    return all((axes[0].inv() * other).magnitude() <= ONE_YAW_RAD for other in axes)
+    return NO_YAW_RAD < max(float((axes[0].inv() * other).magnitude()) for other in axes) <= ONE_YAW_RAD
 
 
 def _without_bystanders(
