@@ -23,7 +23,7 @@ from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts
 ONE_YAW_RAD = math.radians(5)  # objects that are turned by less do not tell their two frames apart
-NO_YAW_RAD = 1e-6
+NO_YAW_RAD = 1e-6  # rounding: no pose that was measured is as equal
 CONTRADICTED_M = 0.03  # a row that scatters by this much more in one frame than in the other does not have it
 EQUAL_SPREAD_M = 0.002  # anchors this close to the best count as equal: then the previous row's anchor is kept
 CLEARLY_LESS = 0.6  # share of the best object's scatter below which the world or the start is chosen instead
