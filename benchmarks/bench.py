@@ -11,16 +11,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from app.evaluation.run_record import commit, machine, versions
-from benchmarks import arithmetic, embedded, service_time, transport
-from benchmarks.arithmetic import Arithmetic
+from benchmarks import embedded, service_time
 from benchmarks.embedded import Measured
 from benchmarks.processes import ROUNDS, Cost
 
 REPORT = Path(__file__).parents[1] / "docs" / "results" / "bench.md"
 COMMAND = "make bench"
-_SENDING = f"""{transport.WIDTH}x{transport.HEIGHT} RGB (uint8) and depth (float32 meters). The peers return a constant
-and neither check nor keep anything; ours decodes and checks the images, reads the demonstrations and writes the
-prompt, and in the second case stores everything."""
 
 
 def main() -> None:
@@ -31,22 +27,15 @@ def main() -> None:
     arguments = parser.parse_args()
     started_s = time.monotonic()
     service = service_time.measure()
-    sent = transport.measure()
-    llm, alone = embedded.measure(), arithmetic.measure()
-    text = report(service, sent, llm, alone, time.monotonic() - started_s)
+    llm = embedded.measure()
+    text = report(service, llm, time.monotonic() - started_s)
     arguments.output.write_text(text)
     print(text)  # noqa: T201
     if arguments.json:
-        print(json.dumps({"service": service, "transport": sent, "llm": llm, "alone": alone}, default=vars))  # noqa: T201
+        print(json.dumps({"service": service, "llm": llm}, default=vars))  # noqa: T201
 
 
-def report(
-    service: Mapping[str, Cost],
-    sent: Mapping[str, Cost],
-    llm: Measured,
-    alone: Sequence[Arithmetic],
-    seconds: float,
-) -> str:
+def report(service: Mapping[str, Cost], llm: Measured, seconds: float) -> str:
     """The page."""
     return (
         "\n\n".join(
@@ -64,8 +53,6 @@ def report(
                 f"With a warm prefix, {llm.streaming.num_actions:.0f} actions: the first after "
                 f"{llm.streaming.first_action_s:.2f} s, the whole reply after {llm.streaming.whole_s:.2f} s "
                 f"({llm.streaming.first_action_s / llm.streaming.whole_s:.0%}).",
-                "## llama.cpp alone",
-                _alone(llm, alone),
                 "## Several robots",
                 "Each asks for another scene of one task as soon as it is answered, "
                 f"{embedded.ROBOTS_S:.0f} s; the embedded model has four slots, one of which knows the task at first.",
@@ -73,9 +60,6 @@ def report(
                 "## Tokens of a prediction",
                 "The same ten demonstrations and the same scene, no system prompt, tokens of the embedded model.",
                 _tokens(llm),
-                "## Sending an observation",
-                _SENDING,
-                _table(("", "server CPU, ms", "wall, ms"), [(name, *_cost(item)) for name, item in sent.items()]),
             ]
         )
         + "\n"
@@ -98,25 +82,6 @@ def _prefixes(llm: Measured) -> str:
         f"{found.cold_s:.2f} s ({found.cold_s / found.warm_s:.0f} times sooner). The first prediction after the upload "
         f"of ten episodes takes {after.prefix_warmed_s:.2f} s where the prefix was warmed in the background, "
         f"{after.prefix_cold_s:.2f} s where it was not."
-    )
-
-
-def _alone(llm: Measured, alone: Sequence[Arithmetic]) -> str:
-    """The speeds, and what of a streamed prediction they explain."""
-    head = ("threads", "reads", "writes", "copies", f"writes {arithmetic.SLOTS} replies at once", "memory, MB")
-    measures = ("reads", "writes", "copies", "writes_together", "memory_mb")
-    rows = [(str(item.threads), *(f"{getattr(item, name):.0f}" for name in measures)) for item in alone]
-    new = llm.prefixes.prompt_tokens * (1 - llm.prefixes.cached_share)
-    written, fastest = llm.tokens[0].completion, alone[-1]
-    least_s = new / fastest.reads + written / fastest.copies
-    return (
-        "Tokens a second by llama.cpp's own account, as we run it and without grammar or service around it. Copies are "
-        "rows that the prompt has, written by drafts; the others are texts that no draft foresees.\n\n"
-        f"{_table(head, rows)}\n\n"
-        f"A prediction reads {new:.0f} new tokens and writes {written}: at these speeds with {fastest.threads} threads "
-        f"{least_s:.2f} s of the {llm.streaming.whole_s:.2f} s above. {arithmetic.SLOTS} replies at once are written "
-        f"{fastest.writes_together / fastest.copies:.2f} times as fast as one reply with drafts: both compute several "
-        "tokens as one batch, so that drafts have gained already what replies at once could."
     )
 
 

@@ -9,10 +9,16 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from app.api.packed_arrays import DTYPES, is_packed_array, npy_from_packed
 from app.untrusted_arrays import array_from_npy
-from benchmarks.peers import pack_array
 from roboprompt_client.errors import InvalidInputError
 
 IMAGE = {"__ndarray__": True, "data": bytes(6), "dtype": "|u1", "shape": [1, 2, 3]}
+
+
+def pack_array(value):
+    """As openpi's `msgpack_numpy.pack_array`."""
+    if not isinstance(value, np.ndarray):
+        return value
+    return {b"__ndarray__": True, b"data": value.tobytes(), b"dtype": value.dtype.str, b"shape": value.shape}
 
 
 @given(st.sampled_from(DTYPES).flatmap(lambda dtype: arrays(dtype, array_shapes(max_dims=3, max_side=4))))

@@ -4,8 +4,8 @@ import msgpack
 import numpy as np
 import pytest
 
-from benchmarks.peers import pack_array
 from roboprompt_client.types.camera import camera_json
+from tests.api.test_packed_arrays import pack_array
 from tests.e2e.vision import INSTRUCTION, NAMES, assert_found, frames, seen, teach
 from tests.episodes import refused
 from tests.perception.solid_scene import cube
