@@ -2,25 +2,22 @@
 
 import asyncio
 import itertools
-import json
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import aclosing, contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import httpx
 
+from app.evaluation.server import service
+from app.evaluation.tables import TextTable
 from app.llm.base import CompletionRequest, TextDelta
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from benchmarks import scenes
-from benchmarks.processes import service
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 
@@ -30,107 +27,35 @@ CONCURRENT_ROBOTS = (1, 4, 8)
 TIMEOUT_S = 300.0  # of a prediction, on a busy machine
 ROBOTS_S = 30.0
 WARMING_S = 15.0  # the prefix warmer waits for a second after an upload, then reads some 2000 tokens
+AUTHORS = "the authors'"
 FORMATS = (
     ("object_frame", "paper", "ours, for small models"),
     ("absolute", "paper", "the paper's"),
-    ("absolute", "authors", "the authors'"),
+    ("absolute", "authors", AUTHORS),
 )
 
 
-@dataclass(frozen=True)
-class Prefixes:
-    """Medians over prompts of ten demonstrations each.
-
-    Attributes:
-        cached_share: of the second prediction's prompt tokens.
-        cold_s, warm_s: to the first token of the first and the second prediction.
-    """
-
-    prompt_tokens: float
-    cached_share: float
-    cold_s: float
-    warm_s: float
-
-
-@dataclass(frozen=True)
-class Streaming:
-    """Medians of streamed predictions with a warm prefix."""
-
-    num_actions: float
-    first_action_s: float
-    whole_s: float
-
-
-@dataclass(frozen=True)
-class Robots:
-    """So many robots that ask at once.
-
-    Attributes:
-        first_s: until each had its first answer, the LLM's slots being new to the task but for one.
-    """
-
-    robots: int
-    first_s: float
-    predictions_per_minute: float
-    failures: int
-
-
-@dataclass(frozen=True)
-class Tokens:
-    """Of one prediction with ten demonstrations, by the embedded model's tokenizer."""
-
-    name: str
-    prompt: int
-    completion: int
-
-
-@dataclass(frozen=True)
-class AfterUpload:
-    """Seconds from the question to the answer of the first prediction after the uploads of a task."""
-
-    prefix_warmed_s: float
-    prefix_cold_s: float
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Everything of this module."""
-
-    prefixes: Prefixes
-    streaming: Streaming
-    robots: tuple[Robots, ...]
-    tokens: tuple[Tokens, ...]
-    after_upload: AfterUpload
-
-
-def measure() -> Measured:
-    """Measure one after the other, each on a service of its own where it matters."""
+def sections() -> Iterator[str]:
+    """Measure one after the other, each on a service of its own where it matters, and yield headings and texts."""
     with _taught(NUM_PROMPTS) as client:
         asked = [_prompts(client, f"task_{k}") for k in range(NUM_PROMPTS)]
         prefixes = asyncio.run(_prefixes(asked))
-        streaming = _streaming(client)
-        robots = tuple(_robots(client.url, number, f"task_{k}") for k, number in enumerate(CONCURRENT_ROBOTS))
-        tokens = tuple(_tokens(client, *style) for style in FORMATS)
-    return Measured(prefixes, streaming, robots, tokens, AfterUpload(_first(warm=True), _first(warm=False)))
+        others = [*_streaming(client), *_robots(client.url), *_tokens(client)]
+    yield "## Cached prefixes"
+    yield (
+        f"{prefixes} The first prediction after the upload of ten episodes takes {_first_s(warm=True):.2f} s where the"
+        f" prefix was warmed in the background, {_first_s(warm=False):.2f} s where it was not."
+    )
+    yield from others
 
 
 @contextmanager
 def _taught(num_tasks: int, *, warm: bool = False) -> Iterator[RoboPromptClient]:
     """A service with tasks that differ in their demonstrations."""
-    with (
-        tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
-        service(Path(folder), warm_up=str(warm)) as server,
-        RoboPromptClient(server.url) as client,
-    ):
+    with service(warm_up=warm) as client:
         for k in range(num_tasks):
-            _teach(client, f"task_{k}", first_seed=100 * k)
+            scenes.teach(client, f"task_{k}", NUM_DEMONSTRATIONS, first_seed=100 * k)
         yield client
-
-
-def _teach(client: RoboPromptClient, task: str, first_seed: int) -> None:
-    for seed in range(first_seed, first_seed + NUM_DEMONSTRATIONS):
-        scene = scenes.observation(seed)
-        client.upload(task, scenes.INSTRUCTION, scenes.trajectory(scene), scene)
 
 
 def _prompts(client: RoboPromptClient, task: str) -> list[dict[str, Any]]:
@@ -140,7 +65,7 @@ def _prompts(client: RoboPromptClient, task: str) -> list[dict[str, Any]]:
         return [http.post("/predict", json=body).json() for body in scene]
 
 
-async def _prefixes(asked: list[list[dict[str, Any]]]) -> Prefixes:
+async def _prefixes(asked: list[list[dict[str, Any]]]) -> str:
     """Each task's two prompts in turn, straight to a fresh LLM: nothing but the LLM is in the times."""
     registry = ModelRegistry(LlmSettings())
     try:
@@ -149,11 +74,13 @@ async def _prefixes(asked: list[list[dict[str, Any]]]) -> Prefixes:
     finally:
         await registry.aclose()
     (cold, warm) = zip(*times, strict=True)
-    return Prefixes(
-        prompt_tokens=median(usage.prompt_tokens for _, usage in warm),
-        cached_share=median(usage.cached_tokens / usage.prompt_tokens for _, usage in warm),
-        cold_s=median(seconds for seconds, _ in cold),
-        warm_s=median(seconds for seconds, _ in warm),
+    prompt_tokens = median(usage.prompt_tokens for _, usage in warm)
+    cached_share = median(usage.cached_tokens / usage.prompt_tokens for _, usage in warm)
+    cold_s, warm_s = (median(seconds for seconds, _ in which) for which in (cold, warm))
+    return (
+        f"Prompts of {prompt_tokens:.0f} tokens. Of a task's second prediction {cached_share:.1%} of the prompt tokens"
+        f" are cached; its first token comes after {warm_s * 1000:.0f} ms instead of {cold_s:.2f} s"
+        f" ({cold_s / warm_s:.0f} times sooner)."
     )
 
 
@@ -171,7 +98,7 @@ async def _first_token(registry: ModelRegistry, document: dict[str, Any]) -> tup
     raise AssertionError("a stream ends with its completion")
 
 
-def _streaming(client: RoboPromptClient) -> Streaming:
+def _streaming(client: RoboPromptClient) -> Iterator[str]:
     client.predict("task_0", scenes.INSTRUCTION, scenes.observation(90_000), timeout_s=TIMEOUT_S)
     runs: list[tuple[int, float, float]] = []
     for seed in range(91_000, 91_005):
@@ -180,16 +107,32 @@ def _streaming(client: RoboPromptClient) -> Streaming:
             first_s = first_s or time.perf_counter() - started_s
             if isinstance(item, PredictedActions):
                 runs.append((len(item.actions), first_s, time.perf_counter() - started_s))
-    return Streaming(*(median(column) for column in zip(*runs, strict=True)))
+    num_actions, first_s, whole_s = (median(column) for column in zip(*runs, strict=True))
+    yield "## Streaming"
+    yield (
+        f"With a warm prefix, {num_actions:.0f} actions: the first after {first_s:.2f} s, the whole reply after"
+        f" {whole_s:.2f} s ({first_s / whole_s:.0%})."
+    )
 
 
-def _robots(url: str, number: int, task: str) -> Robots:
-    """`number` robots that ask again as soon as they are answered; their first answers are not counted."""
-    with httpx.Client(base_url=url, timeout=TIMEOUT_S) as http:
-        _ask(http, task, seed=90_000)
-    first_s, first = _together(url, number, task, seconds=0.0)
-    seconds, done = _together(url, number, task, seconds=ROBOTS_S)
-    return Robots(number, first_s, 60 * sum(done) / seconds, [*first, *done].count(False))
+def _robots(url: str) -> Iterator[str]:
+    """Robots that ask again as soon as they are answered; their first answers are not counted."""
+    rows = []
+    for k, number in enumerate(CONCURRENT_ROBOTS):
+        task = f"task_{k}"
+        with httpx.Client(base_url=url, timeout=TIMEOUT_S) as http:
+            _ask(http, task, seed=90_000)
+        first_s, first = _together(url, number, task, seconds=0.0)
+        seconds, done = _together(url, number, task, seconds=ROBOTS_S)
+        failed = [*first, *done].count(False)
+        rows.append([str(number), f"{first_s:.1f}", f"{60 * sum(done) / seconds:.0f}", str(failed)])
+    yield "## Several robots"
+    yield (
+        f"Each asks for another scene of one task as soon as it is answered, {ROBOTS_S:.0f} s; the embedded model has"
+        " four slots, one of which knows the task at first."
+    )
+    head = ("robots at once", "until each had its first answer, s", "then predictions a minute", "failed")
+    yield TextTable(head, [rows]).markdown()
 
 
 def _together(url: str, number: int, task: str, seconds: float) -> tuple[float, list[bool]]:
@@ -216,30 +159,30 @@ def _ask(http: httpx.Client, task: str, seed: int) -> bool:
     return http.post("/predict", json={**scenes.question(task, seed), "timeout_s": TIMEOUT_S}).is_success
 
 
-def _tokens(client: RoboPromptClient, representation: str, prompt_format: str, name: str) -> Tokens:
-    how = {"representation": representation, "prompt_format": prompt_format, "system_prompt": "none"}
-    fields = {**how, "unsupported": "allow"}  # tokens count, not whether the embedded model masters the format
-    answer = client.predict("task_0", scenes.INSTRUCTION, scenes.observation(92_000), timeout_s=TIMEOUT_S, **fields)
-    usage = answer.response["usage"]
-    return Tokens(name, usage["prompt_tokens"], usage["completion_tokens"])
+def _tokens(client: RoboPromptClient) -> Iterator[str]:
+    usages = {}
+    for representation, prompt_format, name in FORMATS:
+        how = {"representation": representation, "prompt_format": prompt_format, "system_prompt": "none"}
+        fields = {**how, "unsupported": "allow"}  # tokens count, not whether the embedded model masters the format
+        answer = client.predict("task_0", scenes.INSTRUCTION, scenes.observation(92_000), timeout_s=TIMEOUT_S, **fields)
+        usages[name] = answer.response["usage"]
+    rows = [
+        [name, f"{used['prompt_tokens']}", f"{used['completion_tokens']}", f"{used['prompt_tokens'] / theirs:.2f}"]
+        for theirs in [usages[AUTHORS]["prompt_tokens"]]
+        for name, used in usages.items()
+    ]
+    yield "## Tokens of a prediction"
+    yield "The same ten demonstrations and the same scene, no system prompt, tokens of the embedded model."
+    yield TextTable(("format", "prompt", "reply", "prompt against the authors'"), [rows]).markdown()
 
 
-def _first(*, warm: bool) -> float:
+def _first_s(*, warm: bool) -> float:
     """The first prediction after ten uploads, the LLM running; with time to warm the prefix, if it is to be warmed."""
     with _taught(1, warm=warm) as client:
         client.predict("task_0", scenes.INSTRUCTION, scenes.observation(90_000), timeout_s=TIMEOUT_S)
-        _teach(client, "new", first_seed=5000)
+        scenes.teach(client, "new", NUM_DEMONSTRATIONS, first_seed=5000)
         if warm:
             time.sleep(WARMING_S)
         started_s = time.perf_counter()
         client.predict("new", scenes.INSTRUCTION, scenes.observation(90_000), timeout_s=TIMEOUT_S)
         return time.perf_counter() - started_s
-
-
-def as_json(measured: Measured) -> str:
-    """For a look without the report."""
-    return json.dumps(measured, default=vars, indent=1)
-
-
-if __name__ == "__main__":
-    print(as_json(measure()))  # noqa: T201

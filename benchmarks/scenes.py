@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
@@ -44,3 +45,10 @@ def question(task: str, seed: int) -> dict[str, Any]:
         for pose in observation(seed).objects
     ]
     return {"task": task, "instruction": INSTRUCTION, "objects": objects}
+
+
+def teach(client: RoboPromptClient, task: str, number: int, first_seed: int = 0) -> None:
+    """Upload demonstrations."""
+    for seed in range(first_seed, first_seed + number):
+        scene = observation(seed)
+        client.upload(task, INSTRUCTION, trajectory(scene), scene)
