@@ -16,11 +16,6 @@ def action(x_m, yaw_deg=0.0, is_open=True, y_m=0.0):
     return EndEffectorAction(np.array([x_m, y_m, 1.0]), rotation.as_quat(), is_open)
 
 
-def test_the_middle_one_of_those_that_agree_is_chosen():
-    agreed = consensus([[action(0.1)], [action(0.11)], [action(0.13)], [action(0.9)]])
-    assert (agreed.chosen, agreed.alike) == (1, (0, 1, 2))
-
-
 def round_the_peg(y_m):
     return [action(0.0), action(0.2, y_m=y_m), action(0.4)]
 
@@ -74,8 +69,3 @@ def test_no_reply_that_is_left_out_is_near_to_one_that_agrees(said):
         if k not in agreed.alike:
             near = [j for j in agreed.alike if abs(said[j][0] - x_m) < SAME_WAY_M and said[j][1] == said[k][1]]
             assert not near
-
-
-@given(st.permutations([0.1, 0.11, 0.12, 0.7, 0.8]))
-def test_order_of_the_samples_does_not_matter(places_m):
-    assert places_m[consensus([[action(x_m)] for x_m in places_m]).chosen] == 0.11

@@ -6,12 +6,9 @@ import pytest
 from app.pipeline.episode import Episode, frame_times_s, stretches
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.types.arrays import finite_array, unit_quaternions
-from roboprompt_client.types.camera import Camera, RgbdFrame
-from roboprompt_client.types.names import checked_instruction, checked_name
+from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
-
-from .scenes import rotated
 
 T = 5
 
@@ -47,35 +44,23 @@ VELOCITIES, POSITIONS, QUATERNIONS = (
         ({"joint_velocities_rad_s": np.ones((T, 17))}, VELOCITIES),
         ({"joint_velocities_rad_s": np.ones((T, 6))}, "trajectory.joint_positions"),
         ({"joint_velocities_rad_s": np.ones(7)}, VELOCITIES),
-        ({"joint_velocities_rad_s": np.ones((T, 7, 1))}, VELOCITIES),
         ({"joint_velocities_rad_s": with_element(np.ones((T, 7)), math.nan)}, VELOCITIES),
         ({"joint_velocities_rad_s": [[0.0] * 7, [0.0] * 6]}, VELOCITIES),
         ({"positions_m": np.ones((T + 1, 3))}, POSITIONS),
-        ({"positions_m": np.ones((T, 2))}, POSITIONS),
         ({"positions_m": with_element(np.ones((T, 3)), -math.inf)}, POSITIONS),
         ({"quaternions_xyzw": np.ones((T, 4))}, QUATERNIONS),
-        ({"quaternions_xyzw": np.zeros((T, 4))}, QUATERNIONS),
         ({"quaternions_xyzw": np.full((T, 4), 1e200)}, QUATERNIONS),
-        ({"quaternions_xyzw": with_element(VALID["quaternions_xyzw"], 0.802)}, QUATERNIONS),
         ({"quaternions_xyzw": VALID["quaternions_xyzw"][:, :3]}, QUATERNIONS),
         ({"gripper_open": [1, 1, 0.5, 0, 0]}, "trajectory.gripper_open"),
-        ({"gripper_open": [1, 1, 2, 0, 0]}, "trajectory.gripper_open"),
-        ({"gripper_open": [1, 1, math.nan, 0, 0]}, "trajectory.gripper_open"),
         ({"gripper_open": ["1"] * T}, "trajectory.gripper_open"),
-        ({"gripper_open": np.ones((T, 1))}, "trajectory.gripper_open"),
         ({"timestamps_s": [0, 0.1, 0.1, 0.2, 0.3]}, "trajectory.timestamps"),
-        ({"timestamps_s": [0, 0.1, 0.05, 0.2, 0.3]}, "trajectory.timestamps"),
         ({"timestamps_s": np.arange(T + 1)}, "trajectory.timestamps"),
         ({"joint_positions_rad": np.ones((T, 6))}, "trajectory.joint_positions"),
         ({"object_positions_m": np.ones((T, 3))}, "trajectory.object_positions"),
-        ({"object_positions_m": np.ones((T + 1, 2, 3))}, "trajectory.object_positions"),
         ({"object_positions_m": None}, "trajectory.object_quaternions_xyzw"),
         ({"object_quaternions_xyzw": np.ones((T, 2, 4))}, "trajectory.object_quaternions_xyzw"),
-        ({"object_positions_m": np.ones((T, 3, 3))}, "trajectory.object_quaternions_xyzw"),
         ({"gripper_width_m": np.full(T, 80.0)}, "trajectory.gripper_width"),
         ({"gripper_width_m": np.full(T, -0.01)}, "trajectory.gripper_width"),
-        ({"gripper_width_m": np.ones((T, 1))}, "trajectory.gripper_width"),
-        ({"joint_positions_rad": with_element(np.ones((T, 7)), math.inf)}, "trajectory.joint_positions"),
     ],
 )
 def test_a_trajectory_that_does_not_fit_is_refused(changes, field):
@@ -148,11 +133,6 @@ def test_a_slightly_long_quaternion_is_normalized_once():
     np.testing.assert_array_equal(unit_quaternions("q", once, (None, 4)), once)
 
 
-@pytest.mark.parametrize("name", ["a", "red button", "cup_2", "T-joint", "no. 5", "x" * 64])
-def test_good_names(name):
-    assert checked_name("objects.name", name) == name
-
-
 @pytest.mark.parametrize(
     "name", ["", " a", "a ", "a\n", "a\nb", "it's", 'a"b', "a;b", "a:b", "}>[[", "a{", "café", "-a", "a.", "x" * 65]
 )
@@ -162,17 +142,7 @@ def test_bad_names(name):
     assert caught.value.field == "objects.name"
 
 
-@pytest.mark.parametrize("text", ["push the red button", "don't spill, then stop.", "öffne die Schublade", "x" * 500])
-def test_good_instructions(text):
-    assert checked_instruction("instruction", f" {text}\n") == text
-
-
-FORBIDDEN = "{}[]<>;\n\r\t\0\x0b\x0c\x1c\x7f\x85\u2028\u2029\ud800"
-
-
-@pytest.mark.parametrize(
-    "text", ["", "  ", "\n", "x" * 501, "push }>[[", *(f"a{character}b" for character in FORBIDDEN)]
-)
+@pytest.mark.parametrize("text", ["", "x" * 501, "push }>[["])
 def test_bad_instructions(text):
     with pytest.raises(InvalidInputError) as caught:
         Episode(text, Trajectory(**VALID))
@@ -201,11 +171,6 @@ def test_poses_and_actions_are_checked(make, field):
     with pytest.raises(InvalidInputError) as caught:
         make()
     assert caught.value.field == field
-
-
-def test_a_rotated_pose_is_accepted():
-    assert ObjectPose("cup", np.ones(3), rotated(10, 20, 30).as_quat()).estimator == "given"
-    assert RgbdFrame(Camera("front", 1, 1, 0, 0, np.eye(4))).rgb is None
 
 
 @pytest.mark.parametrize(("timestamps_s", "frequency_hz"), [(np.arange(T) / 50, 50.0), (None, 20.0)])

@@ -26,15 +26,6 @@ def pixel(row, column, shape=(4, 6)):
     return pixels
 
 
-def test_back_projection_by_hand():
-    # x = (4 - 2) * 2 / 100, y = (3 - 1) * 2 / 200, z = 2; the camera looks down: y and z are turned round
-    camera = Camera("top", 100, 200, 2, 1, rigid(rotated(180, 0, 0), (0.5, 0.1, 3)))
-    depth_m = np.zeros((4, 6), np.float32)
-    depth_m[3, 4] = 2
-    seen = backproject(RgbdFrame(camera, depth_m=depth_m), pixel(3, 4))
-    np.testing.assert_allclose(seen, [[0.54, 0.08, 1]], atol=1e-12)
-
-
 def test_pixels_of_unknown_depth_are_left_out():
     depth_m = np.full((4, 6), 2, np.float32)
     depth_m[0] = 0
@@ -109,12 +100,6 @@ def test_equal_scenes_give_equal_poses(symmetry_deg, yaws_deg, expected_deg):
 def test_equal_scenes_give_equal_poses_however_the_object_lies(rotation, symmetry_deg, turns):
     turned = rotation * rotated(0, 0, symmetry_deg * turns)
     first, second = (canonical_pose(pose("block", (0, 0, 0), r), symmetry_deg) for r in (rotation, turned))
-    assert angle_deg(first.quaternion_xyzw, second.quaternion_xyzw) < 1e-4
-
-
-def test_equal_scenes_give_equal_poses_upside_down():
-    over = rotated(180, 0, 0)
-    first, second = (canonical_pose(pose("cube", (0, 0, 0), over * rotated(0, 0, d)), 90) for d in (60, -30))
     assert angle_deg(first.quaternion_xyzw, second.quaternion_xyzw) < 1e-4
 
 

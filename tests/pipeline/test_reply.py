@@ -62,11 +62,6 @@ def test_rounding_does_not_make_a_reply_contradict_itself():
         assert same_actions(reader.finish("; ".join(rows)), early)
 
 
-def test_one_piece_can_complete_several_actions():
-    _, given = fed(ABSOLUTE, ["Here: ", LIST])
-    assert [len(actions) for actions in given] == [0, 2]
-
-
 @pytest.mark.parametrize(
     ("codec", "pieces"),
     [
@@ -118,12 +113,6 @@ def test_more_actions_than_allowed_are_an_error(num_actions):
     for read in (lambda: parse_reply(text, ABSOLUTE, [CUP], LIFT), lambda: fed(ABSOLUTE, [text])):
         with pytest.raises(ReplyParseError, match="26 actions, more than 25"):
             read()
-
-
-def test_the_limit_can_be_set():
-    assert len(parse_reply(LINE, OBJECT_FRAME, [CUP], LIFT, max_actions=2)) == 2
-    with pytest.raises(ReplyParseError, match="2 actions, more than 1"):
-        parse_reply(LINE, OBJECT_FRAME, [CUP], LIFT, max_actions=1)
 
 
 def test_an_endless_reply_is_refused_while_it_arrives():

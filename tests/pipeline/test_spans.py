@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
+from app.pipeline.prompt import PromptTemplate
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.representation.anchors import Frame
 from app.pipeline.spans import prompt_spans
@@ -59,14 +59,6 @@ def test_every_part_of_a_prompt_has_its_kind(representation, prompt_format, inst
     assert not set("".join(texts(spans, "plain"))) - set("{}, >;")
 
 
-@pytest.mark.parametrize(("representation", "prompt_format"), FORMATS)
-def test_a_reply_is_actions(representation, prompt_format):
-    _, (reply, _) = prompt_and_actions(representation, prompt_format, INSTRUCTIONS[0])
-    spans = prompt_spans(f" {reply}\n", representation, prompt_format)
-    assert not set("".join(texts(spans, "plain") + texts(spans, "separator"))) - set(" ;\n")
-    assert "".join(texts(spans, "action")) == reply.replace("; ", "")
-
-
 def test_the_paper_s_example():
     text = "{'drawer': [42, 65, 29], 'open it'}>[[46, 74, 55, 54, 36, 37, 1], [40, 7, 5, 4, 6, 7, 0]], "
     assert [(span.kind, span.text) for span in prompt_spans(text, "absolute", "paper")] == [
@@ -90,20 +82,6 @@ def test_kat_s_format():
     assert [span.kind for span in prompt_spans(actions[0], "action_tokens", "kat")] == ["action"]
 
 
-def test_the_object_frame_s_example():
-    text = "A red button 40 41 17 36; push it > 1 A w: +0 +0 +14 0 36 36 0; 2 A o: +0 -1 +0 0 36 36 1\n"
-    assert [(span.kind, span.text) for span in prompt_spans(text, "object_frame", "paper")] == [
-        ("object", "A red button 40 41 17 36"),
-        ("plain", "; "),
-        ("instruction", "push it"),
-        ("plain", " > "),
-        ("action", "1 A w: +0 +0 +14 0 36 36 0"),
-        ("plain", "; "),
-        ("action", "2 A o: +0 -1 +0 0 36 36 1"),
-        ("separator", "\n"),
-    ]
-
-
 def test_what_is_no_row_stays_plain():
     spans = prompt_spans("1 A w: +0 +0 +14 0 36 36; I'd rather not", "object_frame", "paper")
     assert {span.kind for span in spans} == {"plain"}
@@ -112,11 +90,6 @@ def test_what_is_no_row_stays_plain():
 @given(st.text(alphabet="ab'{}[]<>;:, \n019+-w", max_size=60) | st.text(), st.sampled_from(FORMATS))
 def test_nothing_is_lost_or_repeated(text, style):
     assert "".join(span.text for span in prompt_spans(text, *style)) == text
-
-
-@pytest.mark.parametrize("system", SYSTEM_PROMPTS.values())
-def test_a_text_of_another_representation_stays_as_it_is(system):
-    assert "".join(span.text for span in prompt_spans(system, "action_tokens", "paper")) == system
 
 
 @pytest.mark.parametrize("frame", get_args(Frame))

@@ -39,12 +39,6 @@ def test_the_interval_holds_the_difference_and_agrees_with_the_decision():
     assert pairs[0].interval[1] - pairs[0].interval[0] > pairs[-1].interval[1] - pairs[-1].interval[0]
 
 
-def test_both_ways_round_say_the_same():
-    one, other = Pairs(12, 3, 9), Pairs(3, 12, 9)
-    assert one.evidence == pytest.approx(other.evidence)
-    assert one.interval == pytest.approx(tuple(-bound for bound in reversed(other.interval)))
-
-
 def test_what_is_foreseen_comes_true_if_it_goes_on_so():
     so_far = Pairs(6, 2, 2)
     assert not so_far.is_decided
@@ -76,7 +70,3 @@ def test_series_are_paired_in_their_order():
 )
 def test_wilson_interval(successes, trials, low, high):
     assert SuccessRate(successes, trials).interval == pytest.approx((low, high), abs=1e-4)
-
-
-def test_nothing_is_known_without_trials():
-    assert SuccessRate(0, 0).interval == (0.0, 1.0)

@@ -7,7 +7,6 @@ import pytest
 
 from app.pipeline.findings.recording import recording_findings
 from app.pipeline.keyframes import RULES, KeyframeRule, Motion, find_keyframes, manner_of, waypoints
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import flowing
@@ -31,24 +30,9 @@ def test_a_single_frame_has_no_keyframe(rule):
 
 
 @pytest.mark.parametrize("rule", ["auto", "waypoints", "merged"])
-@pytest.mark.parametrize("number", [2, 3])
-def test_of_a_few_frames_the_last_is_one(rule, number):
-    found = find_keyframes(Motion.of(recording([(0.1 * k, 0, 1) for k in range(number)])), KeyframeRule(rule))
-    assert [keyframe.frame for keyframe in found] == [number - 1]
-
-
-@pytest.mark.parametrize("rule", ["auto", "waypoints", "merged"])
 def test_without_motion_only_the_last_frame_is_one(rule):
     still = recording([(0.1, 0.2, 1.0)] * 50)
     assert [keyframe.frame for keyframe in find_keyframes(Motion.of(still), KeyframeRule(rule))] == [49]
-
-
-@pytest.mark.parametrize("is_open", [True, False])
-def test_one_gripper_state_stays(is_open):
-    recorded = WAY.at(20)
-    one = recording(recorded.positions_m, [is_open] * len(recorded))
-    found = find_keyframes(Motion.of(one), KeyframeRule("auto"))
-    assert [keyframe.gripper_open for keyframe in found] == [is_open] * 2
 
 
 def test_a_jump_is_kept_to_the_frame():
@@ -59,21 +43,6 @@ def test_a_jump_is_kept_to_the_frame():
     found = [frame for frame, _ in waypoints(Motion.of(recording(positions_m)))]
     assert {19, 20} <= set(found)
     assert found[-1] == len(positions_m) - 1
-
-
-def test_a_single_outlier_is_followed():
-    """A frame that was measured wrongly may be a quick touch: it is kept, and reported as a jump."""
-    recorded = WAY.at(20)
-    positions_m = recorded.positions_m.copy()
-    positions_m[20, 2] += 0.2
-    assert 20 in [frame for frame, _ in waypoints(Motion.of(recording(positions_m)))]
-
-
-@pytest.mark.parametrize("wrong", [[0.0, 0.1, 0.1, 0.2], [0.0, 0.2, 0.1, 0.3], [0.0, np.nan, 0.2, 0.3]])
-def test_timestamps_that_do_not_increase_are_refused(wrong):
-    with pytest.raises(InvalidInputError) as caught:
-        recording([(0.1 * k, 0, 1) for k in range(4)], timestamps_s=wrong)
-    assert caught.value.field == "trajectory.timestamps"
 
 
 def test_timestamps_may_begin_anywhere():

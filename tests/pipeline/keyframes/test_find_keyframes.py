@@ -40,13 +40,6 @@ def test_the_rule_chooses():
     assert frames_of(trajectory("mmm.mmmmmm"), KeyframeRule("merged", delta_rad_s=1.0)) == (9,)
 
 
-@pytest.mark.parametrize("rule", ["merged", "authors", "uniform"])
-def test_published_rules_take_the_gripper_as_it_is_recorded(rule):
-    recorded = trajectory("mmm..mmm...mmmm", "111110000000111")
-    for frame, gripper_open in find_keyframes(Motion.of(recorded), KeyframeRule(rule)):
-        assert gripper_open == recorded.gripper_open[frame]
-
-
 @pytest.mark.parametrize("hz", [6, 20, 60])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_recording_that_rests_at_its_corners_gives_what_merged_finds(seed, hz):

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import Motion, waypoints
-from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, HandPath, fewest_waypoints
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, WIDER, at_frames, at_tips
+from app.pipeline.keyframes.path import HandPath
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import DOWN, ScriptedMotion, arrival_s, flowing, pick_and_place, resting
@@ -104,13 +104,6 @@ def test_a_frozen_start_and_hesitation_on_a_straight_way_leave_no_keyframe(at_s)
     assert len(places_m(motion.at(20))) == 2
 
 
-def test_a_long_idle_at_the_end_leaves_no_keyframe():
-    motion = flowing(ONE_WAY, blend_s=0)
-    end_s = motion.duration_s
-    idle = replace(motion, knots=(*motion.knots, (end_s + 10, PICK_M)))
-    np.testing.assert_allclose(places_m(idle.at(20)), places_m(motion.at(20)), atol=0.01)
-
-
 @pytest.mark.parametrize("hz", [10, 20, 60])
 def test_where_the_hand_turns_back_is_a_keyframe(hz):
     tip_m = (0.3, 0.1, 0.84)
@@ -168,11 +161,6 @@ def test_what_is_held_keeps_the_sense_of_turns_beyond_half_a_turn(turn_deg, hz):
     assert steps_deg[:, 2].sum() == pytest.approx(turn_deg, abs=1)
 
 
-def test_an_empty_hand_may_turn_either_way():
-    turned = ScriptedMotion(((0, HOME_M), (3, PICK_M)), turns=((0.0, 0.0), (3.0, 270.0)))
-    np.testing.assert_allclose(places_m(turned.at(20)), [PICK_M], atol=1e-6)
-
-
 def zigzag(corners):
     return flowing([(0.05 * k, 0.06 * (-1) ** k, 1.0) for k in range(corners + 2)], blend_s=1e-6)
 
@@ -194,33 +182,6 @@ def random_walk(seed, frames, step_m, switches_hz, hz=20):
         gripper_open=np.cumsum(random.random(frames) < switches_hz / hz) % 2 == 0,
         timestamps_s=np.arange(frames) / hz,
     )
-
-
-def waypoints_of_all_phases(motion):
-    """The definition: every phase is followed at every tolerance, until there are few enough."""
-    scale = 1.0
-    while True:
-        found = []
-        for phase in motion.phases:
-            path = motion.path(phase.first, phase.last, scale * TOLERANCE_M, scale * TOLERANCE_DEG)
-            chosen = [int(path.frames[k]) for k in fewest_waypoints(path.deviations)]
-            tips = at_tips(motion.trajectory.positions_m, phase.first, chosen, scale * TOLERANCE_M)
-            found += at_frames(phase, tips)
-        if len(found) <= max(MAX_KEYFRAMES, len(motion.phases)):
-            return tuple(found)
-        scale *= WIDER
-
-
-@settings(max_examples=25, deadline=None)
-@given(
-    seed=st.integers(0, 10_000),
-    frames=st.integers(2, 100),
-    step_m=st.sampled_from([0.001, 0.01, 0.1]),
-    switches_hz=st.sampled_from([0.0, 0.2, 2.0]),
-)
-def test_tolerances_that_need_too_many_are_given_up_early_without_another_result(seed, frames, step_m, switches_hz):
-    recorded = random_walk(seed, frames, step_m, switches_hz)
-    assert waypoints(Motion.of(recorded)) == waypoints_of_all_phases(Motion.of(recorded))
 
 
 def test_the_work_on_a_minute_of_trembling_is_bounded(monkeypatch):
@@ -264,14 +225,6 @@ def test_fingers_that_come_open_while_the_hand_sets_off_are_no_switch(moved_m):
     assert [phase.ends_open for phase in Motion.of(recorded).phases] == [False, False]
 
 
-def test_a_gripper_that_opens_at_the_start_only_to_close_there_grasps():
-    knots = ((0.0, PICK_M), (1.5, PICK_M), (3.0, HOME_M))
-    recorded = ScriptedMotion(knots, switches=(0.3, 1.0), starts_open=False).at(20)
-    keyframes = found(recorded)
-    assert [gripper_open for _, _, gripper_open in keyframes] == [True, False, False]
-    np.testing.assert_allclose([at_m for _, at_m, _ in keyframes], [PICK_M, PICK_M, HOME_M], atol=1e-9)
-
-
 @pytest.mark.parametrize("early_s", [0.3, 0.2, 0.1, 0.0])
 def test_a_switch_while_the_hand_still_moves_settles_where_it_is_slowest(early_s):
     """Commanded before the hand has come down: there the fingers would close on nothing."""
@@ -280,9 +233,3 @@ def test_a_switch_while_the_hand_still_moves_settles_where_it_is_slowest(early_s
     recorded = replace(motion, switches=(arrives_s - early_s,)).at(40)
     (at_m, *_) = [at_m for _, at_m, gripper_open in found(recorded) if not gripper_open]
     np.testing.assert_allclose(at_m, PICK_M, atol=0.003)
-
-
-def test_tolerances_are_kept_to():
-    motion = flowing([HOME_M, (0.12, 0.02, 0.95), PICK_M], blend_s=1e-6).at(20)
-    assert len(places_m(motion)) == 2
-    assert len(places_m(motion, tolerance_m=10 * TOLERANCE_M)) == 1

@@ -22,11 +22,6 @@ def test_words_are_cut_out_and_contractions_written_out(text, words):
     assert [token.text for token in tokens_of(text)] == words
 
 
-def test_a_word_knows_its_place():
-    text = "Press the «Blue» one"
-    assert [text[token.start : token.end] for token in tokens_of(text)] == ["Press", "the", "Blue", "one"]
-
-
 @pytest.mark.parametrize(
     ("word", "meant"),
     [

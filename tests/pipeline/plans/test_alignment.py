@@ -78,22 +78,6 @@ def test_a_plan_as_rare_as_a_slip_is_not_shown():
     assert shown_together(both) == both
 
 
-def test_equal_copies_have_equal_rows():
-    first, second, third = aligned_by_plan([picked(5), picked(5), picked(5)])
-    assert first.plan == second.plan == third.plan
-    assert same_actions(first.actions, second.actions)
-    assert same_actions(first.actions, third.actions)
-
-
-def test_a_single_demonstration_has_its_own_keyframes():
-    item = picked(5)
-    (only,) = aligned_by_plan([item])
-    np.testing.assert_array_equal(
-        [action.position_m for action in only.actions],
-        item.motion.trajectory.positions_m[[keyframe.frame for keyframe in item.keyframes]],
-    )
-
-
 def test_demonstrations_that_ask_for_something_else_are_no_part_of_a_plan():
     motion, objects = picks(3)
     others = [recording(motion, objects, instruction="throw the red cube at the plate"), picked(4), picked(6)]
@@ -154,30 +138,6 @@ def test_rows_are_the_same_stage_of_a_task_in_every_demonstration():
     recordings = [carried(800 + k, lambda *_, number=k % 4: [*before_m[:number], gate_m]) for k in range(10)]
     (group,) = by_plan(aligned_by_plan(recordings))
     assert min(np.linalg.norm(row.positions_m - gate_m, axis=1).max() for row in plan_rows(group)) < 0.02
-
-
-def test_ways_are_aligned_each_by_itself():
-    """Rows of the one way stand where they stood if the other had not been recorded."""
-    motions = [picks(50 + k) for k in range(12)]
-    sides_m = [np.array([0.0, 0.04 * (-1) ** k, 0.0]) for k in range(12)]
-    recordings = [
-        recording(replace(motion, knots=tuple((t, tuple(np.add(at_m, side_m))) for t, at_m in motion.knots)), objects)
-        for (motion, objects), side_m in zip(motions, sides_m, strict=True)
-    ]
-    together = aligned_by_plan(recordings)
-    for first in (0, 1):
-        for one, alone in zip(together[first::2], aligned_by_plan(recordings[first::2]), strict=True):
-            assert same_actions(one.actions, alone.actions)
-
-
-def test_order_does_not_matter():
-    recordings = [picked(k) for k in range(5)]
-    forward, backward = aligned_by_plan(recordings), aligned_by_plan(recordings[::-1])[::-1]
-    for one, other in zip(forward, backward, strict=True):
-        assert len(one.actions) == len(other.actions)
-        np.testing.assert_allclose(
-            [a.position_m for a in one.actions], [a.position_m for a in other.actions], atol=0.005
-        )
 
 
 def both_moved(seed, *, cube_first):

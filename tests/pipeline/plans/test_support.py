@@ -158,19 +158,6 @@ def test_the_grammar_refuses_what_is_unlike_them(recorded, fault):
     assert not matches(grammar_of(codec, INSTRUCTION), f" {'; '.join(rows)}\n")
 
 
-def test_one_demonstration_leaves_only_its_own_rows():
-    (only,) = aligned_by_plan([picked(7)])
-    codec = ObjectFrameCodec.fit([only], WORKSPACE, with_instruction=True)
-    grammar = grammar_of(codec, INSTRUCTION)
-    text = text_of(only, codec)
-    assert matches(grammar, text)
-    assert grammar.count("|") == 0
-    rows = text.split("; ")
-    near = rows[1].split(" ")
-    near[3] = f"{int(near[3]) + 1:+d}"
-    assert not matches(grammar, "; ".join([rows[0], " ".join(near), *rows[2:]]))
-
-
 def test_a_row_may_be_near_what_several_show():
     shown = [
         replace(demonstration(INSTRUCTION, SMALL, [action(np.add(PLACE_M, [0, 0, dz_m]))]), plan=0)
