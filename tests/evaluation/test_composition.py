@@ -159,14 +159,6 @@ def test_the_right_parts_succeed_and_have_a_danger(service, tmp_path, task):
     assert "danger" in {finding["severity"] for finding in trial.answer["findings"]}
 
 
-def test_what_the_scene_decides_is_shown_and_not_averaged(service, lessons, tmp_path):
-    solver, _ = service
-    (method,) = chosen(SWEEP.with_models([MODEL]), [MODEL], [])
-    result = run(solver, tmp_path, "way_round", (method,), 3)
-    answer = result.trials[0].answer
-    assert_shown_as_recorded(answer["prompt"]["user"], lessons[0].taught, solver.workspace)
-
-
 def test_models_are_asked_alike_and_the_yardsticks_have_no_other_rules():
     *models, by_itself, copy, regression, parts, replay = SWEEP.with_models([MODEL])
     assert [method.options["model"] for method in models] == [*EMBEDDED, MODEL]

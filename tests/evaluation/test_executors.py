@@ -70,11 +70,6 @@ def test_workers_render_as_this_process_does(executor):
     assert call(executor, opengl_works) == opengl_works()
 
 
-def test_errors_come_back(executor):
-    with pytest.raises(ZeroDivisionError):
-        call(executor, divide, 1, 0)
-
-
 def test_a_job_whose_process_died_is_run_again(executor, tmp_path):
     assert call(executor, die_once, str(tmp_path / "died")) == "survived"
     with pytest.raises(BrokenExecutor):

@@ -111,12 +111,6 @@ def test_the_digest_follows_the_method(change):
     assert digest_of(Method("a", {"x": 1, "y": 2}), {}) == digest_of(Method("a", {"y": 2, "x": 1}), {})
 
 
-def test_noise_on_tests_alone_is_another_method():
-    noisy = Method("a", noise=1.0)
-    assert digest_of(replace(noisy, noise_on="test"), {}) != digest_of(noisy, {})
-    assert digest_of(Method("a", noise_on="test"), {}) == digest_of(Method("a"), {})
-
-
 PLAN = Plan(("push_button",), (REGRESSION,), 25, 10, "roboprompt eval")
 
 
@@ -141,9 +135,3 @@ def test_further_scenes_can_be_added_where_they_change_no_demonstration():
     far, near = replace(PLAN, first_test_seed=200_000), replace(PLAN, first_test_seed=7)
     assert replace(far, **more).digest(REGRESSION) == far.digest(REGRESSION)
     assert replace(near, **more).digest(REGRESSION) != near.digest(REGRESSION)
-
-
-def test_unseen_scenes_begin_at_the_seed():
-    shifted = replace(PLAN, first_test_seed=7, episodes=3)
-    assert [cell.seed for cell in shifted.trials()] == [7, 8, 9]
-    assert PLAN.seeds == range(100_000, 100_025)

@@ -85,13 +85,6 @@ def page(index):
     return Page(index)
 
 
-def test_the_run_is_what_the_tests_below_need(evaluation):
-    solved, refused, unsolved, *_ = evaluation.tasks[0].trials
-    assert solved.succeeded, solved.failure
-    assert unsolved.failure
-    assert refused.answer is None
-
-
 def test_everything_that_the_page_links_to_is_in_the_folder(index, page):
     files = {link for link in page.links if not link.startswith("#")}
     assert index.name == "index.html"
@@ -139,12 +132,6 @@ def test_prompt_reply_and_figures_are_shown(evaluation, page):
 def test_a_bar_shows_each_success_rate_and_a_line_its_interval(index):
     bars = re.findall(r'<rect width="(\d+)".*?<path d="M(\d+) 4H(\d+)"', index.read_text(encoding="utf-8"))
     assert bars == [("7", "1", "30"), ("0", "0", "100")]  # 1 of 15 by the regression, no trial of the replay
-
-
-def test_a_report_can_be_written_again(evaluation, index):
-    before = index.read_bytes()
-    assert write_report(evaluation, index.parent) == index
-    assert index.read_bytes() == before
 
 
 def test_a_run_without_trials(evaluation, tmp_path):

@@ -112,12 +112,6 @@ def test_every_source_of_actions(run, lessons, tmp_path):
     assert len({line["digest"] for line in lines(tmp_path)}) == 3
 
 
-def test_the_service_learns_the_outcome(run, url):
-    (trial,) = run(REGRESSION).trials
-    stored = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()
-    assert stored["outcome"]["success"] == trial.succeeded
-
-
 def test_a_reply_without_actions_is_a_failure_with_prompt_and_reply(run):
     (trial,) = run(SCRIPTED).trials
     assert not trial.succeeded

@@ -38,11 +38,8 @@ def test_names_of_taught_tasks_are_valid(sweep):
             assert NAME_PATTERN.fullmatch(f"{task}{suffix}.eval-123456.labels")
 
 
-def test_the_command_line_names_every_sweep():
+def test_the_command_line_names_every_sweep_and_every_simple_name():
     assert SWEEP_NAMES.split(", ") == list(SWEEPS)
-
-
-def test_the_command_line_names_every_simple_name():
     assert METHOD_NAMES.split(", ") == list(SIMPLE_NAMES)
 
 
@@ -59,17 +56,6 @@ def test_only_what_differs_is_taught_anew():
     assert list(variants(SWEEPS["main"].methods)) == [""]
     assert suffix_of(keyframes[0], keyframes) == ""
     assert suffix_of(keyframes[2], keyframes) == ".2-uniform-10"
-
-
-def test_what_is_taught_alike_is_taught_once():
-    crossed = with_models(SWEEPS["noise"].methods, ["a", "b"])
-    assert len(crossed) == 10
-    assert len(variants(crossed)) == 5
-    assert suffix_of(crossed[4], crossed) == suffix_of(crossed[5], crossed) == variants_suffix(crossed, 1.0)
-
-
-def variants_suffix(methods, noise):
-    return next(suffix for suffix, method in variants(methods).items() if method.noise == noise)
 
 
 def test_models():
@@ -111,11 +97,6 @@ def test_methods_by_name():
     assert chosen(main, ["expert replay", "default"], ()) == (REPLAY, main[0])
     assert chosen(main, ["replay", "nearest", "regression", "expert"], ()) == (REPLAY, COPY, REGRESSION, EXPERT)
     assert chosen(main, ["nearest", COPY.label, "nearest"], ()) == (COPY,)
-
-
-def test_simple_names_are_known_to_every_sweep():
-    formats = SWEEPS["formats"].with_models(())
-    assert [method.label for method in chosen(formats, ["KAT", "default"], ())] == ["KAT", "default"]
 
 
 def test_a_simple_name_takes_the_models():

@@ -123,11 +123,6 @@ def test_a_task_has_the_first_methods_figures_and_beside_them_everybodys(mixed):
     assert (cube["methods"]["noisy"]["trials"], cube["methods"]["noisy"]["success_rate"]) == (0, 0.0)
 
 
-def test_table_says_where_the_noise_is():
-    run = evaluation(task("open_drawer", (1, 1), (0, 0)), methods=(replace(OTHER, noise_on="test"), OURS))
-    assert "pose noise of tests alone 1.5" in markdown(run, "one thing")
-
-
 def driven(*misses):
     """An evaluation whose driver missed its poses by so much."""
     done = [trial("push_button", 100_000 + k, "default", succeeded=True) for k in range(len(misses))]

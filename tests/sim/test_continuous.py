@@ -10,7 +10,6 @@ from app.sim.guided import ROUNDING_M, GuidedPanda, Habits
 from app.sim.robot import SimulatedPanda
 from app.sim.sampler import TrajectorySampler, measured_open
 from app.sim.tasks import TASKS, make_task
-from roboprompt_client.errors import InvalidInputError
 
 SEED = 3
 REST_RAD_S = 0.1  # below it the paper's rule sees a rest
@@ -133,32 +132,6 @@ def test_where_the_arm_rests_both_are_at_the_same_pose():
     commanded, measured = commanded_and_measured(SimulatedPanda(make_task("stack_cube", SEED), ()))
     away_m = commanded.positions_m[switches(commanded)] - measured.positions_m[switches(measured)]
     assert np.abs(away_m).max() < 0.002
-
-
-@pytest.mark.parametrize(("recordings", "state"), [("rests", "commanded"), ("continuous", "measured")])
-def test_a_demonstration_has_what_was_commanded_where_the_arm_rests(recordings, state, monkeypatch):
-    asked = []
-    given = TrajectorySampler.trajectory
-    monkeypatch.setattr(TrajectorySampler, "trajectory", lambda self, gripper: asked.append(gripper) or given(self))
-    record_demonstration("push_button", SEED, images=False, recordings=recordings)
-    assert asked == [state]
-
-
-def test_a_failed_demonstration_says_so(monkeypatch):
-    monkeypatch.setattr(TASKS["open_drawer"], "succeeded", lambda self: False)
-    demonstration = newly_recorded("open_drawer")
-    assert not demonstration.succeeded
-    assert "not solved" in demonstration.failure
-
-
-def test_a_film_has_a_picture_of_every_pose():
-    demonstration = record_demonstration("push_button", 0, recordings="continuous", images=False, film_strip=True)
-    assert len(demonstration.film_strip) == 1 + len(demonstration.expert_actions)
-
-
-def test_an_unknown_task_is_refused():
-    with pytest.raises(InvalidInputError, match="open_drawer"):
-        recorded("fold_laundry")
 
 
 @pytest.mark.parametrize(

@@ -37,10 +37,6 @@ def test_the_wrong_variation_fails():
     assert "not solved" in other.failure
 
 
-def test_actions_for_another_scene_fail():
-    assert not rollout("stack_cube", 8, expert_actions("stack_cube", 0)).succeeded
-
-
 def test_a_rollout_reports_the_action_that_cannot_be_reached():
     result = rollout("push_button", 0, [HARMLESS, OUT_OF_REACH], film_strip=True)
     assert (result.succeeded, result.num_executed) == (False, 0)

@@ -16,18 +16,10 @@ def expert_actions(variation):
     return [action_from_move(move) for move in make_task(NAME, 0, variation).expert()]
 
 
-def test_demonstrations_press_one_button():
-    assert {len(make_task(NAME, seed).asked) for seed in range(8)} == {1}
-
-
 def test_tests_ask_for_one_to_six_presses():
     sequences = [SEQUENCES[PushMultipleButtons.test_variation(seed)] for seed in range(100_000, 100_100)]
     assert {len(sequence) for sequence in sequences} == set(range(1, MAX_PRESSES + 1))
     assert len(set(sequences)) > 60
-
-
-def test_the_instruction_strings_the_presses_together():
-    assert make_task(NAME, 0, YELLOW_THEN_RED).instruction == "push the yellow button, then push the red button"
 
 
 def test_the_longest_sequence_succeeds():

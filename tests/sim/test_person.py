@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from app.sim.guided import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Habits
+from app.sim.guided import HESITATION_SPEED_M_S, OVERSHOOT_M, TOOL_SPEED_M_S, Habits
 from app.sim.motion import Route
 from app.sim.moves import ToolPose, move_to, pick, tool_down
 from app.sim.tasks import TASKS, make_task
@@ -18,22 +18,6 @@ def steps(seed, moves=PICK):
 def route(*ends_m):
     along_m = np.linspace(0, ends_m[-1], 400)
     return Route(np.zeros((400, 7)), along_m, ends_m)
-
-
-def test_a_seed_is_one_person():
-    for seed in range(5):
-        first, again = Habits(seed), Habits(seed)
-        assert first.choose(2) == again.choose(2)
-        np.testing.assert_array_equal(first.speeds_m_s(route(0.3, 0.6)), again.speeds_m_s(route(0.3, 0.6)))
-        assert first.grasp_lead_s(opens=False) == again.grasp_lead_s(opens=False)
-    assert len({Habits(seed).grasp_lead_s(opens=False) for seed in range(5)}) == 5
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_grasps_and_ends_are_reached_and_the_rest_passed(seed):
-    above, grasp, lifted = (step for step in steps(seed) if step.number is not None)
-    assert ROUNDING_M[0] <= above.within_m <= ROUNDING_M[1]
-    assert (grasp.within_m, lifted.within_m) == (0.0, 0.0)
 
 
 def test_what_a_move_says_goes_before():
@@ -53,11 +37,6 @@ def test_many_grasps_are_overshot_and_corrected():
         assert step.within_m < OVERSHOOT_M[0]
 
 
-def test_no_overshoot_where_nothing_is_grasped():
-    pushes = [move_to([0.3, 0, z_m], tool_down(), gripper_open=False) for z_m in (0.9, 0.8, 0.9)]
-    assert all(step.number is not None for seed in SEEDS for step in steps(seed, pushes))
-
-
 def test_speeds_have_phases_and_hesitations_far_from_where_something_happens():
     hesitations = 0
     for seed in SEEDS:
@@ -71,10 +50,6 @@ def test_speeds_have_phases_and_hesitations_far_from_where_something_happens():
     assert 0.3 * len(SEEDS) < hesitations < len(SEEDS)
 
 
-def test_a_short_way_has_no_place_for_a_hesitation():
-    assert all(Habits(seed).speeds_m_s(route(0.08)).min() > HESITATION_SPEED_M_S for seed in SEEDS)
-
-
 @pytest.mark.parametrize("name", [name for name, task in TASKS.items() if task.ways > 1])
 def test_ways_differ_and_the_first_is_the_default(name):
     task = make_task(name, 0)
@@ -86,7 +61,3 @@ def test_ways_differ_and_the_first_is_the_default(name):
         plans.append(np.array([[*pose.position_m, *pose.rotation.as_rotvec()] for pose in poses]))
     assert len(plans) == 2
     assert np.abs(plans[0] - plans[1]).max() > 0.03
-
-
-def test_both_ways_are_gone():
-    assert {Habits(seed).choose(2) for seed in range(10)} == {0, 1}

@@ -130,12 +130,6 @@ def test_between_its_corners_a_route_is_straight(kinematics, paths):
     assert np.abs(points[middle][:, 1:] - CORNERS_M[1, 1:]).max() < ON_LINE_M
 
 
-def test_a_corner_that_must_be_reached_is_an_end(kinematics, paths):
-    route = joined(paths[:1], [], kinematics)
-    assert np.linalg.norm(tool_m(kinematics, route.joints_rad[-1:]) - CORNERS_M[1]) < 1e-3
-    assert route.length_m == pytest.approx(route.along_m[-1])
-
-
 @pytest.fixture(scope="module")
 def route(kinematics, paths):
     return joined(paths, [0.02, 0.01], kinematics)
@@ -154,21 +148,3 @@ def test_motions_stay_within_the_limits_up_to_the_jerk(route):
     assert np.abs(rates[0] - motion.velocities_rad_s[:-1]).max() < 0.02
     np.testing.assert_allclose(motion.positions_rad[[0, -1]], route.joints_rad[[0, -1]], atol=1e-9)
     np.testing.assert_allclose(motion.velocities_rad_s[[0, -1]], 0, atol=1e-3)
-
-
-def test_the_arm_is_nowhere_at_rest_but_at_the_ends(route):
-    speeds = np.linalg.norm(pace(route).motion.velocities_rad_s, axis=1)
-    inside = slice(round(0.3 / TIMESTEP_S), -round(0.3 / TIMESTEP_S))
-    assert speeds[inside].min() > 0.1
-
-
-def test_a_lower_speed_takes_longer(route):
-    assert len(pace(route, 0.05).motion.positions_rad) > 2 * len(pace(route, 0.3).motion.positions_rad)
-
-
-def test_the_row_of_a_place(kinematics, route):
-    paced = pace(route)
-    points = tool_m(kinematics, paced.motion.positions_rad[[paced.row_at(along_m) for along_m in (0.0, 0.2)]])
-    assert paced.row_at(0.0) == 0
-    assert np.linalg.norm(points - [CORNERS_M[0], [0.20, -0.10, 0.85]], axis=1).max() < ON_LINE_M
-    assert paced.row_at(route.length_m) < len(paced.motion.positions_rad)

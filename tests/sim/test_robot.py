@@ -78,14 +78,6 @@ def test_observe_gives_poses_and_what_its_cameras_see():
     assert all(np.isin(frame.mask, ids).any() for ids in task.mask_ids().values())
 
 
-def test_observe_tells_where_the_arm_is(robot):
-    robot.cameras = ()
-    robot.execute(action(0.2, 0.1, 0.95, yaw_rad=0.4))
-    arm, wanted = robot.observe().end_effector, action(0.2, 0.1, 0.95, yaw_rad=0.4)
-    np.testing.assert_allclose(arm.position_m, wanted.position_m, atol=0.005)
-    assert abs(np.dot(arm.quaternion_xyzw, wanted.quaternion_xyzw)) > 0.999
-
-
 def test_recorder_samples_at_its_rate_what_the_joints_do(robot):
     recorder = TrajectorySampler(robot, control_frequency_hz=20)
     robot.execute(action(0.2, 0.2, 0.95, gripper_open=False))
