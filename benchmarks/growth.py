@@ -16,6 +16,7 @@ from uuid import uuid4
 import httpx
 from sqlalchemy import delete, insert, select
 
+from app.evaluation.tables import TextTable
 from app.store import tables
 from app.store.store import Store, blob_digests
 from tests.episodes import metadata
@@ -103,12 +104,11 @@ def grow(data, environment, database_url):
 
 
 def table(figures):
-    lines = ["| request, ms: median (worst) | " + " | ".join(f"{size:,}" for size in figures) + " |"]
-    lines.append("| --- |" + " --- |" * len(figures))
-    for name in next(iter(figures.values())):
-        cells = [f"{figures[size][name][0]:.1f} ({figures[size][name][1]:.0f})" for size in figures]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    rows = [
+        [name, *(f"{of[name][0]:.1f} ({of[name][1]:.0f})" for of in figures.values())]
+        for name in next(iter(figures.values()))
+    ]
+    return TextTable(["request, ms: median (worst)", *(f"{size:,}" for size in figures)], [rows]).markdown()
 
 
 def main():

@@ -22,6 +22,7 @@ from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_
 
 Document = Mapping[str, Any]
 DIGEST_CHARS = 12
+AS_IT_IS = ("task", "seed", "method", "predict_s", "execute_s", "answer", "shift_m", "refused")  # of a trial
 
 
 def document_of(outcome: Trial | Crash) -> Document:
@@ -31,47 +32,32 @@ def document_of(outcome: Trial | Crash) -> Document:
     execution = outcome.execution
     return {
         "status": "success" if outcome.succeeded else "failure",
-        "task": outcome.task,
-        "seed": outcome.seed,
-        "method": outcome.method,
         "failure": outcome.failure,
         "instruction": outcome.scene.instruction,
         "objects": [object_json(pose) for pose in outcome.scene.objects],
         "actions": [_action_json(action) for action in outcome.actions],
         "num_executed": None if execution is None else execution.num_executed,
         "misses": [] if execution is None else list(execution.misses),
-        "predict_s": outcome.predict_s,
-        "execute_s": outcome.execute_s,
-        "answer": outcome.answer,
-        "shift_m": outcome.shift_m,
-        "refused": outcome.refused,
+        **{name: getattr(outcome, name) for name in AS_IT_IS},
     }
 
 
 def outcome_of(document: Document) -> Trial | Crash:
     """Return the trial of a document; the inverse of `document_of`."""
-    names = ("task", "seed", "method")
-    task, seed, method = (document[name] for name in names)
+    task, seed = document["task"], document["seed"]
     if document["status"] == "error":
-        return Crash(task, seed, method, document["message"])
+        return Crash(task, seed, document["method"], document["message"])
     execution, num_executed = None, document["num_executed"]
     if num_executed is not None:
         succeeded = document["status"] == "success"
         misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
         execution = RolloutResult(num_executed, succeeded, document["failure"], misses=misses)
     return Trial(
-        task,
-        seed,
-        method,
-        SceneView(task, seed, document["instruction"], poses_of(document), (), {}),
-        answer=document["answer"],
+        scene=SceneView(task, seed, document["instruction"], poses_of(document), (), {}),
         error="" if execution else document["failure"],
         execution=execution,
-        predict_s=document["predict_s"],
-        execute_s=document["execute_s"],
         actions=tuple(action_of(item) for item in document["actions"]),
-        shift_m=document["shift_m"],
-        refused=document["refused"],
+        **{name: document[name] for name in AS_IT_IS},
     )
 
 

@@ -93,18 +93,14 @@ def task_result(task: TaskEvaluation, method: Method) -> Result:
 def pooled_result(evaluation: Evaluation, method: Method) -> Result:
     """Return a method's result over the trials of all tasks."""
     crashes = [crash for task in evaluation.tasks for crash in of_method(task.crashes, method)]
-    return _result("", method, trials_of(evaluation, method), crashes)
+    trials = [trial for task in evaluation.tasks for trial in of_method(task.trials, method)]
+    return _result("", method, trials, crashes)
 
 
 def mean_rate(evaluation: Evaluation, method: Method) -> float | None:
     """Return the mean of the tasks' success rates; None without trials."""
     rates = [task_result(task, method).score.rate for task in evaluation.tasks]
     return fmean(rate.rate for rate in rates if rate.trials) if any(rate.trials for rate in rates) else None
-
-
-def trials_of(evaluation: Evaluation, method: Method) -> list[Trial]:
-    """Return a method's trials on all tasks."""
-    return [trial for task in evaluation.tasks for trial in of_method(task.trials, method)]
 
 
 def errors_of(evaluation: Evaluation) -> list[tuple[str, int]]:

@@ -108,10 +108,8 @@ class Sweep:
     def with_models(self, given: Sequence[str]) -> tuple[Method, ...]:
         """The methods with the models that are asked for, if any."""
         models = dict.fromkeys([*self.models, *given] if self.models else [])
-        return (*map(self._asking, models), *with_models(self.methods, given))
-
-    def _asking(self, model: str) -> Method:
-        return replace(self.asked, label=model, options={"model": model, **self.asked.options})
+        asked = [replace(self.asked, label=name, options={"model": name, **self.asked.options}) for name in models]
+        return (*asked, *with_models(self.methods, given))
 
 
 def _openly(method: Method) -> Method:

@@ -67,7 +67,9 @@ class ReplyReader:
         try:
             rows = self._codec.rows(text, complete)
             if complete and rows[:known] != self._rows:
-                self._check_same(self._decode(0, rows), text)
+                again = self._decode(0, rows)
+                if len(again) < len(self._actions) or not all(map(_same, self._actions, again)):
+                    raise ReplyParseError("the complete reply contradicts the actions read while it arrived", text)
             new = self._decode(known, rows[known:])
             if (number := len(self._actions) + len(new)) > self._max_actions:
                 raise ReplyParseError(f"the reply has {number} actions, more than {self._max_actions}", text)
@@ -75,12 +77,6 @@ class ReplyReader:
             raise ReplyParseError(error.message, text) from None
         self._rows, self._actions = rows, self._actions + new
         return new
-
-    def _check_same(self, actions: Sequence[EndEffectorAction], text: str) -> None:
-        """Refuse a complete reply whose first actions are not those that were read while it arrived."""
-        early = self._actions
-        if len(actions) < len(early) or not all(map(_same, early, actions)):
-            raise ReplyParseError("the complete reply contradicts the actions read while it arrived", text)
 
 
 def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:

@@ -105,7 +105,9 @@ class Kinematics:
         """
         found: list[Array] = []
         common = [near_rad, *(panda.READY_RAD + np.array(offset) for offset in SEED_OFFSETS_RAD)]
-        for seeds in (common, _further_seeds()):
+        random = np.random.default_rng(0)
+        shape = (NUM_FURTHER_SEEDS, panda.NUM_JOINTS)
+        for seeds in (common, list(random.uniform(panda.JOINT_MIN_RAD, panda.JOINT_MAX_RAD, shape))):
             new = self._new_solutions(pose, seeds, found)
             found += new
             yield from sorted(new, key=lambda joints: discomfort(joints, near_rad))
@@ -118,11 +120,6 @@ class Kinematics:
             if joints is not None and all(np.abs(joints - k).max() > SAME_SOLUTION_RAD for k in (*known, *new)):
                 new.append(joints)
         return new
-
-
-def _further_seeds() -> list[Array]:
-    random = np.random.default_rng(0)
-    return list(random.uniform(panda.JOINT_MIN_RAD, panda.JOINT_MAX_RAD, (NUM_FURTHER_SEEDS, panda.NUM_JOINTS)))
 
 
 def discomfort(joints_rad: Array, near_rad: Array) -> float:

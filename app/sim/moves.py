@@ -12,6 +12,8 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 LOOSE_M = 0.03  # as close as it takes to a pose that only leads to another
 UP = np.array([0.0, 0.0, 1.0])
+# Where something is (3,) and how it is grasped; and where it is let go and how
+Trip = tuple[Array, Rotation, Array, Rotation]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +101,22 @@ def place(
         move_to(at, rotation, gripper_open=True),
         move_to(at + clearance_m * UP, rotation, gripper_open=True),
     ]
+
+
+def carry(
+    trips: Sequence[Trip], over_m: float = 0.10, set_down_m: float | None = None, *, straight: bool = False
+) -> list[Move]:
+    """Pick things up and place them, one after the other.
+
+    Args:
+        over_m, set_down_m: the clearance where they are picked up, and where they are placed if it is another.
+        straight: in straight lines all the way after the first approach.
+    """
+    moves: list[Move] = []
+    for start_m, grasp, end_m, release in trips:
+        moves += pick(start_m, grasp, over_m, straight=straight and bool(moves))
+        moves += place(end_m, release, over_m if set_down_m is None else set_down_m, straight=straight)
+    return moves
 
 
 def push(route: Sequence[tuple[npt.ArrayLike, float | None]], rotation: Rotation) -> list[Move]:

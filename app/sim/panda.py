@@ -105,7 +105,8 @@ def add_arm(spec: mujoco.MjSpec, base_position_m: npt.ArrayLike) -> mujoco.MjsBo
     )
     for index in range(NUM_JOINTS):
         body = _add_link(body, index)
-    hand = body.add_body(name="hand", pos=[0, 0, FLANGE_OFFSET_M], quat=_turn_z_wxyz(HAND_YAW_RAD), gravcomp=1)
+    yawed_wxyz = [np.cos(HAND_YAW_RAD / 2), 0, 0, np.sin(HAND_YAW_RAD / 2)]
+    hand = body.add_body(name="hand", pos=[0, 0, FLANGE_OFFSET_M], quat=yawed_wxyz, gravcomp=1)
     hand.add_site(name=TCP_SITE, pos=[0, 0, TCP_OFFSET_M], group=HIDDEN_GROUP)
     return hand
 
@@ -113,7 +114,8 @@ def add_arm(spec: mujoco.MjSpec, base_position_m: npt.ArrayLike) -> mujoco.MjsBo
 def _add_link(parent: mujoco.MjsBody, index: int) -> mujoco.MjsBody:
     a_m, alpha_rad, d_m = DH[index]
     position = [a_m, -np.sin(alpha_rad) * d_m, np.cos(alpha_rad) * d_m]
-    body = parent.add_body(name=f"link{index + 1}", pos=position, quat=_turn_x_wxyz(alpha_rad), gravcomp=1)
+    turned_wxyz = [np.cos(alpha_rad / 2), np.sin(alpha_rad / 2), 0, 0]
+    body = parent.add_body(name=f"link{index + 1}", pos=position, quat=turned_wxyz, gravcomp=1)
     body.add_joint(
         name=JOINT_NAMES[index],
         axis=[0, 0, 1],
@@ -185,11 +187,3 @@ def _add_servo(spec: mujoco.MjSpec, joint: str, stiffness: float, damping: float
     servo = spec.add_actuator(target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     servo.set_to_position(kp=stiffness, kv=damping)
     servo.forcerange, servo.forcelimited = [-limit, limit], 1
-
-
-def _turn_x_wxyz(angle_rad: float) -> list[float]:
-    return [np.cos(angle_rad / 2), np.sin(angle_rad / 2), 0, 0]
-
-
-def _turn_z_wxyz(angle_rad: float) -> list[float]:
-    return [np.cos(angle_rad / 2), 0, 0, np.sin(angle_rad / 2)]

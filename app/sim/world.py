@@ -45,13 +45,6 @@ CAMERAS = {
 CAMERA_NAMES = tuple(CAMERAS)[:2]  # that take pictures unless more are asked for
 
 
-def add_cameras(spec: mujoco.MjSpec) -> None:
-    """Add the cameras to a mujoco.MjSpec."""
-    for name, placement in CAMERAS.items():
-        x, y, z, w = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO).as_quat()
-        spec.worldbody.add_camera(name=name, pos=placement.eye_m, quat=[w, x, y, z], fovy=placement.vertical_fov_deg)
-
-
 def calibrated(name: str) -> Camera:
     """A camera's calibration. Pixel centers are whole numbers: the optical axis meets the image at (size - 1) / 2."""
     placement = CAMERAS[name]
@@ -78,7 +71,9 @@ def base_spec() -> mujoco.MjSpec:
     spec.compiler.degree = False  # otherwise joint ranges are read in degrees
     _set_options(spec)
     _add_room(spec)
-    add_cameras(spec)
+    for name, placement in CAMERAS.items():
+        x, y, z, w = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO).as_quat()
+        spec.worldbody.add_camera(name=name, pos=placement.eye_m, quat=[w, x, y, z], fovy=placement.vertical_fov_deg)
     panda.add_panda(spec, BASE_POSITION_M)
     return spec
 

@@ -16,7 +16,7 @@ from app.evaluation.methods import Method
 from app.evaluation.report.pictures import Picture, captions, draw_scene, film_grid, film_tiles, save_photo
 from app.evaluation.results import Evaluation, TaskEvaluation, Trial
 from app.evaluation.scores import NOTHING, task_result
-from app.pipeline.spans import Span, prompt_spans
+from app.pipeline.spans import prompt_spans
 from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
 from roboprompt_client.types.poses import EndEffectorAction
@@ -53,7 +53,8 @@ def _environment() -> Environment:
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters.update(duration=duration_text, tokens=tokens_text, percent=percent_text, spans=_spans)
+    environment.filters.update(duration=duration_text, tokens=tokens_text, spans=prompt_spans)
+    environment.filters["percent"] = lambda share: f"{100 * share:.0f}"
     return environment
 
 
@@ -72,15 +73,6 @@ def duration_text(seconds: float | None) -> str:
 def tokens_text(tokens: float | None) -> str:
     """Return a whole number with a separator of thousands; a dash for None."""
     return NOTHING if tokens is None else f"{tokens:,.0f}"
-
-
-def percent_text(share: float) -> str:
-    """Return a share in [0, 1] as whole percent, without the sign."""
-    return f"{100 * share:.0f}"
-
-
-def _spans(text: str, representation: str = "absolute", prompt_format: str = "paper") -> tuple[Span, ...]:
-    return prompt_spans(text, representation, prompt_format)
 
 
 def _task(folder: Path, number: int, task: TaskEvaluation, methods: Sequence[Method]) -> Shown:

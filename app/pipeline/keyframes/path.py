@@ -97,11 +97,8 @@ class HandPath:
     @property
     def _traveled(self) -> Array:
         """(N,) the path length up to each pose."""
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
-
-    @property
-    def _poses(self) -> Array:
-        return np.concatenate([self.positions, self.rotation_vectors], axis=1)
+        poses = np.concatenate([self.positions, self.rotation_vectors], axis=1)
+        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses, axis=0), axis=1))])
 
     def _deviations_from(self, i: int, ends: Frames, traveled: Array) -> Array:
         """Return the deviations (E,) of the segments from pose `i` to each of `ends`."""

@@ -66,7 +66,8 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
         for first, last in pairwise([0, *merged(motion, delta_rad_s)])
     ]
     on_the_way = sum(
-        not before.to_switch and _bend(motion, before.first, after.last) <= 1 for before, after in pairwise(ways)
+        not before.to_switch and motion.path(before.first, after.last, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
+        for before, after in pairwise(ways)
     )
     if float(rests[started:].mean()) > MAX_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(ways)):
         return "hesitates"
@@ -97,11 +98,6 @@ def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> boo
     """
     path = motion.path(way.first, way.last, TOLERANCE_M, TOLERANCE_DEG)
     return path.turns_round or (path.bend > most and _bend_in_joints(motion, way) > most_in_joints)
-
-
-def _bend(motion: Motion, first: int, last: int) -> float:
-    """Return the deviation of the hand from straight motion, in tolerances."""
-    return motion.path(first, last, TOLERANCE_M, TOLERANCE_DEG).bend
 
 
 def _bend_in_joints(motion: Motion, way: _Way) -> float:

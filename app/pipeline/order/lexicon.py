@@ -74,7 +74,10 @@ class Lexicon:
             joined = before.text + token.text
             if token.text in self._open_compounds and self._known(token.text) is None:
                 found += [token._replace(text=part) for part in self._open_compounds[token.text]]
-            elif self._is_compound(joined) and None in (self._known(before.text), self._known(token.text)):
+            elif (joined in self.objects_of or joined in self._taught) and None in (
+                self._known(before.text),
+                self._known(token.text),
+            ):
                 found[-1] = Token(joined, before.start, token.end)
             else:
                 found.append(token)
@@ -134,9 +137,6 @@ class Lexicon:
     def _exact(self) -> frozenset[str]:
         colors = frozenset((*vocabulary.COLORS, *vocabulary.SHADES_OF, *vocabulary.IN_NAMES, *NUMBERS.values()))
         return colors | _NOUNS | verbs.PARTICLES | verbs.FIRST_WORDS | FUNCTION_WORDS | self._taught
-
-    def _is_compound(self, word: str) -> bool:
-        return word in self.objects_of or word in self._taught
 
     @cached_property
     def _open_compounds(self) -> dict[str, Phrase]:

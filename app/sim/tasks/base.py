@@ -179,6 +179,10 @@ class SimTask(ABC):
         """The tool pointing down, in line with a body's `nearest_yaw_rad`."""
         return tool_down(self.nearest_yaw_rad(body))
 
+    def grasp(self, body: str) -> tuple[Array, Rotation]:
+        """Where a body's origin is (3,), and the tool over it."""
+        return self.position_m(body), self.tool_over(body)
+
     def body_to_world(self, body: str, points_m: npt.ArrayLike) -> Array:
         """Points (3,) or (N, 3) in a body's frame -> the world frame."""
         points: Array = self.position_m(body) + self.rotation(body).apply(points_m)
@@ -203,9 +207,6 @@ class SimTask(ABC):
             pad
             for pair in pairs.tolist()
             for pad, other in (pair, pair[::-1])
-            if pad in pads and self._is_object(other)
+            if pad in pads and self.model.geom_contype[other] == OBJECT_CONTACT["contype"]
         }
         return len(touching) < len(pads)
-
-    def _is_object(self, geom_id: int) -> bool:
-        return bool(self.model.geom_contype[geom_id] == OBJECT_CONTACT["contype"])

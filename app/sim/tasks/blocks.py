@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import LOOSE_M, UP, Move, pick, place, push
+from app.sim.moves import LOOSE_M, UP, Move, carry, push
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -103,10 +103,7 @@ class SortShape(SimTask):
     def expert(self) -> list[Move]:
         at = self.position_m("cube") + GRASP_M * UP
         in_hole = self.position_m("shape sorter") + (SHAPE_HALF_M + DROP_M + GRASP_M) * UP
-        return [
-            *pick(at, self.tool_over("cube"), CLEARANCE_M),
-            *place(in_hole, self.tool_over("shape sorter"), CLEARANCE_M),
-        ]
+        return carry([(at, self.tool_over("cube"), in_hole, self.tool_over("shape sorter"))], CLEARANCE_M)
 
     def succeeded(self) -> bool:
         offset = self.world_to_body("shape sorter", self.position_m("cube"))

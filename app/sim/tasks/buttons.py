@@ -44,6 +44,9 @@ class ButtonTask(SimTask):
     def asked(self) -> tuple[str, ...]:
         """The colors to press, in order."""
 
+    def succeeded(self) -> bool:
+        return self.events == list(self.asked)
+
     def build(self, random: np.random.Generator) -> None:
         height_m = BASE_HEIGHT_M + CAP_HEIGHT_M
         points = scatter(random, len(COLORS), (0.03, -0.30), (0.38, 0.30), min_distance_m=0.13)
@@ -126,9 +129,6 @@ class PushMultipleButtons(ButtonTask):
     def asked(self) -> tuple[str, ...]:
         return SEQUENCES[self.variation]
 
-    def succeeded(self) -> bool:
-        return self.events == list(self.asked)
-
 
 # "before" or "after", and the colors as the instruction names them
 Order = tuple[str, tuple[str, ...]]
@@ -169,6 +169,3 @@ class PressInOrder(ButtonTask):
     def instruction(self) -> str:
         word, named = self.combination
         return "press " + f" {word} ".join(f"the {color} button" for color in named)
-
-    def succeeded(self) -> bool:
-        return self.events == list(self.asked)

@@ -66,7 +66,7 @@ class CarriedCube(SimTask):
             self.data.joint(joint).qpos, self.data.joint(joint).qvel = 0.0, self.speed_m_s * share
 
     def expert(self) -> list[Move]:
-        return pick(self.position_m(CARRIED), self.tool_over(CARRIED))
+        return pick(*self.grasp(CARRIED))
 
     def succeeded(self) -> bool:
         return bool(self.position_m(CARRIED)[2] - self._lay_m > HELD_M)
@@ -140,7 +140,7 @@ class WayRound(BlockTask):
         self._origin = np.array([*random.uniform((-0.02, -0.06), (0.11, 0.06)), TABLE_TOP_M])
         self._turn = about_z(random.uniform(-TURN_RAD, TURN_RAD))
         cube_y_m, plate_y_m = random.uniform(-SHIFT_M, SHIFT_M, 2)
-        self.add_cube_over(self._at(0, cube_y_m)[:2], CUBE, "red", random.uniform(-np.pi, np.pi))
+        self.add_cube_over(self._at(0, cube_y_m)[:2], CUBE, random.uniform(-np.pi, np.pi), color="red")
         for barrier, x_m, end in zip(BARRIERS, BARRIERS_M, self.open_ends, strict=True):
             part = self.add_part(barrier, self._at(x_m, -end * BARRIER_ASIDE_M, BARRIER_HALF_M[2]), self._turn)
             part.box(BARRIER_HALF_M, "grey")

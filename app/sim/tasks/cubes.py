@@ -1,11 +1,12 @@
 """Cubes that are stacked and unstacked: `stack_cube`, `destack_cube`, `stack_blocks` and `build_tower`."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import UP, Move, pick, place, tool_down
-from app.sim.scene import about_z, scatter
+from app.sim.moves import UP, Move, carry, pick, place, tool_down
+from app.sim.scene import COLORS, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
@@ -14,22 +15,38 @@ HALF_SIZE_M = 0.025
 BLOCK_HALF_M = 0.022
 MAX_HEIGHT_ERROR_M = 0.008
 MAX_OFFSET_M = 0.03  # of a cube from the middle of what it stands on
+PAD_HALF_M, PAD_HALF_HEIGHT_M = 0.05, 0.001
 
 
 class CubeTask(SimTask):
-    """Cubes of one size on the table. A cube's pose is its center."""
+    """Cubes of one size on the table, each of the color in its name. A cube's pose is its center."""
 
     half_m: ClassVar[float] = HALF_SIZE_M
     mass_kg: ClassVar[float] = 0.09
 
-    def add_cube_over(self, point_m: Array, name: str, color: str, yaw_rad: float, storey: int = 0) -> None:
+    def add_cube_over(self, point_m: Array, name: str, yaw_rad: float, storey: int = 0, color: str = "") -> None:
         """A cube over a point (2,) of the table, on `storey` others; for use in `build`."""
         height_m = TABLE_TOP_M + (2 * storey + 1) * self.half_m
+        color = color or _color(name)
         self.add_cube(name, color, [*point_m, height_m], self.half_m, yaw_rad, mass_kg=self.mass_kg)
+
+    def add_cubes(self, random: np.random.Generator, points_m: Mapping[str, Array]) -> None:
+        """Cubes over points (2,) of the table, turned at random; for use in `build`."""
+        for name, point_m in points_m.items():
+            self.add_cube_over(point_m, name, random.uniform(-np.pi, np.pi))
+
+    def add_pad(self, random: np.random.Generator, name: str, point_m: Array) -> None:
+        """A square on the table, turned at random, its center at a point (2,); for use in `build`."""
+        pad = self.add_part(name, [*point_m, TABLE_TOP_M + PAD_HALF_HEIGHT_M], about_z(random.uniform(-np.pi, np.pi)))
+        pad.mark((PAD_HALF_M, PAD_HALF_M, PAD_HALF_HEIGHT_M), _color(name))
 
     def on_table(self, cube: str) -> bool:
         """Whether a cube lies flat on the table."""
         return bool(abs(self.position_m(cube)[2] - TABLE_TOP_M - self.half_m) < MAX_HEIGHT_ERROR_M)
+
+
+def _color(name: str) -> str:
+    return next(word for word in name.split() if word in COLORS)
 
 
 class BlockTask(CubeTask):
@@ -66,8 +83,7 @@ class StackCube(TwoCubes):
 
     def build(self, random: np.random.Generator) -> None:
         points = scatter(random, 2, (0.05, -0.28), (0.38, 0.28), min_distance_m=0.11)
-        for name, point in zip(self.object_names, points, strict=True):
-            self.add_cube_over(point, name, name.split()[0], random.uniform(-np.pi, np.pi))
+        self.add_cubes(random, dict(zip(self.object_names, points, strict=True)))
 
     @property
     def instruction(self) -> str:
@@ -77,11 +93,7 @@ class StackCube(TwoCubes):
     def expert(self) -> list[Move]:
         upper, lower = self.upper_and_lower
         on_top = self.position_m(lower) + (2 * self.half_m + self.drop_m) * UP
-        clearance_m = self.clearances_m[self.way]
-        return [
-            *pick(self.position_m(upper), self.tool_over(upper), clearance_m),
-            *place(on_top, self.tool_over(lower), clearance_m),
-        ]
+        return carry([(*self.grasp(upper), on_top, self.tool_over(lower))], self.clearances_m[self.way])
 
     def succeeded(self) -> bool:
         upper, lower = self.upper_and_lower
@@ -107,8 +119,8 @@ class DestackCube(TwoCubes):
         point = random.uniform((0.10, -0.12), (0.36, 0.26))
         yaw_rad = random.uniform(-np.pi, np.pi)
         twist_rad = random.uniform(-self.max_twist_rad, self.max_twist_rad)
-        self.add_cube_over(point, lower, lower.split()[0], yaw_rad)
-        self.add_cube_over(point, upper, upper.split()[0], yaw_rad + twist_rad, storey=1)
+        self.add_cube_over(point, lower, yaw_rad)
+        self.add_cube_over(point, upper, yaw_rad + twist_rad, storey=1)
 
     @property
     def instruction(self) -> str:
@@ -147,33 +159,27 @@ class StackBlocks(CubeTask):
     object_names = (*to_stack, "green platform")
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
     min_distance_m = 0.105
-    platform_half_m, platform_half_height_m = 0.05, 0.001
     drop_m = 0.005  # released this far above what is below
     instruction = "stack 2 red blocks on the green platform"
 
     def build(self, random: np.random.Generator) -> None:
         center = random.uniform((0.10, -0.10), (0.30, 0.10))
-        platform_m = [*center, TABLE_TOP_M + self.platform_half_height_m]
-        platform = self.add_part("green platform", platform_m, about_z(random.uniform(-np.pi, np.pi)))
-        platform.mark((self.platform_half_m, self.platform_half_m, self.platform_half_height_m), "green")
+        self.add_pad(random, "green platform", center)
         names, apart_m = (*self.red_blocks, *self.blue_blocks), self.min_distance_m
         points = scatter(random, len(names), (0.02, -0.33), (0.38, 0.33), apart_m, clear_of=[(center, apart_m)])
         red = sorted(points[: len(self.red_blocks)], key=lambda point: float(np.linalg.norm(point - center)))
-        for name, point in zip(names, (*red, *points[len(red) :]), strict=True):
-            self.add_cube_over(point, name, name.split()[1], random.uniform(-np.pi, np.pi))
+        self.add_cubes(random, dict(zip(names, (*red, *points[len(red) :]), strict=True)))
 
     def expert(self) -> list[Move]:
-        on_platform = self.position_m("green platform") + (self.platform_half_height_m + self.half_m + self.drop_m) * UP
+        foot = self.position_m("green platform") + (PAD_HALF_HEIGHT_M + self.half_m + self.drop_m) * UP
         release = self.tool_over("green platform")
-        moves: list[Move] = []
-        for storey, block in enumerate(self.to_stack):
-            moves += pick(self.position_m(block), self.tool_over(block), self.clearances_m[self.way])
-            moves += place(on_platform + 2 * self.half_m * storey * UP, release, self.clearances_m[self.way])
-        return moves
+        heights = enumerate(self.to_stack)
+        trips = [(*self.grasp(block), foot + 2 * self.half_m * storey * UP, release) for storey, block in heights]
+        return carry(trips, self.clearances_m[self.way])
 
     def succeeded(self) -> bool:
         offsets = [self.world_to_body("green platform", self.position_m(block)) for block in self.red_blocks]
-        inside = sum(np.abs(offset[:2]).max() < self.platform_half_m for offset in offsets)
+        inside = sum(np.abs(offset[:2]).max() < PAD_HALF_M for offset in offsets)
         return bool(inside >= len(self.to_stack)) and self.gripper_holds_nothing()
 
 
@@ -190,7 +196,6 @@ class BuildTower(BlockTask):
     blocks = ("red block", "green block", "blue block", "yellow block")
     object_names = (*blocks, "white plate")
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
-    plate_half_m, plate_half_height_m = 0.05, 0.001
     drop_m = 0.004  # a block is released this far above what it shall rest on
 
     @property
@@ -200,32 +205,27 @@ class BuildTower(BlockTask):
 
     def build(self, random: np.random.Generator) -> None:
         center = random.uniform((0.12, -0.10), (0.30, 0.10))
-        plate_m = [*center, TABLE_TOP_M + self.plate_half_height_m]
-        plate = self.add_part("white plate", plate_m, about_z(random.uniform(-np.pi, np.pi)))
-        plate.mark((self.plate_half_m, self.plate_half_m, self.plate_half_height_m), "white")
+        self.add_pad(random, "white plate", center)
         low_m, high_m = (0.02, -0.33), (0.38, 0.33)
         points = scatter(random, len(self.blocks), low_m, high_m, min_distance_m=0.105, clear_of=[(center, 0.13)])
-        for block, point in zip(self.blocks, points, strict=True):
-            self.add_cube_over(point, block, block.split()[0], random.uniform(-np.pi, np.pi))
+        self.add_cubes(random, dict(zip(self.blocks, points, strict=True)))
 
     @property
     def instruction(self) -> str:
         return f"build a tower {self.height} high on the white plate"
 
     def expert(self) -> list[Move]:
-        foot = self.position_m("white plate") + (self.half_m - self.plate_half_height_m + self.drop_m) * UP
+        foot = self.position_m("white plate") + (self.half_m - PAD_HALF_HEIGHT_M + self.drop_m) * UP
         release = self.tool_over("white plate")
-        moves: list[Move] = []
-        for storey, block in enumerate(self.blocks[: self.height]):
-            moves += pick(self.position_m(block), self.tool_over(block), straight=storey > 0)
-            moves += place(foot + 2 * self.half_m * storey * UP, release, straight=True)
-        return moves
+        heights = enumerate(self.blocks[: self.height])
+        trips = [(*self.grasp(block), foot + 2 * self.half_m * storey * UP, release) for storey, block in heights]
+        return carry(trips, straight=True)
 
     def succeeded(self) -> bool:
         offsets = np.array([self.position_m(block) - self.position_m("white plate") for block in self.blocks])
         stacked = np.hypot(offsets[:, 0], offsets[:, 1]) < MAX_OFFSET_M
         expected_m = self.half_m * (2 * np.arange(self.height) + 1)
-        heights_m = np.sort(offsets[stacked, 2] + self.plate_half_height_m)
+        heights_m = np.sort(offsets[stacked, 2] + PAD_HALF_HEIGHT_M)
         if len(heights_m) != self.height or np.abs(heights_m - expected_m).max() > MAX_HEIGHT_ERROR_M:
             return False
         aside = [block for block, in_tower in zip(self.blocks, stacked, strict=True) if not in_tower]

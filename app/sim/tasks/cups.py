@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.moves import UP, Move, move_to, pick, place, tool_down
+from app.sim.moves import UP, Move, carry, move_to, pick, tool_down
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -162,11 +162,11 @@ class StackCups(SimTask):
     def expert(self) -> list[Move]:
         down = tool_down()
         target = self.position_m(TARGET) + ON_WALL_M + RELEASE_M * UP
-        moves: list[Move] = []
-        for cups_below, cup in enumerate(OTHERS, start=1):
-            moves += pick(self.position_m(cup) + ON_WALL_M, down, CLEARANCE_M)
-            moves += place(target + cups_below * NESTED_M * UP, down, CLEARANCE_M)
-        return moves
+        trips = [
+            (self.position_m(cup) + ON_WALL_M, down, target + cups_below * NESTED_M * UP, down)
+            for cups_below, cup in enumerate(OTHERS, start=1)
+        ]
+        return carry(trips, CLEARANCE_M)
 
     def succeeded(self) -> bool:
         return all(self._is_inside(cup) for cup in OTHERS) and self.gripper_holds_nothing()

@@ -136,7 +136,7 @@ class PutInDrawer(DrawerTask):
         return [
             *self.open_bottom_drawer(),
             move_to(drop_m + RISE_M * UP, release, gripper_open=True),
-            *pick(self.position_m("block"), self.tool_over("block"), CLEARANCE_M, straight=True),
+            *pick(*self.grasp("block"), CLEARANCE_M, straight=True),
             *place(drop_m, release, RISE_M, straight=True),
         ]
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.moves import UP, Move, move_to, pick, place, tool_down
+from app.sim.moves import UP, Move, carry, move_to, pick, place, tool_down
 from app.sim.scene import Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -50,9 +50,7 @@ class MeatOffGrill(SimTask):
     def expert(self) -> list[Move]:
         beside = self.body_to_world("grill", [0, BESIDE_M, 0])
         beside[2] = TABLE_TOP_M + MEAT_HALF_HEIGHT_M + MEAT_DROP_M
-        grasp = self.tool_over("chicken")
-        release = self.tool_over("grill")
-        return pick(self.position_m("chicken"), grasp, OVER_GRILL_M) + place(beside, release, OVER_GRILL_M)
+        return carry([(*self.grasp("chicken"), beside, self.tool_over("grill"))], OVER_GRILL_M)
 
     def succeeded(self) -> bool:
         x, y, z = self.world_to_body("grill", self.position_m("chicken"))

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import UP, Move, pick, place, tool_down
+from app.sim.moves import UP, Move, carry, pick, place, tool_down
 from app.sim.scene import about_z, scatter
-from app.sim.tasks.cubes import BLOCK_HALF_M, MAX_OFFSET_M, BlockTask
+from app.sim.tasks.cubes import BLOCK_HALF_M, MAX_OFFSET_M, PAD_HALF_HEIGHT_M, BlockTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
 
@@ -52,10 +52,7 @@ class ClearKind(BlockTask):
         low_m, high_m = (0.02, -0.34), (0.38, 0.34)
         points = scatter(random, len(self._on_table), low_m, high_m, min_distance_m=0.095, clear_of=[(tray, 0.175)])
         places = dict(zip(self._on_table, points, strict=True))
-        for kind, blocks in KINDS.items():
-            for block in blocks:
-                at = places.get(block, tray + _slot_m(block)[:2])
-                self.add_cube_over(at, block, kind, random.uniform(-np.pi, np.pi))
+        self.add_cubes(random, {block: places.get(block, tray + _slot_m(block)[:2]) for block in BLOCKS})
 
     @property
     def _to_clear(self) -> list[str]:
@@ -75,12 +72,9 @@ class ClearKind(BlockTask):
         return f"put every {self.combination[0]} block in the tray"
 
     def expert(self) -> list[Move]:
-        moves: list[Move] = []
-        for block in self._to_clear:
-            slot = self.position_m("tray") + _slot_m(block) + (BLOCK_HALF_M + ABOVE_SLOT_M) * UP
-            moves += pick(self.position_m(block), self.tool_over(block), OVER_TRAY_M, straight=bool(moves))
-            moves += place(slot, tool_down(), OVER_TRAY_M - ABOVE_SLOT_M, straight=True)
-        return moves
+        tray, height_m = self.position_m("tray"), BLOCK_HALF_M + ABOVE_SLOT_M
+        trips = [(*self.grasp(block), tray + _slot_m(block) + height_m * UP, tool_down()) for block in self._to_clear]
+        return carry(trips, OVER_TRAY_M, OVER_TRAY_M - ABOVE_SLOT_M, straight=True)
 
     def succeeded(self) -> bool:
         tray = self.position_m("tray")
@@ -147,8 +141,7 @@ class PlaceBeside(BlockTask):
 
     def build(self, random: np.random.Generator) -> None:
         self._points = self._scene(random)
-        for name, point in self._points.items():
-            self.add_cube_over(point, name, name.split()[0], random.uniform(-np.pi, np.pi))
+        self.add_cubes(random, self._points)
 
     def _scene(self, random: np.random.Generator) -> dict[str, Array]:
         """Where the blocks lie, with room for what is asked for."""
@@ -174,7 +167,7 @@ class PlaceBeside(BlockTask):
 
     def expert(self) -> list[Move]:
         drop_m = np.array([*self._goal(self._points), TABLE_TOP_M + BLOCK_HALF_M]) + BESIDE_DROP_M * UP
-        return pick(self.position_m(BLOCK), self.tool_over(BLOCK)) + place(drop_m, tool_down(), straight=True)
+        return pick(*self.grasp(BLOCK)) + place(drop_m, tool_down(), straight=True)
 
     def succeeded(self) -> bool:
         there = {name: float(np.linalg.norm(self.position_m(name)[:2] - at)) for name, at in self._wanted().items()}
@@ -190,7 +183,6 @@ PADS = ("white pad", "black pad", "pink pad", "cyan pad")
 PAIRS: tuple[tuple[str, str], ...] = tuple(combinations(CUBES, 2))
 # The pair to be swapped, and the pad that is free; all pairs come with each pad
 Swap = tuple[tuple[str, str], str]
-PAD_HALF_M, PAD_HALF_HEIGHT_M = 0.05, 0.001
 PAD_DROP_M = 0.003
 MAX_PAD_OFFSET_M = 0.025
 RAISED_M = 0.008  # a cube is set down where it is lower
@@ -216,13 +208,10 @@ class SwapCubes(BlockTask):
         points = scatter(random, len(PADS), (0.05, -0.28), (0.36, 0.28), min_distance_m=0.15)
         places = dict(zip(PADS, points, strict=True))
         for pad, point in places.items():
-            at_m = [*point, TABLE_TOP_M + PAD_HALF_HEIGHT_M]
-            part = self.add_part(pad, at_m, about_z(random.uniform(-np.pi, np.pi)))
-            part.mark((PAD_HALF_M, PAD_HALF_M, PAD_HALF_HEIGHT_M), pad.split()[0])
+            self.add_pad(random, pad, point)
         _, free_pad = self.combination
         taken = random.permutation([pad for pad in PADS if pad != free_pad]).tolist()
-        for cube, pad in zip(CUBES, taken, strict=True):
-            self.add_cube_over(places[pad], cube, cube.split()[0], random.uniform(-np.pi, np.pi))
+        self.add_cubes(random, {cube: places[pad] for cube, pad in zip(CUBES, taken, strict=True)})
 
     def after_reset(self) -> None:
         (first, second), _ = self.combination
@@ -247,14 +236,10 @@ class SwapCubes(BlockTask):
     def expert(self) -> list[Move]:
         (first, second), free_pad = self.combination
         aside = self.position_m(free_pad) + (BLOCK_HALF_M - PAD_HALF_HEIGHT_M) * UP
-        of_first, of_second = self.position_m(first), self.position_m(second)
-        first_turn, second_turn = self.tool_over(first), self.tool_over(second)
+        (of_first, first_turn), (of_second, second_turn) = self.grasp(first), self.grasp(second)
         carried = [(of_first, first_turn, aside), (of_second, second_turn, of_first), (aside, first_turn, of_second)]
-        moves: list[Move] = []
-        for start, turn, end in carried:
-            moves += pick(start, turn, OVER_PAD_M, straight=bool(moves))
-            moves += place(end + PAD_DROP_M * UP, turn, OVER_PAD_M, straight=True)
-        return moves
+        trips = [(start, turn, end + PAD_DROP_M * UP, turn) for start, turn, end in carried]
+        return carry(trips, OVER_PAD_M, straight=True)
 
     def succeeded(self) -> bool:
         offsets = [self.position_m(cube) - goal_m for cube, goal_m in self._goals_m.items()]

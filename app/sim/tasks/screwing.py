@@ -6,8 +6,21 @@ from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
 from app.sim.scene import Part, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
+from roboprompt_client.types.arrays import Array
 
 CLEARANCE_M = 0.10
+
+
+def _turn(above_m: Array, seat_m: Array, turn_rad: float, within_m: float) -> list[Move]:
+    """Put what is held onto its seat, turn it from `turn_rad` to as much the other way, let go and rise."""
+    start, end = tool_down(turn_rad), tool_down(-turn_rad)
+    return [
+        move_to(above_m, start, gripper_open=False, straight=False),
+        move_to(seat_m, start, gripper_open=False, within_m=within_m),
+        move_to(seat_m, end, gripper_open=True),
+        move_to(above_m, end, gripper_open=True),
+    ]
+
 
 OTHER_COLORS = ("blue", "purple", "green", "orange")
 JAR_HEIGHT_M, JAR_RADIUS_M, GLASS_M = 0.08, 0.034, 0.006
@@ -47,14 +60,7 @@ class CloseJar(SimTask):
     def expert(self) -> list[Move]:
         on_rim = self.position_m("red jar") + (LID_HALF_HEIGHT_M + RELEASE_M) * UP
         above = on_rim + CLEARANCE_M * UP
-        start, end = tool_down(LID_TURN_RAD), tool_down(-LID_TURN_RAD)
-        return [
-            *pick(self.position_m("lid"), tool_down(), CLEARANCE_M),
-            move_to(above, start, gripper_open=False, straight=False),
-            move_to(on_rim, start, gripper_open=False, within_m=RELEASE_M),
-            move_to(on_rim, end, gripper_open=True),
-            move_to(above, end, gripper_open=True),
-        ]
+        return pick(self.position_m("lid"), tool_down(), CLEARANCE_M) + _turn(above, on_rim, LID_TURN_RAD, RELEASE_M)
 
     def succeeded(self) -> bool:
         x, y, z = self.position_m("lid") - self.position_m("red jar")
@@ -115,14 +121,9 @@ class ScrewBulb(SimTask):
 
     def expert(self) -> list[Move]:
         seated = self.position_m("lamp") + SEATED_M * UP
-        start, end = tool_down(BULB_TURN_RAD), tool_down(-BULB_TURN_RAD)
-        return [
-            *pick(self.position_m("red light bulb"), tool_down(), CLEARANCE_M),
-            move_to(seated + CLEARANCE_M * UP, start, gripper_open=False, straight=False),
-            move_to(seated - PRESS_M * UP, start, gripper_open=False, within_m=PRESS_M / 2),
-            move_to(seated - PRESS_M * UP, end, gripper_open=True),
-            move_to(seated + CLEARANCE_M * UP, end, gripper_open=True),
-        ]
+        above, pressed = seated + CLEARANCE_M * UP, seated - PRESS_M * UP
+        taken = pick(self.position_m("red light bulb"), tool_down(), CLEARANCE_M)
+        return taken + _turn(above, pressed, BULB_TURN_RAD, PRESS_M / 2)
 
     def succeeded(self) -> bool:
         return self._is_seated() and self._turned_rad < -SCREWED_RAD and self.gripper_holds_nothing()
