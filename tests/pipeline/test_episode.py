@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from app.pipeline.episode import Episode, frame_times_s, stretches
+from app.pipeline.episode import Episode, frame_times_s
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.types.arrays import finite_array, unit_quaternions
 from roboprompt_client.types.names import checked_name
@@ -98,14 +98,6 @@ def test_the_callers_arrays_stay_their_own():
     assert recorded.joint_velocities_rad_s.max() == 1
 
 
-def test_the_action_at_a_frame():
-    positions = np.arange(T * 3).reshape(T, 3)
-    seen = Trajectory(**{**VALID, "positions_m": positions}).action_at(2)
-    np.testing.assert_array_equal(seen.position_m, [6, 7, 8])
-    np.testing.assert_array_equal(seen.quaternion_xyzw, [0, 0.6, 0, 0.8])
-    assert seen.gripper_open is False
-
-
 @pytest.mark.parametrize(
     "value",
     [[1j], np.array([1 + 2j]), ["1"], [None], [10**400], [[1], [2, 3]], np.array(["2020-01-01"], "datetime64[s]"), "x"],
@@ -184,7 +176,3 @@ def test_times_come_from_timestamps_or_from_the_frequency():
     np.testing.assert_allclose(frame_times_s(without, 20.0)[:3], [0, 0.05, 0.1])
     times_s = np.array([5.0, 5.1, 5.3, 5.4, 5.5])
     np.testing.assert_allclose(frame_times_s(Trajectory(**{**VALID, "timestamps_s": times_s}), 20.0)[:3], [0, 0.1, 0.3])
-
-
-def test_the_gripper_s_stretches_cover_the_trajectory():
-    assert stretches(VALID["gripper_open"]) == [(0, 2, True), (2, 4, False), (4, 5, True)]

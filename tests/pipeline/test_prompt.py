@@ -1,32 +1,18 @@
+import hashlib
+
 import pytest
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.prompt import PromptTemplate, check_object_names, system_prompt_text
+from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate, check_object_names, system_prompt_text
 from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
 
 from .gbnf import matches
 from .scenes import WORKSPACE, action, demonstration, pose
 
-# the paper, appendix B
-A = (
-    "You are a Franka Panda robot with a parallel gripper. We provide you with some demos in the format of "
-    "observation>[action_1, action_2, ...]. Then you will receive a new observation and you need to output a sequence "
-    "of actions that match the trends in the demos. Do not output anything else."
-)
-B = (
-    "You are an end-effector Franka Panda robot equipped with a parallel gripper. We will give you a series of "
-    "demonstrations in the format observation>[action_1, action_2, ...]. Afterward, you will receive a new "
-    "observation, and your task is to generate a sequence of actions that align with the patterns shown in the demos. "
-    "Make sure to only output the actions and nothing else."
-)
-C = (
-    "You are a Franka Panda robot equipped with a parallel gripper. We will provide you with demonstrations in the "
-    "format: observation>[action_1, action_2, ...]. Afterward, you will receive a new observation and must generate a "
-    "sequence of actions that align with the patterns shown in the demos. Ensure that nothing else is included in your "
-    "output."
-)
+A = SYSTEM_PROMPTS["a"]
+DIGESTS = ["9b4e2c79", "842baf91", "d6d95dbc"]
 
 
 def shown(x_m):
@@ -85,11 +71,11 @@ GRAMMATICAL = {
 }
 
 
-@pytest.mark.parametrize(
-    ("choice", "expected"), [("a", A), ("b", B), ("c", C), ("none", ""), ("Be brief.", "Be brief.")]
-)
-def test_system_prompts(choice, expected):
-    assert system_prompt_text(choice) == expected
+def test_system_prompts():
+    """Those of the paper are its appendix B, letter by letter."""
+    digests = [hashlib.sha256(system_prompt_text(choice).encode()).hexdigest()[:8] for choice in "abc"]
+    assert digests == DIGESTS
+    assert (system_prompt_text("none"), system_prompt_text("Be brief.")) == ("", "Be brief.")
 
 
 def test_a_long_system_prompt_is_refused():

@@ -82,13 +82,6 @@ def test_free_poses_are_passed_and_the_others_reached(guided):
         assert away_m < (ROUNDING_M[1] if number in free(moves) else 0.003), number
 
 
-def test_corners_are_cut():
-    demonstration = recorded("stack_cube")
-    _, _, lifted, *_ = demonstration.expert_actions
-    carried = demonstration.trajectory.positions_m[~demonstration.trajectory.gripper_open]
-    assert 0.005 < np.linalg.norm(carried - lifted.position_m, axis=1).min() < ROUNDING_M[1]
-
-
 def test_the_seed_determines_the_recording():
     first, again, other = recorded("open_drawer"), newly_recorded("open_drawer"), recorded("open_drawer", SEED + 1)
     for name in ARRAYS:

@@ -6,7 +6,7 @@ import pytest
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import Pace, joined, time_path
-from app.sim.moves import move_to, nearest_yaw_rad, tool_down
+from app.sim.moves import move_to, tool_down
 from app.sim.planner import Planner
 from app.sim.world import BASE_POSITION_M, HOME_RAD, TIMESTEP_S
 from roboprompt_client.errors import MotionError
@@ -27,18 +27,6 @@ def planner(kinematics):
 
 def over_table(x_m, y_m, z_m=0.85, yaw_rad=0.0, tilt_rad=0.0, *, straight=True):
     return move_to([x_m, y_m, z_m], tool_down(yaw_rad, tilt_rad), gripper_open=True, straight=straight)
-
-
-def test_tool_down_points_down_and_leans_forward():
-    np.testing.assert_allclose(tool_down(0.7).apply([0, 0, 1]), [0, 0, -1], atol=1e-12)
-    heading = np.array([np.cos(0.7), np.sin(0.7), 0])
-    leaned = tool_down(0.7, tilt_rad=0.5).apply([0, 0, 1])
-    np.testing.assert_allclose(leaned, np.sin(0.5) * heading - [0, 0, np.cos(0.5)], atol=1e-12)
-
-
-@pytest.mark.parametrize(("yaw_deg", "expected_deg"), [(100, -80), (-100, 80), (45, 45), (170, -10)])
-def test_nearest_yaw_of_a_parallel_gripper(yaw_deg, expected_deg):
-    assert np.degrees(nearest_yaw_rad(np.radians(yaw_deg))) == pytest.approx(expected_deg)
 
 
 def test_solutions_reach_the_pose_within_the_limits(kinematics):

@@ -144,3 +144,14 @@ def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
     demonstration = record_demonstration(name, 1, frequency_hz, images=False)
     assert demonstration.succeeded, demonstration.failure
     assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)
+
+
+@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if task.ways > 1])
+def test_ways_differ_and_the_first_is_the_default(name):
+    task, plans = make_task(name, 0), []
+    assert (task.way, task.ways) == (0, 2)
+    for way in range(task.ways):
+        task.way = way
+        poses = [move.pose for move in task.expert()]
+        plans.append(np.array([[*pose.position_m, *pose.rotation.as_rotvec()] for pose in poses]))
+    assert np.abs(plans[0] - plans[1]).max() > 0.03

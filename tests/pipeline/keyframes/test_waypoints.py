@@ -104,16 +104,6 @@ def test_a_frozen_start_and_hesitation_on_a_straight_way_leave_no_keyframe(at_s)
     assert len(places_m(motion.at(20))) == 2
 
 
-@pytest.mark.parametrize("hz", [10, 20, 60])
-def test_where_the_hand_turns_back_is_a_keyframe(hz):
-    tip_m = (0.3, 0.1, 0.84)
-    poke = flowing([HOME_M, (0.3, 0.1, 0.95), tip_m, (0.3, 0.1, 0.95)], blend_s=1e-6)
-    recorded = poke.at(hz)
-    lowest = min(found(recorded), key=lambda keyframe: keyframe[1][2])
-    assert abs(lowest[0] - arrival_s(poke, tip_m)) <= 1.01 / hz
-    assert lowest[1][2] == recorded.positions_m[:, 2].min()
-
-
 def test_turning_in_place_is_kept():
     there_and_back = ScriptedMotion(
         ((0, HOME_M), (1, PICK_M), (4, PICK_M), (5, HOME_M)), turns=((1.2, 0.0), (2.4, 90.0), (3.8, 0.0))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from app.pipeline.plans import agreed, plan_rows
 from app.pipeline.representation.anchors import START, WORLD
 
-from ..scenes import action, angle_deg, pose, same_actions
+from ..scenes import action, angle_deg, same_actions
 from .taught import reached, scene
 
 OFFSET_M = np.array([0.02, -0.01, 0.11])
@@ -160,16 +160,3 @@ def test_a_row_that_goes_on_from_the_start_is_told_from_there():
     (row,) = plan_rows(group)
     assert set(row.anchors) == {START}
     np.testing.assert_allclose(row.center_m, [0, 0, 0.1], atol=1e-9)
-
-
-def test_a_row_follows_an_object_s_turn():
-    random = np.random.default_rng(13)
-    group = []
-    for yaw_deg in (-80, -30, 20, 70, 130):
-        cube = pose("red cube", scene(random)[0].position_m, yaw_deg)
-        side_m = np.array([np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg)), 0]) * 0.1
-        plate = pose("plate", cube.position_m + random.uniform(0.3, 0.4, 3))
-        group += reached([side_m], random=random, objects=[(cube, plate)], turns_deg=[yaw_deg])
-    (row,) = plan_rows(group)
-    assert {(anchor.object_name, anchor.frame) for anchor in row.anchors} == {("red cube", "o")}
-    np.testing.assert_allclose(row.center_m, [0.1, 0, 0], atol=1e-6)

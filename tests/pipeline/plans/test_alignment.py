@@ -34,15 +34,6 @@ def test_demonstrations_of_one_plan_get_equally_many_rows(first_seed):
             assert np.linalg.norm(demonstration.actions[k].position_m - place_m) < nearest_m + 0.005
 
 
-def test_rows_stand_where_the_other_demonstrations_have_them():
-    """A row differs by no more than people do from where the others of its plan have it: all have it at one stage."""
-    groups = by_plan(aligned_by_plan([picked(300 + k) for k in range(8)]))
-    assert sum(map(len, groups)) == 8
-    for group in groups:
-        for row in plan_rows(group):
-            assert row.off_m.max() < 0.07
-
-
 def test_recordings_that_rest_keep_their_own_keyframes():
     recordings = [picked(k, move=resting) for k in range(4)]
     for demonstration, item in zip(aligned_by_plan(recordings), recordings, strict=True):
