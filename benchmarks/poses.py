@@ -1,10 +1,11 @@
 """How well the estimator `cuboid` finds objects in rendered scenes with a depth camera's noise.
 
 Object models are learned from the masks and poses of a few scenes, as from demonstrations; other scenes are the test,
-each camera alone and both together. Run: ``python -m benchmarks.poses [--scenes 60]``.
+each camera alone and both together. Run: ``python -m benchmarks.poses [--scenes 60] [--json]``.
 """
 
 import argparse
+import json
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -12,9 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from rich.console import Console
+from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.tables import TextTable
 from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
@@ -26,14 +27,12 @@ from app.sim.tasks.cubes import HALF_SIZE_M
 from app.sim.world import TABLE_TOP_M
 from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 TASKS = ("stack_cube", "destack_cube", "push_button", "stack_blocks", "slide_block")
 FIRST_TEST_SEED = 1000
 WRONG_M = 0.02  # a pose that is further off is no pose of the object
-COLUMNS = ("asked", "cm", "p95", "degrees", "p95", "missed/1000", "wrong/1000", "flagged")
 Noisy = tuple[SceneView, tuple[RgbdFrame, ...]]
 
 
@@ -62,17 +61,16 @@ class Tally:
             nearest = canonical_pose(ObjectPose("offset", np.zeros(3), offset.as_quat()), symmetry_deg)
             self.errors_deg.append(float(np.degrees(Rotation.from_quat(nearest.quaternion_xyzw).magnitude())))
 
-    def cells(self) -> list[str]:
+    def summary(self) -> dict[str, float]:
         """Means and 95th percentiles in cm and degrees; missed and wrong objects per 1,000."""
         asked = len(self.errors_m) + self.missed + self.wrong
-        sizes = [100 * np.array(self.errors_m), np.array(self.errors_deg)]
-        values = [value for errors in sizes for value in _mean_and_p95(errors)]
-        shares = [f"{1000 * number / asked:.3g}" for number in (self.missed, self.wrong)]
-        return [str(asked), *values, *shares, str(self.flagged)]
-
-
-def _mean_and_p95(errors: Array) -> list[str]:
-    return [f"{value:.3g}" for value in (errors.mean(), np.percentile(errors, 95))] if len(errors) else ["-", "-"]
+        errors_cm = 100 * np.array(self.errors_m)
+        values = {"asked": float(asked), "missed_per_1000": 1000 * self.missed / asked}
+        values |= {"wrong_per_1000": 1000 * self.wrong / asked, "wrong_with_a_reason": float(self.flagged)}
+        for name, errors in (("cm", errors_cm), ("deg", np.array(self.errors_deg))):
+            if len(errors):
+                values |= {f"mean_{name}": float(errors.mean()), f"p95_{name}": float(np.percentile(errors, 95))}
+        return values
 
 
 def noisy_scenes(task: str, seeds: Sequence[int]) -> Iterator[Noisy]:
@@ -145,21 +143,44 @@ def _stands(query: ObjectQuery, refused: str) -> bool:
 
 
 def main() -> None:
-    """Print the table, and the time that an image takes."""
+    """Print the table, and with --json one JSON object as the last line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60, help="test scenes of each task")
     parser.add_argument("--learn", type=int, default=6, help="scenes of each task that models are learned from")
     parser.add_argument("--tasks", nargs="+", default=TASKS, choices=TASKS)
+    parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
-    groups, times = [], []
+    console, document = Console(width=140), {"scenes": arguments.scenes, "poses": [], "cpu_ms_per_image": {}}
+    columns = (
+        "objects",
+        "cameras",
+        "asked",
+        "cm",
+        "p95",
+        "degrees",
+        "p95",
+        "missed/1000",
+        "wrong/1000",
+        "flagged",
+    )
+    table = Table(*columns, title="cuboid: errors of learned models, 640x480, depth sigma 2 mm z^2")
     for task in arguments.tasks:
         tallies, times_ms = measure(task, arguments.learn, arguments.scenes)
-        times.append(f"{task}: {np.mean(times_ms):.1f} ms CPU an image, p95 {np.percentile(times_ms, 95):.1f}")
-        groups.append([[kind, view, *tally.cells()] for (kind, view), tally in sorted(tallies.items())])
-    table = TextTable(("objects", "cameras", *COLUMNS), groups)
-    Console(width=140).print(
-        table.terminal("cuboid: errors of learned models, 640x480, depth sigma 2 mm z^2"), "\n".join(times)
-    )
+        document["cpu_ms_per_image"][task] = {"mean": np.mean(times_ms), "p95": np.percentile(times_ms, 95)}
+        for (kind, view), tally in sorted(tallies.items()):
+            values = tally.summary()
+            document["poses"].append({"objects": kind, "cameras": view, **values})
+            table.add_row(kind, view, f"{values['asked']:.0f}", *_cells(values), f"{values['wrong_with_a_reason']:.0f}")
+    console.print(table)
+    for task, times in document["cpu_ms_per_image"].items():
+        console.print(f"{task}: {times['mean']:.1f} ms CPU an image, p95 {times['p95']:.1f}")
+    if arguments.json:
+        print(json.dumps(document))  # noqa: T201 - what --json is for
+
+
+def _cells(values: dict[str, float]) -> list[str]:
+    names = ("mean_cm", "p95_cm", "mean_deg", "p95_deg", "missed_per_1000", "wrong_per_1000")
+    return [f"{values[name]:.3g}" if name in values else "-" for name in names]
 
 
 if __name__ == "__main__":

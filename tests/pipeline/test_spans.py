@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.prompt import PromptTemplate
+from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.representation.anchors import Frame
 from app.pipeline.spans import prompt_spans
@@ -90,6 +90,11 @@ def test_what_is_no_row_stays_plain():
 @given(st.text(alphabet="ab'{}[]<>;:, \n019+-w", max_size=60) | st.text(), st.sampled_from(FORMATS))
 def test_nothing_is_lost_or_repeated(text, style):
     assert "".join(span.text for span in prompt_spans(text, *style)) == text
+
+
+@pytest.mark.parametrize("system", SYSTEM_PROMPTS.values())
+def test_a_text_of_another_representation_stays_as_it_is(system):
+    assert "".join(span.text for span in prompt_spans(system, "action_tokens", "paper")) == system
 
 
 @pytest.mark.parametrize("frame", get_args(Frame))
