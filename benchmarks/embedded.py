@@ -13,7 +13,7 @@ import httpx
 
 from app.evaluation.server import service
 from app.evaluation.tables import TextTable
-from app.llm.base import CompletionRequest, TextDelta
+from app.llm.base import Completion, CompletionRequest, TextDelta
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
@@ -92,7 +92,7 @@ async def _first_token(registry: ModelRegistry, document: dict[str, Any]) -> tup
         async for piece in pieces:
             if isinstance(piece, TextDelta):
                 first_s = first_s or time.perf_counter() - started_s
-            else:
+            elif isinstance(piece, Completion):
                 assert first_s is not None
                 return first_s, piece.usage
     raise AssertionError("a stream ends with its completion")
