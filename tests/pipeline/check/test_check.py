@@ -33,6 +33,11 @@ def test_clean_demonstrations_give_no_warning_whatever_their_manner(flows):
     assert {finding.severity for finding in check.findings} <= {"info"}, check.findings
 
 
+@pytest.mark.parametrize("made", [recorded(8, MERGED), recorded(8, noise_m=0.004)], ids=["merged", "a little noise"])
+def test_what_suits_the_recordings_is_no_finding(made):
+    assert check_demonstrations(made).findings == ()
+
+
 def test_errors_are_those_of_the_demonstration_left_out():
     recordings = recorded(8)
     recordings[4] = shifted(recordings[4], (0.0, 0.03, 0.0))

@@ -111,6 +111,11 @@ def test_turns_across_half_a_circle_are_averaged_the_short_way():
         assert angle_deg(demonstration.actions[0].quaternion_xyzw, true_xyzw) < 2
 
 
+def test_a_single_demonstration_is_shown_as_it_is():
+    group = reached([OFFSET_M], random=np.random.default_rng(9))
+    assert agreed(group) == tuple(group)
+
+
 @pytest.mark.parametrize(("apart_m", "averaged"), [(0.02, True), (0.04, False), (0.2, False)])
 def test_two_demonstrations_far_apart_are_not_averaged(apart_m, averaged):
     random = np.random.default_rng(8)
