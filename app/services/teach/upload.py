@@ -116,7 +116,7 @@ Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
 
 class _Extracted(NamedTuple):
-    """An episode as it is to be stored, with the settings it was extracted with and all findings but the workspace's."""
+    """An episode to be stored, with the settings it was extracted with and all findings but the workspace's."""
 
     settings: TaskSettings
     draft: EpisodeDraft
