@@ -181,9 +181,8 @@ async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLab
     did not fit, and why.
     """
     asked = (services.store, services.configure_task, name, body.object, body.symmetric)
-    said = {"yaw_may_be_unknown": body.yaw_may_be_unknown, "dry_run": body.dry_run}
-    learning = partial(learn.learn_from_labels, *asked, **said)
-    model = await anyio.to_thread.run_sync(learning, limiter=services.teaching)
+    learning = partial(learn.learn_from_labels, yaw_may_be_unknown=body.yaw_may_be_unknown, dry_run=body.dry_run)
+    model = await anyio.to_thread.run_sync(learning, *asked, limiter=services.teaching)
     if not body.dry_run:
         services.prefix_warmer.changed(name)
     number = len(model["views"])
