@@ -5,6 +5,7 @@ import contextlib
 import logging
 from collections.abc import AsyncIterator, Callable
 from datetime import timedelta
+from functools import partial
 from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
@@ -16,7 +17,7 @@ from app.llm.registry import ModelRegistry
 from app.logs import hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
-from app.services.keep_house import KeepHouse, Retention
+from app.services.keep_house import keep_house
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.services.teach.reextract import RunJobs
@@ -34,33 +35,6 @@ if TYPE_CHECKING:
     from app.telemetry import Tracing
 
 logger = logging.getLogger(__name__)
-
-
-def limits_of(settings: Settings) -> Limits:
-    """Return the limits of a request."""
-    return Limits(
-        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
-        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
-        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
-        max_frames=settings.max_frames,
-        max_prompt_chars=settings.max_prompt_chars,
-        allowed_models=settings.allowed_models,
-        model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
-    )
-
-
-def body_limits_of(settings: Settings) -> BodyLimits:
-    """How large requests may be."""
-    megabytes = (settings.max_body_mb, settings.max_inline_mb, settings.max_document_mb, settings.max_held_mb)
-    return BodyLimits(*(int(size * MEGABYTE) for size in megabytes))
-
-
-def retention_of(settings: Settings) -> Retention:
-    """How long predictions are kept."""
-    days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
-    return Retention(
-        None if days is None else timedelta(days=days), None if gigabytes is None else int(gigabytes * 1000 * MEGABYTE)
-    )
 
 
 def open_store(settings: Settings) -> Store:
@@ -88,20 +62,29 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required, but none exists: roboprompt keys add NAME --scope admin")
     kept = settings.embedded_kept_folder or settings.data / "prefixes"
-    models = ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept}))
-    pose_servers = PoseServers(settings.pose_servers)
+    limits = Limits(
+        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_frames=settings.max_frames,
+        max_prompt_chars=settings.max_prompt_chars,
+        allowed_models=settings.allowed_models,
+        model_files=_is_local(settings) and settings.auth != "on",
+    )
     services = Services.wire(
         store,
-        models,
+        ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept})),
         settings.default_model,
-        limits_of(settings),
-        pose_servers,
+        limits,
+        PoseServers(settings.pose_servers),
         extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
     )
-    background: list[asyncio.Task[object]] = [
-        asyncio.create_task(_keep_house(KeepHouse(store, retention_of(settings))))
-    ]
+    days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
+    max_age = None if days is None else timedelta(days=days)
+    max_bytes = None if gigabytes is None else int(gigabytes * 1000 * MEGABYTE)
+    housekeeping = _every_hour("housekeeping", partial(keep_house, store, max_age, max_bytes))
+    background: list[asyncio.Task[object]] = [asyncio.create_task(housekeeping)]
     jobs = [asyncio.create_task(_run_jobs(services.run_jobs))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
@@ -115,10 +98,10 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         await services.aclose()
 
 
-async def _keep_house(keep_house: KeepHouse) -> None:
-    """Clean up now and every hour, until cancelled."""
+async def _every_hour(what: str, work: Callable[[], int]) -> None:
+    """Work now and every hour, until cancelled."""
     while True:
-        await _tried("housekeeping", keep_house)
+        await _tried(what, work)
         await asyncio.sleep(HOUSEKEEPING_S)
 
 
@@ -142,7 +125,7 @@ async def _tried(what: str, work: Callable[[], int]) -> int:
 
 def access_for(settings: Settings) -> Access:
     """Return the rules for requests."""
-    local = settings.host is not None and is_loopback(settings.host)
+    local = _is_local(settings)
     required = settings.auth == "on" or (settings.auth == "auto" and not local)
     rate = settings.rate_limit_per_s
     return Access(
@@ -154,12 +137,18 @@ def access_for(settings: Settings) -> Access:
     )
 
 
+def _is_local(settings: Settings) -> bool:
+    return settings.host is not None and is_loopback(settings.host)
+
+
 def build_app(settings: Settings) -> FastAPI:
     """The ASGI application for these settings: the API and the pages."""
     hide_keys_in_access_log()
     access = access_for(settings)
     tracing = _tracing(settings.otel_endpoint)
-    app = create_app(lambda: _traced(tracing, settings), VERSION, body_limits_of(settings), access)
+    megabytes = (settings.max_body_mb, settings.max_inline_mb, settings.max_document_mb, settings.max_held_mb)
+    body_limits = BodyLimits(*(int(size * MEGABYTE) for size in megabytes))
+    app = create_app(lambda: _traced(tracing, settings), VERSION, body_limits, access)
     install_pages(app)
     if tracing:
         tracing.install(app)

@@ -46,14 +46,18 @@ _SCHEMES: dict[str, Any] = {
     "header": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
     "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "set by the login page"},
 }
-_STATUSES = {"401": "Unauthenticated", "403": "Forbidden", "414": "AddressTooLong", "429": "TooManyRequests"}
-_MEANINGS = {
-    "Unauthenticated": "an API key is required, and it is missing or not valid",
-    "Forbidden": "the key lacks the scope or is for other tasks, or the request comes from a page of another website",
-    "AddressTooLong": "the address's query is too long",
-    "TooManyRequests": "too many requests of this key or address; Retry-After says when to try again",
+_OTHER_SITE = "the key lacks the scope or is for other tasks, or the request comes from a page of another website"
+_TOO_MANY = "too many requests of this key or address; Retry-After says when to try again"
+# What every operation but health checks may answer, what every one may, and what every one with a body may.
+_OF_ACCESS = {
+    "401": ("Unauthenticated", "an API key is required, and it is missing or not valid"),
+    "403": ("Forbidden", _OTHER_SITE),
+    "414": ("AddressTooLong", "the address's query is too long"),
+    "429": ("TooManyRequests", _TOO_MANY),
 }
-_REFUSALS = {name: {"description": meaning, "content": CONTENT} for name, meaning in _MEANINGS.items()}
+_REFUSALS = {name: {"description": meaning, "content": CONTENT} for name, meaning in _OF_ACCESS.values()}
+_OF_ALL = {"422": "a value is not valid", "503": "the store does not answer"}
+_OF_BODIES = {"400": "the body cannot be read", "413": "the body is too large"}
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -108,42 +112,29 @@ def install_openapi(app: FastAPI) -> None:
             _, definitions = models_json_schema(
                 [(model, "validation") for model in _HAND_READ], ref_template="#/components/schemas/{model}"
             )
-            _document_refusals(document)
+            for path, item in document["paths"].items():
+                for method, operation in item.items():
+                    _describe_operation(path, method, operation)
             document["paths"] = dict(sorted(document["paths"].items(), key=lambda path: path[0].count("/")))
             document.setdefault("components", {}).setdefault("schemas", {}).update(definitions["$defs"])
-            _describe_access(document)
+            document["components"] |= {"securitySchemes": _SCHEMES, "responses": _REFUSALS}
             app.openapi_schema = document
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
 
 
-def _describe_access(document: dict[str, Any]) -> None:
-    """Add to every operation its scopes and its refusals."""
-    document["components"] |= {"securitySchemes": _SCHEMES, "responses": _REFUSALS}
-    for path, item in document["paths"].items():
-        for method, operation in item.items():
-            if scopes := sorted(accepted_scopes(method.upper(), path)):
-                # The empty requirement stands for services that require no keys.
-                operation["security"] = [{}, *({scheme: scopes} for scheme in _SCHEMES)]
-                operation["description"] = f"{operation['description']}\n\nScope: {' or '.join(scopes)}."
-            if path in HEALTH:
-                continue
-            named = {status: {"$ref": f"#/components/responses/{name}"} for status, name in _STATUSES.items()}
-            operation["responses"] = {**named, **operation["responses"]}
-
-
-# What every operation may answer, or every one with a body.
-_OF_ALL = {"422": "a value is not valid", "503": "the store does not answer"}
-_OF_BODIES = {"400": "the body cannot be read", "413": "the body is too large"}
-
-
-def _document_refusals(document: dict[str, Any]) -> None:
-    """Add the refusals that every route has, and replace FastAPI's 422 by the service's."""
-    for item in document["paths"].values():
-        for operation in item.values():
-            meanings = _OF_ALL | (_OF_BODIES if "requestBody" in operation else {})
-            for status, meaning in meanings.items():
-                named = operation["responses"].get(status)
-                if named is None or ("application/json" in named["content"] and status == "422"):
-                    operation["responses"][status] = {"description": meaning, "content": CONTENT}
+def _describe_operation(path: str, method: str, operation: dict[str, Any]) -> None:
+    """Add the scopes and the refusals that every route has, and replace FastAPI's 422 by the service's."""
+    responses = operation["responses"]
+    for status, meaning in (_OF_ALL | (_OF_BODIES if "requestBody" in operation else {})).items():
+        named = responses.get(status)
+        if named is None or ("application/json" in named["content"] and status == "422"):
+            responses[status] = {"description": meaning, "content": CONTENT}
+    if scopes := sorted(accepted_scopes(method.upper(), path)):
+        # The empty requirement stands for services that require no keys.
+        operation["security"] = [{}, *({scheme: scopes} for scheme in _SCHEMES)]
+        operation["description"] = f"{operation['description']}\n\nScope: {' or '.join(scopes)}."
+    if path not in HEALTH:
+        named = {status: {"$ref": f"#/components/responses/{name}"} for status, (name, _) in _OF_ACCESS.items()}
+        operation["responses"] = {**named, **responses}

@@ -2,11 +2,14 @@
 
 import base64
 import hashlib
+import io
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from fastapi import Request
 from python_multipart.multipart import parse_options_header
 from starlette.concurrency import run_in_threadpool
@@ -15,7 +18,6 @@ from starlette.exceptions import HTTPException
 
 from app.api.decoding import JsonBudget, check_only_json_types, json_object, msgpack_object
 from app.api.middleware import JSON, MSGPACK, MULTIPART, content_type_of
-from app.api.packed_arrays import is_packed_array, npy_from_packed
 from roboprompt_client.errors import InvalidInputError
 
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
@@ -24,6 +26,10 @@ MAX_PARTS = 64
 UTF_8 = ("utf-8", "utf8", "us-ascii")
 TINY_BYTES = 16_384  # takes less time to decode than a change of thread
 _BASE64_PIECE = 4 * 262_144  # whole groups of four, 1 MB: other threads have their turn after each
+MARK = "__ndarray__"
+MAX_DIMENSIONS = 3
+DTYPES = ("|b1", "|u1", "<u2", "<u4", "<i4", "<i8", "<f2", "<f4", "<f8")
+_VALID = f"a map of {MARK}, data, dtype ({', '.join(DTYPES)}) and shape (at most {MAX_DIMENSIONS} lengths)"
 
 
 @dataclass(frozen=True)
@@ -123,7 +129,7 @@ def _read_packed(data: bytes, most: int) -> Body:
     """The document of a JSON body, its images as arrays or as encoded files."""
     document = msgpack_object(data)
     names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
-    parts = {name: _packed_image(name, document.pop(name)) for name in names}
+    parts = {name: packed_image(name, document.pop(name)) for name in names}
     _check_document(len(data) - sum(map(len, parts.values())), most)
     check_only_json_types(document)
     return Body(document, parts)
@@ -134,12 +140,50 @@ def _check_document(size: int, most: int) -> None:
         raise HTTPException(413, f"a document, its images aside, may have at most {most} bytes; this has {size}")
 
 
-def _packed_image(name: str, value: object) -> bytes:
+def packed_image(name: str, value: object) -> bytes:
+    """An image of MessagePack as the file that it is, or as a `.npy` file of its array."""
     if isinstance(value, bytes):
         return value
-    if isinstance(value, dict) and is_packed_array(value):
+    if isinstance(value, dict) and (MARK in value or MARK.encode() in value):
         return npy_from_packed(name, value)
     raise InvalidInputError(name, f"is a {type(value).__name__}", "an array, or the image file's bytes")
+
+
+def npy_from_packed(field: str, value: Mapping[Any, Any]) -> bytes:
+    """An array as openpi's `msgpack_numpy.py` packs it, as a `.npy` file: its header, then the bytes as they came.
+
+    It is the map ``{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}``; openpi packs the
+    keys as bytes, other programs as text, and both are read.
+
+    Args:
+        field: what an error names.
+
+    Raises:
+        InvalidInputError: if type or shape are not allowed, or do not fit the number of bytes.
+    """
+    named = {_text(key): item for key, item in value.items()}
+    data, dtype, shape = named.get("data"), _text(named.get("dtype")), _shape(named.get("shape"))
+    if not isinstance(data, bytes) or dtype not in DTYPES or shape is None:
+        given = f"dtype {dtype!r:.40}, shape {named.get('shape')!r:.80}"
+        raise InvalidInputError(field, f"is not an array ({given})", _VALID)
+    claimed = math.prod(shape) * np.dtype(dtype).itemsize
+    if claimed != len(data):
+        raise InvalidInputError(field, f"claims {claimed} bytes of numbers, has {len(data)}", _VALID)
+    stream = io.BytesIO()
+    header = {"descr": dtype, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, header)
+    return stream.getvalue() + data
+
+
+def _text(value: object) -> object:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+
+def _shape(value: object) -> tuple[int, ...] | None:
+    """The lengths, if that is what `value` is."""
+    if not isinstance(value, list) or len(value) > MAX_DIMENSIONS:
+        return None
+    return tuple(value) if all(type(length) is int and length >= 0 for length in value) else None
 
 
 def _base64(name: str, value: object) -> bytes:

@@ -1,9 +1,11 @@
 """Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
-from app.llm.base import ModelProfile
+from pydantic import BaseModel
+
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
@@ -15,8 +17,7 @@ from app.services.predict.record import Prediction
 from app.services.predict.standing import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
 from app.store.prediction_lists import Counts
-from app.store.records import EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
-from app.store.runs import RunRecord
+from app.store.records import EpisodeFields, EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
 from roboprompt_client.types.camera import camera_json
@@ -24,6 +25,12 @@ from roboprompt_client.types.camera import camera_json
 
 def _fields(record: object, *names: str) -> JsonObject:
     return {name: getattr(record, name) for name in names}
+
+
+def answer(model: type[BaseModel], record: object, **others: object) -> JsonObject:
+    """An answer of that kind: its fields are the record's, but for those that are given here."""
+    values = {name: others[name] if name in others else getattr(record, name) for name in model.model_fields}
+    return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}
 
 
 def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:
@@ -118,21 +125,6 @@ def _comparison(compared: StandingComparison) -> JsonObject:
     }
 
 
-def run_document(record: RunRecord) -> JsonObject:
-    """A `RunOut`."""
-    times = {name: getattr(record, name).isoformat() for name in ("created_at", "heard_at")}
-    return {**vars(record), **times}
-
-
-def job_document(record: JobRecord) -> JsonObject:
-    """A `JobOut`."""
-    return {
-        **_fields(record, "id", "task", "changes", "status", "num_episodes", "num_extracted", "error"),
-        "created_at": record.created_at.isoformat(),
-        "finished_at": None if record.finished_at is None else record.finished_at.isoformat(),
-    }
-
-
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
@@ -212,16 +204,4 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "outcome": outcome,
         "key_id": record.key_id,
         "created_at": record.created_at.isoformat(),
-    }
-
-
-def model_document(profile: ModelProfile, available: bool, reason: str | None, default: str) -> JsonObject:
-    """A `ModelOut`."""
-    return {
-        "name": profile.name,
-        "available": available,
-        "reason": reason or None,
-        **_fields(profile, "style", "grammar", "representation", "prompt_format", "system_prompt", "description"),
-        **_fields(profile, "timeout_s", "reading_s"),
-        "default": profile.name == default,
     }

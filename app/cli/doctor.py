@@ -1,20 +1,20 @@
-"""`roboprompt doctor`: what is missing or wrong on this machine, and how to mend it.
-
-Here it looks at the service: its settings, LLM, data folder, database, disk and extras.
-"""
+"""`roboprompt doctor`: what is missing or wrong on this machine, and how to mend it."""
 
 import os
 import shutil
+import socket
 import stat
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
+import httpx
 import typer
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
@@ -25,7 +25,6 @@ from rich.table import Table
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
-from app.cli.doctor_machine import PATIENCE_S, Row, look_at_machine
 from app.cli.shared import DOT_ENV, Data, EnvFile, check_port, is_installed, packages_of_extras
 from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import ENV_PREFIX
@@ -38,6 +37,9 @@ from app.store.tables import metadata
 from roboprompt_client.errors import RoboPromptError
 from roboprompt_client.version import VERSION
 
+MIN_MEMORY_GB = 1.0  # measured: 0.8 with one worker and the embedded LLM
+PATIENCE_S = 60.0
+RENDERS = "import sys; from app.sim.rendering import opengl_works; sys.exit(not opengl_works())"
 COLORS = {"ok": "green", "missing": "yellow", "wrong": "yellow"}
 MIN_FREE_GB = 1.0  # the weights take 0.6 of it when they are first unpacked
 CLIENTS_OWN = {"api_key"}  # read by roboprompt-client
@@ -51,6 +53,22 @@ WHAT_FOR = {
     "otel": "ROBOPROMPT_OTEL_ENDPOINT",
     "franka": "roboprompt demo --robot franka",
 }
+
+
+@dataclass(frozen=True)
+class Row:
+    """One thing that was looked at.
+
+    Attributes:
+        remedy: what to do where it is not ok.
+        required: whether `roboprompt serve` needs it.
+    """
+
+    name: str
+    state: Literal["ok", "missing", "wrong"]
+    seen: str
+    remedy: str = ""
+    required: bool = True
 
 
 def doctor(
@@ -198,3 +216,61 @@ def extras(settings: Settings) -> Iterator[Row]:
 def _nearest(folder: Path) -> Path:
     """The folder, or the nearest above it that is there."""
     return next(place for place in (folder, *folder.absolute().parents) if place.exists())
+
+
+def look_at_machine(port: int) -> Iterator[Row]:
+    """A row for each thing."""
+    yield memory(Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"))
+    yield listening(port)
+    if is_installed("mujoco"):
+        yield opengl()
+
+
+def memory(meminfo: Path, limit: Path) -> Row:
+    """What Linux says is available, and a container's limit."""
+    try:
+        lines = dict(line.split(":", 1) for line in meminfo.read_text().splitlines())
+        free_gb = int(lines["MemAvailable"].split()[0]) * 1024 / 1e9
+    except (OSError, KeyError, ValueError):
+        return Row("memory", "missing", "this system does not say how much is available", "nothing", required=False)
+    if limit.is_file() and (text := limit.read_text().strip()).isdigit():
+        free_gb = min(free_gb, int(text) / 1e9)
+    seen = f"{free_gb:.1f} GB available"
+    remedy = f"end other programs, or raise the container's limit, to {MIN_MEMORY_GB:g} GB or more"
+    return Row("memory", "ok" if free_gb >= MIN_MEMORY_GB else "wrong", seen, remedy)
+
+
+def listening(port: int) -> Row:
+    """Whether the port is free, or a RoboPrompt service's."""
+    name = f"port {port}"
+    try:
+        with socket.socket() as listener:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(("127.0.0.1", port))
+    except PermissionError as error:
+        return Row(name, "wrong", str(error), "choose one above 1023: roboprompt serve --port 8001")
+    except OSError:
+        if _is_ours(port):
+            return Row(name, "ok", "a RoboPrompt service answers there")
+        return Row(name, "wrong", "another program listens there", f"end it, or roboprompt serve --port {port + 1}")
+    return Row(name, "ok", "free")
+
+
+def _is_ours(port: int) -> bool:
+    try:
+        with httpx.Client(trust_env=False, timeout=2) as http:
+            return "checks" in http.get(f"http://127.0.0.1:{port}/healthz").json()
+    except (httpx.HTTPError, ValueError, TypeError):
+        return False
+
+
+def opengl() -> Row:
+    """Whether MuJoCo renders a picture, in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", RENDERS], capture_output=True, text=True, check=False, timeout=PATIENCE_S
+    )
+    if done.returncode == 0:
+        return Row("OpenGL", "ok", "the simulation renders pictures", required=False)
+    last = (done.stderr.strip().splitlines() or ["it does not render"])[-1]
+    remedy = "apt-get install libegl1 libgl1, or libosmesa6; without, pictures take several times longer"
+    return Row("OpenGL", "missing", last, remedy, required=False)

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import typer
 
-from app.cli.evaluate_options import EvaluateOptions
+from app.cli.evaluate import EvaluateOptions
 from app.cli.shared import check_names
 from app.evaluation.failures import UnknownWorldError
 from app.evaluation.methods import Method, with_noise, with_poses, with_shift

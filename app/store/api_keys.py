@@ -3,11 +3,10 @@
 Each query runs on the caller's transaction.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
-from sqlalchemy import Connection, Row, delete, insert, or_, select, update
+from sqlalchemy import Connection, delete, insert, or_, select, update
 
 from app.store import audit, tables
 from app.store.errors import NotFoundError
@@ -33,17 +32,16 @@ class ApiKeyRecord:
 
 def add(connection: Connection, record: ApiKeyRecord) -> None:
     """Store a new key."""
-    scopes, tasks = list(record.scopes), None if record.tasks is None else list(record.tasks)
-    connection.execute(insert(_KEYS).values({**asdict(record), "scopes": scopes, "tasks": tasks}))
-    limits = {"tasks": tasks, "expires_at": None if record.expires_at is None else record.expires_at.isoformat()}
+    connection.execute(insert(_KEYS).values(vars(record)))
+    limits = {"tasks": record.tasks, "expires_at": None if record.expires_at is None else record.expires_at.isoformat()}
     limits_set = {name: value for name, value in limits.items() if value is not None}
-    audit.record(connection, "key.created", record.id, {"name": record.name, "scopes": scopes, **limits_set})
+    audit.record(connection, "key.created", record.id, {"name": record.name, "scopes": record.scopes, **limits_set})
 
 
 def list_all(connection: Connection) -> tuple[ApiKeyRecord, ...]:
     """Every key, oldest first, revoked ones included."""
     rows = connection.execute(select(_KEYS).order_by(_KEYS.c.created_at, _KEYS.c.id))
-    return tuple(_record(row) for row in rows)
+    return tuple(ApiKeyRecord(**row._mapping) for row in rows)
 
 
 def valid(connection: Connection) -> tuple[ApiKeyRecord, ...]:
@@ -89,8 +87,3 @@ def key_of_session(connection: Connection, digest: str) -> str | None:
 def end_session(connection: Connection, digest: str) -> None:
     """Forget the session, if there is one."""
     connection.execute(delete(_SESSIONS).where(_SESSIONS.c.digest == digest))
-
-
-def _record(row: Row[Any]) -> ApiKeyRecord:
-    tasks = None if row.tasks is None else tuple(row.tasks)
-    return ApiKeyRecord(**{**row._mapping, "scopes": tuple(row.scopes), "tasks": tasks})

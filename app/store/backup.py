@@ -213,10 +213,10 @@ def _archive(path: Path) -> Iterator[tarfile.TarFile]:
 
 @contextmanager
 def _row_errors(path: Path) -> Iterator[None]:
-    """Rows that no service has written: they contradict each other, or hold no JSON."""
+    """Rows that no service has written: they contradict each other, or hold no JSON, or other than records have."""
     try:
         yield
     except exc.OperationalError:  # the disk is full, or the server gone
         raise
-    except (exc.SQLAlchemyError, ValueError, TypeError) as error:
+    except (exc.SQLAlchemyError, ValueError, TypeError, LookupError) as error:
         raise _damaged(path, f"its rows are not as they should be: {str(error).splitlines()[0]:.200}") from error

@@ -1,7 +1,7 @@
 """Queries on episodes. Each runs on the caller's transaction."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, select, update
@@ -10,7 +10,7 @@ from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page
 from app.store.tables import fetch_page
-from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+from app.store.values import ObjectRecord
 from app.store.visibility import of_visible_tasks, present
 
 MAX_INSTRUCTIONS = 50
@@ -23,9 +23,7 @@ _SCENES = (
     .where(_EPISODES.c.task == bindparam("task"), _SHOWN)
     .order_by(_EPISODES.c.sequence)
 )
-_FOR_PROMPTS = [
-    _EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes", "control_frequency_hz")
-]
+_FOR_PROMPTS = [_EPISODES.c[field.name] for field in fields(DemonstrationRecord)]
 
 
 def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
@@ -34,13 +32,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
     Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
     """
     values = vars(draft)
-    encoded = {
-        **extraction_json(draft),
-        "cameras": [camera.to_json() for camera in draft.cameras],
-        "given_objects": list(draft.given_objects),
-    }
-    query = insert(_EPISODES).values({**values, **encoded}).returning(_EPISODES.c.sequence)
-    sequence = connection.execute(query).scalar_one()
+    sequence = connection.execute(insert(_EPISODES).values(values).returning(_EPISODES.c.sequence)).scalar_one()
     own = [record.name for record in draft.objects]
     names = [name for name in tasks.get(connection, draft.task).object_names or own if name in own]
     tasks.change(connection, draft.task, {"object_names": names})
@@ -185,20 +177,20 @@ def demonstrations(connection: Connection, task: str, limit: int | None = None) 
     Episodes that are left out of prompts are not demonstrations.
     """
     query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == task, _SHOWN).order_by(_EPISODES.c.sequence).limit(limit)
-    return tuple(_demonstration(row) for row in connection.execute(query))
+    return tuple(DemonstrationRecord(*row) for row in connection.execute(query))
 
 
 def scenes(connection: Connection, task: str) -> dict[str, tuple[ObjectRecord, ...]]:
     """The objects of every demonstration of the task at its first frame, oldest first, by id."""
     rows = connection.execute(_SCENES, {"task": task})
-    return {row.id: tuple(map(ObjectRecord.from_json, row.objects)) for row in rows}
+    return {row.id: row.objects for row in rows}
 
 
 def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
     """Those episodes of the task as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
     # The task is compared here: in the statement it would tempt SQLite to walk through the whole task.
-    query = select(*_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids))
-    found = {row.id: _demonstration(row) for row in connection.execute(query) if row.task == task}
+    rows = connection.execute(select(_EPISODES.c.task, *_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids)))
+    found = {row.id: DemonstrationRecord(*row[1:]) for row in rows if row.task == task}
     for episode_id in ids:
         if episode_id not in found:
             raise NotFoundError(f"episode of task {task!r}", episode_id)
@@ -222,36 +214,11 @@ def replace_extractions(
     """
     tasks.require_version(connection, task, expected_version)
     query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)
-    if parameters := [{"episode_id": item.episode_id, **extraction_json(item)} for item in extractions]:
+    if parameters := list(map(vars, extractions)):
         connection.execute(query, parameters)
     tasks.change(connection, task, {})
 
 
-def extraction_json(item: EpisodeDraft | Extraction) -> dict[str, list[dict[str, Any]]]:
-    """The two columns as they are stored."""
-    return {
-        "keyframes": [keyframe.to_json() for keyframe in item.keyframes],
-        "objects": [record.to_json() for record in item.objects],
-    }
-
-
-def _extraction(row: Row[Any]) -> dict[str, Any]:
-    return {
-        "keyframes": tuple(KeyframeRecord.from_json(value) for value in row.keyframes),
-        "objects": tuple(ObjectRecord.from_json(value) for value in row.objects),
-    }
-
-
-def _demonstration(row: Row[Any]) -> DemonstrationRecord:
-    hz = row.control_frequency_hz
-    return DemonstrationRecord(row.id, row.instruction, control_frequency_hz=hz, **_extraction(row))
-
-
 def record_of(row: Row[Any]) -> EpisodeRecord:
     """The record of a row of `LISTED`, or of more."""
-    decoded = {
-        **_extraction(row),
-        "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras),
-        "given_objects": tuple(row.given_objects),
-    }
-    return EpisodeRecord(**{**row._mapping, **decoded})
+    return EpisodeRecord(**row._mapping)

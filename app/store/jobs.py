@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, delete, exists, func, insert, select, update
+from sqlalchemy import Connection, delete, exists, func, insert, select, update
 
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -51,7 +51,7 @@ def get(connection: Connection, job_id: str) -> JobRecord:
     row = connection.execute(select(_JOBS).where(_JOBS.c.id == job_id)).first()
     if row is None or not present().has_task(row.task):
         raise NotFoundError("job", job_id)
-    return _record(row)
+    return JobRecord(**row._mapping)
 
 
 def list_page(
@@ -59,7 +59,7 @@ def list_page(
 ) -> Page[JobRecord]:
     """Return jobs, newest first, of one task or of all visible ones."""
     query = of_visible_tasks(select(_JOBS), _JOBS.c.task, task)
-    return fetch_page(connection, _JOBS, query, limit, cursor, _record)
+    return fetch_page(connection, _JOBS, query, limit, cursor, lambda row: JobRecord(**row._mapping))
 
 
 def has_open(connection: Connection, task: str) -> bool:
@@ -89,7 +89,10 @@ def pending(connection: Connection, job: JobRecord, limit: int) -> tuple[Episode
 
 def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extraction], lease: timedelta) -> None:
     """Keep a batch and renew the claim; raises LostClaimError."""
-    rows = [{"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item)} for item in extractions]
+    rows = [
+        {"job": job.id, "episode": item.episode_id, "keyframes": item.keyframes, "objects": item.objects}
+        for item in extractions
+    ]
     _change(connection, job, {"claimed_until": datetime.now(UTC) + lease})
     if rows:  # unless each of the batch was deleted meanwhile
         connection.execute(insert(_STAGED), rows)
@@ -134,7 +137,3 @@ def _change(connection: Connection, job: JobRecord, values: JsonObject) -> None:
     mine = (_JOBS.c.id == job.id, _JOBS.c.claim == job.claim, _JOBS.c.status == "running")
     if connection.execute(update(_JOBS).where(*mine).values(values)).rowcount == 0:
         raise LostClaimError(job.id)
-
-
-def _record(row: Row[tuple[object, ...]]) -> JobRecord:
-    return JobRecord(**row._mapping)

@@ -1,11 +1,11 @@
 """Queries on labels: views of an object with its masks. Each runs on the caller's transaction."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, delete, func, insert, select
+from sqlalchemy import Connection, delete, func, insert, select
 
 from app.store import tables, tasks
 from app.store.errors import NotFoundError
@@ -40,18 +40,17 @@ def add(
     """A new label of the object `name`; raises NotFoundError."""
     tasks.lock(connection, task)
     record = LabelRecord(uuid4().hex, task, name, cameras, dict(num_pixels), yaw_deg, episode_id, datetime.now(UTC))
-    values = {**vars(record), "cameras": [camera.to_json() for camera in cameras]}
-    connection.execute(insert(_LABELS).values(values))
+    connection.execute(insert(_LABELS).values(vars(record)))
     return record
 
 
 def all_of(connection: Connection, task: str, name: str | None = None) -> tuple[LabelRecord, ...]:
     """The task's labels in the order they came, those of one object or all; raises NotFoundError."""
     tasks.get(connection, task)
-    query = select(_LABELS).where(_LABELS.c.task == task).order_by(_LABELS.c.sequence)
+    query = select(*(_LABELS.c[field.name] for field in fields(LabelRecord))).where(_LABELS.c.task == task)
     if name is not None:
         query = query.where(_LABELS.c.object == name)
-    return tuple(_record(row) for row in connection.execute(query))
+    return tuple(LabelRecord(*row) for row in connection.execute(query.order_by(_LABELS.c.sequence)))
 
 
 def number_of(connection: Connection, task: str) -> int:
@@ -65,8 +64,3 @@ def remove(connection: Connection, task: str, label_id: str) -> None:
     query = delete(_LABELS).where(_LABELS.c.task == task, _LABELS.c.id == label_id)
     if not connection.execute(query).rowcount:
         raise NotFoundError("label", label_id)
-
-
-def _record(row: Row[tuple[object, ...]]) -> LabelRecord:
-    values = {name: value for name, value in row._mapping.items() if name != "sequence"}
-    return LabelRecord(**{**values, "cameras": tuple(map(CameraRecord.from_json, values["cameras"]))})

@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, Connection, Row, Select, and_, case, func,
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
 from app.store.records import PredictionRecord, PredictionStatus
-from app.store.values import JsonObject
+from app.store.values import JsonObject, ObjectRecord
 from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
@@ -34,11 +34,7 @@ _num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionSummary:
-    """A prediction without its prompt and reply.
-
-    Attributes:
-        objects: as they were observed, and `findings`, as they are stored.
-    """
+    """A prediction without its prompt and reply; its objects are as they were observed."""
 
     sequence: int
     id: str
@@ -52,8 +48,8 @@ class PredictionSummary:
     outcome_success: bool | None
     outcome_note: str | None
     created_at: datetime
-    objects: list[JsonObject]
-    findings: list[JsonObject] | None
+    objects: tuple[ObjectRecord, ...]
+    findings: tuple[JsonObject, ...] | None
     num_demonstrations: int
 
     @property

@@ -12,7 +12,6 @@ from app.store.database import lock
 from app.store.errors import NotFoundError
 from app.store.records import Page, PredictionDraft, PredictionRecord
 from app.store.tables import fetch_page
-from app.store.values import CameraRecord, ObjectRecord
 from app.store.visibility import of_visible_predictions, present
 
 _PREDICTIONS, _CASES = tables.predictions, tables.cases
@@ -23,10 +22,8 @@ _OUTCOMES = {"success": True, "failure": False, "unknown": None}
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
     """Store a prediction, of the key whose request this is; raises NotFoundError if its task was deleted meanwhile."""
     values = {**vars(draft), "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
-    objects = [item.to_json() for item in draft.objects]
-    seen = {"objects": objects, "cameras": [item.to_json() for item in draft.cameras] or None}
     try:
-        sequence = connection.execute(_INSERT, {**values, **seen}).scalar_one()
+        sequence = connection.execute(_INSERT, {**values, "cameras": draft.cameras or None}).scalar_one()
     except IntegrityError as error:
         raise NotFoundError("task", draft.task) from error
     return PredictionRecord(**values, sequence=sequence, outcome_success=None, outcome_note=None, outcome_at=None)
@@ -90,12 +87,4 @@ def is_case(connection: Connection, prediction_id: str) -> bool:
 
 
 def _record(row: Row[Any]) -> PredictionRecord:
-    decoded = {
-        "demonstration_ids": tuple(row.demonstration_ids),
-        "actions": None if row.actions is None else tuple(row.actions),
-        "samples": None if row.samples is None else tuple(row.samples),
-        "findings": tuple(row.findings),
-        "objects": tuple(map(ObjectRecord.from_json, row.objects)),
-        "cameras": tuple(map(CameraRecord.from_json, row.cameras or ())),
-    }
-    return PredictionRecord(**{**row._mapping, **decoded})
+    return PredictionRecord(**{**row._mapping, "cameras": row.cameras or ()})

@@ -27,6 +27,7 @@ from sqlalchemy import (
 )
 
 from app.store.records import Page, T
+from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 # Constraints that have names can be altered by a later migration on every database.
 NAMING_CONVENTION = {
@@ -54,6 +55,27 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 # Python's None is SQL's NULL, never JSON's `null`.
 Json = JSON(none_as_null=True)
+
+
+class Items(TypeDecorator[tuple[Any, ...]]):
+    """A tuple of records, or without their class of what JSON has; a list in JSON."""
+
+    impl = Json
+    cache_ok = True
+
+    def __init__(self, record: type[KeyframeRecord | ObjectRecord | CameraRecord] | None = None) -> None:
+        super().__init__()
+        self.record = record
+
+    def process_bind_param(self, value: tuple[Any, ...] | None, dialect: Dialect) -> list[Any] | None:
+        """Documents of the records."""
+        return value if value is None else [item.to_json() for item in value] if self.record else list(value)
+
+    def process_result_value(self, value: list[Any] | None, dialect: Dialect) -> tuple[Any, ...] | None:
+        """Records of the documents."""
+        return value if value is None else tuple(map(self.record.from_json, value) if self.record else value)
+
+
 # SQLite numbers rows by itself only where the type is spelled INTEGER.
 SequenceNumber = BigInteger().with_variant(Integer, "sqlite")
 
@@ -65,7 +87,7 @@ tasks = Table(
     Column("name", String(64), primary_key=True),
     Column("version", Integer, nullable=False),
     Column("settings", Json, nullable=False),
-    Column("object_names", Json),
+    Column("object_names", Items()),
     Column("created_at", UtcDateTime, nullable=False),
     Column("updated_at", UtcDateTime, nullable=False),
 )
@@ -85,10 +107,10 @@ episodes = Table(
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),
-    Column("objects", Json, nullable=False),
-    Column("keyframes", Json, nullable=False),
-    Column("cameras", Json, nullable=False),
-    Column("given_objects", Json, nullable=False),
+    Column("objects", Items(ObjectRecord), nullable=False),
+    Column("keyframes", Items(KeyframeRecord), nullable=False),
+    Column("cameras", Items(CameraRecord), nullable=False),
+    Column("given_objects", Items(), nullable=False),
     Column("extra", Json, nullable=False),
     Column("trajectory", LargeBinary, nullable=False),
     Index(None, "task", "sequence"),
@@ -113,19 +135,19 @@ predictions = Table(
     Column("outcome_note", Text),
     Column("outcome_at", UtcDateTime),
     Column("created_at", UtcDateTime, nullable=False),
-    Column("demonstration_ids", Json, nullable=False),
+    Column("demonstration_ids", Items(), nullable=False),
     Column("timings_ms", Json, nullable=False),
     Column("usage", Json, nullable=False),
-    Column("cameras", Json),
+    Column("cameras", Items(CameraRecord)),
     Column("request", Json, nullable=False),
-    Column("objects", Json, nullable=False),
+    Column("objects", Items(ObjectRecord), nullable=False),
     Column("grounding", Json, nullable=False),
-    Column("findings", Json, nullable=False),
+    Column("findings", Items(), nullable=False),
     Column("prompt_system", Text, nullable=False),
     Column("prompt_user", Text, nullable=False),
     Column("reply_text", Text),
-    Column("actions", Json),
-    Column("samples", Json),
+    Column("actions", Items()),
+    Column("samples", Items()),
     Index(None, "task", "sequence"),
     Index(None, "key_id", "sequence"),
     sqlite_autoincrement=True,
@@ -148,8 +170,8 @@ api_keys = Table(
     Column("id", String(16), primary_key=True),
     Column("name", String(64), nullable=False),
     Column("digest", String(64), nullable=False),
-    Column("scopes", Json, nullable=False),
-    Column("tasks", Json),
+    Column("scopes", Items(), nullable=False),
+    Column("tasks", Items()),
     Column("created_at", UtcDateTime, nullable=False),
     Column("expires_at", UtcDateTime),
     Column("revoked_at", UtcDateTime),
@@ -193,7 +215,7 @@ labels = Table(
     Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
     Column("object", String(64), nullable=False),
     Column("episode_id", String(32)),
-    Column("cameras", Json, nullable=False),
+    Column("cameras", Items(CameraRecord), nullable=False),
     Column("num_pixels", Json, nullable=False),
     Column("yaw_deg", Float),
     Column("created_at", UtcDateTime, nullable=False),
@@ -228,8 +250,8 @@ staged_extractions = Table(
     metadata,
     Column("job", String(32), ForeignKey("jobs.id"), primary_key=True),
     Column("episode", String(32), primary_key=True),
-    Column("keyframes", Json, nullable=False),
-    Column("objects", Json, nullable=False),
+    Column("keyframes", Items(KeyframeRecord), nullable=False),
+    Column("objects", Items(ObjectRecord), nullable=False),
 )
 
 # See app.store.audit. Numbers are given by the writer, without gaps.

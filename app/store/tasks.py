@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, bindparam, func, select, update
+from sqlalchemy import Connection, bindparam, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
@@ -31,7 +31,7 @@ def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
     query = _GET.with_for_update(key_share=True) if lock else _GET
     row = connection.execute(query, {"name": name}).first()
-    return None if row is None else _record(row)
+    return None if row is None else TaskRecord(**row._mapping)
 
 
 def get(connection: Connection, name: str) -> TaskRecord:
@@ -58,7 +58,7 @@ def lock(connection: Connection, name: str) -> TaskRecord:
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
     """Every task that is seen, by name."""
     query = of_visible_tasks(select(_TASKS), _TASKS.c.name)
-    return tuple(_record(row) for row in connection.execute(query.order_by(_TASKS.c.name)))
+    return tuple(TaskRecord(**row._mapping) for row in connection.execute(query.order_by(_TASKS.c.name)))
 
 
 def most_recently_used(connection: Connection, limit: int) -> tuple[str, ...]:
@@ -156,8 +156,3 @@ def counts(connection: Connection, without_models: Collection[str] = ()) -> dict
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}
     names = connection.scalars(of_visible_tasks(select(_TASKS.c.name), _TASKS.c.name).order_by(_TASKS.c.name))
     return {name: TaskCounts(of_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
-
-
-def _record(row: Row[Any]) -> TaskRecord:
-    names = None if row.object_names is None else tuple(row.object_names)
-    return TaskRecord(row.name, row.version, row.settings, names, row.created_at, row.updated_at)

@@ -90,7 +90,7 @@ def scene(
         "objects": [_object(item, colors) for item in objects],
         "shown": [_object(item, colors) for item in shown],
         "asked": [
-            {"label": item["name"], "position": item["position"], "fate": prediction.fate, "id": prediction.id}
+            {"label": item.name, "position": item.position_m, "fate": prediction.fate, "id": prediction.id}
             for prediction in asked
             for item in prediction.objects
         ],

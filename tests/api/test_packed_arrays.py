@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from app.api.packed_arrays import DTYPES, is_packed_array, npy_from_packed
+from app.api.body import DTYPES, npy_from_packed, packed_image
 from app.untrusted_arrays import array_from_npy
 from roboprompt_client.errors import InvalidInputError
 
@@ -31,8 +31,7 @@ def test_there_and_back(array):
 
 def test_keys_of_openpi_are_read():
     openpi = {key.encode(): value for key, value in IMAGE.items()} | {b"dtype": b"|u1"}
-    assert is_packed_array(openpi)
-    assert npy_from_packed("rgb_front", openpi) == npy_from_packed("rgb_front", IMAGE)
+    assert packed_image("rgb_front", openpi) == packed_image("rgb_front", IMAGE)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Addresses, queries and headers that no robot should send; and bytes that are no request."""
 
-from tests.attack.hostile import JSON, LIMITED, Attack, asked, posted
+from tests.attack.hostile import JSON, Attack, asked, posted
 from tests.attack.payloads import QUESTION
 
 LONG = "9" * 10_000
@@ -15,34 +15,20 @@ def streamed(name, value, status, field=None):
 ADDRESSES = {
     "cursor beyond 64 bits": asked(f"/episodes?cursor={2**63}", 422, "cursor"),
     "cursor of 10,000 digits": asked(f"/episodes?cursor={LONG}", 414),
-    "cursor below zero": asked("/predictions?cursor=-1", 422, "cursor"),
-    "cursor of NaN": asked("/jobs?cursor=NaN", 422, "cursor"),
-    "cursor with an injection": asked("/episodes?cursor=1%20OR%201=1", 422, "cursor"),
     "limit of minus zero": asked("/episodes?limit=-0", 422, "limit"),
-    "limit with an exponent": asked("/episodes?limit=1e2", 422, "limit"),
-    "limit in hexadecimal": asked("/predictions?limit=0x10", 422, "limit"),
     "limit twice, the second wrong": asked("/episodes?limit=5&limit=x", 422, "limit"),
-    "limit that ends in a null byte": asked("/episodes?limit=5%00", 422, "limit"),
     "outcome of another case": asked("/predictions?outcome=SUCCESS", 422, "outcome"),
-    "task of 10 kB": asked(f"/episodes?task={LONG}", 414),
     "task with a null byte": asked("/episodes?task=limited%00", 404),
     "task that is not UTF-8": asked("/episodes?task=%ff%fe", 404),
-    "task with an injection": asked("/episodes?task=limited'%20OR%20'1'='1", 404),
-    "model of 10 kB": asked(f"/tasks/pick/check?model={LONG}", 414),
     "id with encoded slashes": asked("/episodes/..%2f..%2ftasks%2flimited", 404),
-    "id with twice encoded slashes": asked("/episodes/..%252f..%252ftasks", 404),
     "id of a null byte": asked("/episodes/%00", 404),
     "id of 30 kB": asked(f"/predictions/{LONG * 3}", 404),
     "image of a camera that leads upwards": asked("/episodes/x/images/..%2f..%2fblobs/rgb", 404),
-    "image of an unknown kind": asked("/episodes/x/images/c/..", 404),
     "image that is original in a way": asked("/episodes/x/images/c/rgb?original=maybe", 422, "original"),
-    "upload of a null byte": asked("/uploads/%00", 404),
     "task's name that leads upwards": Attack("PUT", "/tasks/..%2fkeys", 404, None, b"{}", JSON),
     "task's name with a line end": Attack("PUT", "/tasks/a%0d%0ab", 422, "task", b"{}", JSON),
-    "task's name in Cyrillic": Attack("PUT", "/tasks/%D1%80ick", 422, "task", b"{}", JSON),
     "task's name of half a surrogate pair": Attack("PUT", "/tasks/%ED%A0%80", 422, "task", b"{}", JSON),
     "deletion of another spelling": Attack("DELETE", "/tasks/LIMITED", 404),
-    "deletion with a null byte": Attack("DELETE", f"/tasks/{LIMITED}%00", 404),
     "a method that the address has not": Attack("PATCH", "/tasks", 405),
     "idempotency key of 10 kB": posted("/predict", QUESTION, 422, "idempotency-key", {**JSON, "idempotency-key": LONG}),
     "an Accept list of 10 kB": asked("/tasks/none", 404, None, accept=",".join(["a/b;q=0.1"] * 1000)),
@@ -61,16 +47,12 @@ CHUNKED = "Transfer-Encoding: chunked"
 # What is sent, and how the answer's status begins; None: there is no answer, as more must come.
 RAW = {
     "a method nobody knows": (b"BREW /tasks HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "400"),
-    "a key with a control character": (post("Idempotency-Key: a\x01b|Content-Length: 2"), "4"),
     "a key with a null byte": (post("Idempotency-Key: a\0b|Content-Length: 2"), "400"),
     "a key twice": (post("Idempotency-Key: a|Idempotency-Key: b|Content-Length: 2"), "422"),
     "a length below zero": (post("Content-Length: -1"), "400"),
-    "a length with a sign": (post("Content-Length: +2"), "400"),
-    "a length of 30 digits": (post(f"Content-Length: {'9' * 30}"), "400"),
     "a length of a terabyte": (post(f"Content-Length: {10**12}"), "413"),
     "two lengths": (post("Content-Length: 2|Content-Length: 3"), "400"),
     "a length and chunks": (post(f"Content-Length: 2|{CHUNKED}", b"0\r\n\r\n"), "400"),
-    "a chunk of a size that is none": (post(CHUNKED, b"zz\r\n{}\r\n"), "400"),
     "a chunk of a size beyond 64 bits": (post(CHUNKED, b"f" * 17 + b"\r\n{}\r\n"), "400"),
     "chunks beyond a document's size": (post(CHUNKED, (b"fffff\r\n" + b" " * 0xFFFFF + b"\r\n") * 33), "413"),
     "an encoding of transfer nobody knows": (post("Transfer-Encoding: gzip"), "4"),

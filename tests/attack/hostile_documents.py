@@ -31,12 +31,6 @@ def packed(tail, status=400, field=None, members=1):
     return posted("/predict", bytes([body[0] + members]) + body[1:] + tail, status, field, MSGPACK)
 
 
-def array(dtype, shape, data=b""):
-    """A question with an image that says it is such an array."""
-    image = {"__ndarray__": True, "dtype": dtype, "shape": shape, "data": data}
-    return posted("/predict", msgpack.packb({**QUESTION, "rgb_c": image}), 422, "rgb_c", MSGPACK)
-
-
 def extra(depth, status, field=None):
     """An upload with lists so deep."""
     body = b'{"metadata": {"extra": {"a": ' + b"[" * depth + b"]" * depth + b'}}, "trajectory": {}}'
@@ -51,30 +45,17 @@ def behind_two_types(body, status):
 
 LIMITS = {
     "step of NaN": limits('{"max_step_m": NaN}'),
-    "step of 1e309, which is infinite": limits('{"max_step_m": 1e309}'),
     "step of minus zero": limits('{"max_step_m": -0.0}'),
     "turn just above 180": limits('{"max_step_rotation_deg": 180.00000000000003}'),
-    "turn below zero by a subnormal number": limits('{"max_step_rotation_deg": -5e-324}'),
-    "hand of null": limits('{"hand_radius_m": null}'),
-    "hand of minus infinity": limits('{"hand_radius_m": -Infinity}'),
     "boxes, 10,000": limits(f'{{"keep_out": [{", ".join([BOX] * 10_000)}]}}', 413, None),
     "boxes, 65": limits(f'{{"keep_out": [{", ".join([BOX] * 65)}]}}'),
     "box with min above max": limits('{"keep_out": [{"min": [1, 1, 1], "max": [0, 0, 0]}]}'),
     "box without room on one axis": limits('{"keep_out": [{"min": [0, 0, 0], "max": [1, 1, -0.0]}]}'),
-    "box of null": limits('{"keep_out": [null]}'),
-    "box without max": limits('{"keep_out": [{"min": [0, 0, 0]}]}'),
     "box of four axes": limits('{"keep_out": [{"min": [0, 0, 0, 0], "max": [1, 1, 1, 1]}]}'),
     "box with a member nobody knows": limits('{"keep_out": [{"min": [0, 0, 0], "max": [1, 1, 1], "m": 1}]}'),
-    "boxes as an object": limits('{"keep_out": {"0": ' + BOX + "}}"),
     "a bound whose name has a letter in Cyrillic": limits('{"max_st\u0435p_m": 0.5}'),
-    "a bound whose name ends in a space": limits('{"max_step_m ": 0.5}'),
-    "no bounds at all": limits("null"),
     "a list of bounds": limits('[{"max_step_m": 9}]'),
     "the same bound twice, the second lax": limits('{"max_step_m": 0.1, "max_step_m": null}', 400, None),
-    "the same settings twice, the second lax": settings(
-        '{"motion_limits": {"max_step_m": 0.1}, "motion_limits": {"max_step_m": null}}', 400
-    ),
-    "workspace of NaN": settings('{"workspace": {"min": [NaN, 0, 0]}}', 422, "workspace"),
     "workspace wider than any float": settings(
         '{"workspace": {"min": [-1e308, -1e308, -1e308], "max": [1e308, 1e308, 1e308]}}', 422, "workspace"
     ),
@@ -82,7 +63,6 @@ LIMITS = {
     "workspace of a preset and a box": settings(
         '{"workspace": {"preset": "rlbench", "min": [0, 0, 0]}}', 422, "workspace"
     ),
-    "robot base at 1e309": settings('{"robot_base": [1e309, 0, 0]}', 422, "robot_base"),
     "aliases that turn the direction of writing": settings('{"aliases": {"cube": ["\u202eebuc"]}}', 422, "aliases"),
     "a name of half a surrogate pair": settings(r'{"\ud800": 1}', 400),
 }
@@ -91,48 +71,26 @@ BODIES = {
     "lists 40,000 deep behind two content types": behind_two_types(b"[" * 40_000 + b"]" * 40_000, 400),
     "330,000 lists behind two content types": behind_two_types(b"[" + b"[]," * 330_000 + b"[]]", 413),
     "settings after a byte order mark": settings(b'\xef\xbb\xbf{"robot_base": [NaN, 0, 0]}', 400),
-    "question after a byte order mark": sent(b"\xef\xbb\xbf" + WHOLE),
     "settings that are not UTF-8": settings(b'{"system_prompt": "\xff\xfe"}', 400),
-    "question that is not UTF-8": asking(b'"model": "\xc3\x28"'),
     "UTF-8 of a surrogate": asking(b'"model": "\xed\xa0\x80"'),
-    "overlong UTF-8": asking(b'"model": "\xc0\xaf"'),
     "the same member twice": asking(b'"seed": 1, "seed": "x"'),
     "an integer of 4,000 digits": asking(b'"seed": ' + b"9" * 4000, 422, "seed"),
-    "a float of 1,000 digits": asking(b'"temperature": 2.' + b"0" * 999 + b"1e1", 422, "temperature"),
-    "an exponent of 300 digits": asking(b'"temperature": 1e' + b"9" * 300, 422, "temperature"),
     "timeout of a nanosecond": asking(b'"timeout_s": 1e-9', 422, "timeout_s"),
-    "timeout of thirty years": asking(b'"timeout_s": 1e9', 422, "timeout_s"),
-    "timeout of NaN": asking(b'"timeout_s": NaN', 422, "timeout_s"),
-    "actions of minus zero": asking(b'"max_actions": -0.0', 422, "max_actions"),
-    "a comment": sent(b"/* */" + WHOLE),
     "two documents": sent(WHOLE * 2),
-    "a comma too many": sent(WHOLE[:-1] + b",}"),
     "lists 60 deep in extra": extra(60, 422, "task"),
     "lists 70 deep in extra": extra(70, 400),
     "a document of one string": sent(b'"' + b"a" * 1000 + b'"'),
     "JSON that says it is MessagePack": sent(WHOLE, headers=MSGPACK),
     "MessagePack that says it is JSON": sent(msgpack.packb(QUESTION)),
-    "JSON that says it is text": sent(WHOLE, 415, headers={"content-type": "text/plain"}),
-    "JSON that does not say what it is": sent(WHOLE, 415, headers={}),
     "a content type of 10 kB": sent(WHOLE, 415, headers={"content-type": "a/" + "b" * 10_000}),
-    "JSON in gzip": sent(gzip.compress(WHOLE), headers=GZIP),
     "a gzip bomb": posted("/episodes", gzip.compress(b" " * 20_000_000), 400, None, GZIP),
     "MessagePack of a list": sent(msgpack.packb([1, 2]), headers=MSGPACK),
-    "MessagePack with text for an image": posted(
-        "/predict", msgpack.packb({**QUESTION, "rgb_c": "c.png"}), 422, "rgb_c", MSGPACK
-    ),
     "MessagePack with the same key twice": packed(b"\xa4seed\x01\xa4seed\xa1x", members=2),
     "MessagePack with NaN": packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan")), 422, "temperature"),
     "MessagePack with a timestamp": packed(b"\xa4seed\xd6\xff\0\0\0\0"),
     "MessagePack with text that is not UTF-8": packed(b"\xa5model\xa2\xff\xfe"),
     "MessagePack with a text that ends early": packed(b"\xa5model\xdb\xff\xff\xff\xff"),
-    "MessagePack with bytes for text": packed(b"\xa5model\xc4\x01a", 422, "model"),
-    "MessagePack with an integer of 64 bits": packed(b"\xa4seed\xcf" + b"\xff" * 8, 422, "seed"),
-    "MessagePack with a reserved byte": packed(b"\xa4seed\xc1"),
     "MessagePack followed by more": sent(msgpack.packb(QUESTION) + b"\0", headers=MSGPACK),
-    "MessagePack array of a negative shape": array("|u1", [-1, 4, 3]),
-    "MessagePack array of a shape beyond 64 bits": array("|u1", [2**63, 2**63, 3]),
-    "MessagePack array of objects": array("O", [1], b"\0" * 8),
     "an outcome of a prediction that is none": Attack(
         "POST", "/predictions/%00/outcome", 404, None, b'{"success": true}', JSON
     ),

@@ -4,13 +4,9 @@ import json
 
 from tests.attack.hostile import Attack, form, part
 from tests.attack.payloads import QUESTION
-from tests.episodes import arrays, metadata, npz, pick_trajectory
 
 DOCUMENT = json.dumps(QUESTION).encode()
 METADATA = part(b"metadata", DOCUMENT, b"m.json")
-FIELD = part(b"metadata", DOCUMENT)  # a field is decoded as the charset says, a file is not
-EPISODE = part(b"metadata", json.dumps(metadata("hostile", {"cube": (0.1, 0.1, 0.78)})).encode(), b"m.json")
-TRAJECTORY = part(b"trajectory", npz(**arrays(pick_trajectory((0.1, 0.1, 0.78)))), b"t.npz")
 
 
 def sent(status, field, *parts, path="/predict", **more):
@@ -25,7 +21,6 @@ def of_charset(charset, data, name=b"metadata"):
 
 
 FORMS = {
-    "no boundary": Attack("POST", "/predict", 400, None, form(METADATA)[0], {"content-type": "multipart/form-data"}),
     "a boundary of 10 kB": sent(400, None, METADATA, boundary="b" * 10_000),
     "another boundary than was announced": Attack(
         "POST", "/predict", 400, None, form(METADATA, boundary="other")[0], form()[1]
@@ -35,27 +30,16 @@ FORMS = {
     "10,000 files": sent(400, None, *[part(b"f%d" % k, b"", b"f") for k in range(10_000)]),
     "10,000 fields": sent(400, None, *[part(b"f%d" % k, b"") for k in range(10_000)]),
     "a part without a name": sent(400, None, METADATA, (b"Content-Disposition: form-data", b"x")),
-    "a part without a disposition": sent(400, None, METADATA, (b"Content-Type: image/png", b"x")),
-    "a part without headers": sent(400, None, METADATA, (b"", b"x")),
     "a part with an empty name": sent(422, None, METADATA, part(b"", b"x", b"f")),
     "a part of 10,000 headers": sent(400, None, METADATA, (b"\r\n".join([b"A: b"] * 10_000), b"x")),
-    "a part with a header of 100 kB": sent(400, None, METADATA, (b"A: " + b"b" * 100_000, b"x")),
     "metadata twice": sent(422, "metadata", METADATA, METADATA),
-    "metadata as a file and as a field": sent(422, "metadata", METADATA, FIELD),
-    "a trajectory twice": sent(422, "trajectory", EPISODE, TRAJECTORY, TRAJECTORY, path="/episodes"),
-    "an image twice": sent(422, "rgb_c", METADATA, part(b"rgb_c", b"x", b"f"), part(b"rgb_c", b"x", b"f")),
     "a name that leads upwards": sent(422, "../../etc", METADATA, part(b"../../etc/passwd", b"x", b"f")),
-    "an image's name that leads upwards": sent(422, "rgb_../", METADATA, part(b"rgb_../../x", b"x", b"f")),
     "a name of 100 kB": sent(400, None, METADATA, part(b"n" * 100_000, b"x", b"f")),
-    "a name with encoded line ends": sent(422, "rgb_%0d%0a", METADATA, part(b"rgb_%0d%0aX: y", b"x", b"f")),
     "a name with bare line ends": sent(422, '"rgb_', METADATA, part(b"rgb_\r\nX: y", b"x", b"f")),
     "a name that is not UTF-8": sent(422, "rgb_", METADATA, part(b"rgb_\xff\xfe", b"x", b"f")),
     "charset idna": of_charset("idna", b"a" * 64 + b"." + DOCUMENT),
-    "charset undefined": of_charset("undefined", DOCUMENT),
     "charset punycode, slow": of_charset("punycode", b"a-" + b"99" * 20_000),
-    "charset zlib": of_charset("zlib", b"x\x9c" + DOCUMENT),
     "charset UTF-7 with half a surrogate pair": of_charset("utf-7", b'{"task": "+2AA-"}'),
-    "charset UTF-7 with half a name": of_charset("utf-7", b"x", name=b"rgb_+2AA-"),
     "charset of 10 kB": of_charset("a" * 10_000, b"x"),
     "a form within a form": sent(400, None, part(b"metadata", form(METADATA, boundary="inner")[0], b"m.json")),
     "metadata in base64": sent(

@@ -73,10 +73,11 @@ def with_pictures(document):
     return multipart({**document, "cameras": [camera()]}, None, rgb_front=PICTURE, depth_front=DEPTH)
 
 
-def taught(http, task, **more):
+def taught(http, task, headers=None, **more):
     document = metadata(task, {"cube": PLACE_M}, cameras=[camera()], **more)
     trajectory = npz(**arrays(pick_trajectory(PLACE_M)))
-    return http.post("/episodes", files=multipart(document, trajectory, rgb_front=PICTURE, depth_front=DEPTH))
+    files = multipart(document, trajectory, rgb_front=PICTURE, depth_front=DEPTH)
+    return http.post("/episodes", files=files, headers=headers)
 
 
 @contextmanager

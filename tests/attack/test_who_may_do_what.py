@@ -8,18 +8,12 @@ import msgpack
 import pytest
 
 from app.api.access_rules import COOKIE
-from tests.attack.tenants import Tenants, question, running_tenants, with_pictures
+from tests.attack.tenants import Tenants, question, with_pictures
 
 HTML = {"accept": "text/html"}
 STREAM = {"accept": "text/event-stream"}
 DRY = question(dry_run=True)
 PLAN = {name: question()[name] for name in ("instruction", "objects")}
-
-
-@pytest.fixture(scope="module")
-def tenants(tmp_path_factory):
-    with running_tenants(tmp_path_factory.mktemp("tenants")) as running:
-        yield running
 
 
 def packed(document):
@@ -30,72 +24,47 @@ def packed(document):
 ATTEMPTS = [
     # a key for predictions reads what is not its own
     ("robot", "GET", "/predictions/{by rival}", {}, {404}),
-    ("robot", "GET", "/predictions/{by admin}", {}, {404}),
     ("robot", "GET", "/predictions/{by rival}/", {}, {307, 403, 404}),
     ("robot", "GET", "//predictions/{by rival}", {}, {403, 404}),
-    ("robot", "GET", "/predictions/./{by rival}", {}, {403, 404}),
     ("robot", "GET", "/%70redictions/{by rival}", {}, {404}),
-    ("robot", "GET", "/predictions/{by rival}%00", {}, {404}),
     ("robot", "GET", "/predictions/{by rival}/images/front/overlay", {}, {404}),
-    ("robot", "GET", "/predictions/{pick episode}", {}, {404}),
     ("robot", "GET", "/episodes/{pick episode}/images/front/overlay", {}, {403}),
-    ("robot", "GET", "/episodes/{pick episode}/images/front/rgb", {}, {403}),
     ("robot", "GET", "/episodes/{pick episode}/images/front/depth?original=true", {}, {403}),
     ("robot", "GET", "/episodes/{pick episode}/trajectory", {}, {403}),
-    ("robot", "GET", "/episodes/{pick episode}/metadata", {}, {403}),
     ("robot", "GET", "/episodes/{pick episode}", {}, {403}),
-    ("robot", "GET", "/episodes", {}, {403}),
-    ("robot", "GET", "/tasks", {}, {403}),
-    ("robot", "GET", "/tasks/pick/stats", {}, {403}),
-    ("robot", "GET", "/uploads/dataset", {}, {403}),
-    ("robot", "GET", "/jobs", {}, {403}),
-    ("robot", "GET", "/metrics", {}, {403}),
     ("robot", "HEAD", "/predictions/{by rival}", {}, {404}),  # answered as GET is
     ("robot", "OPTIONS", "/predictions/{by rival}", {}, {403, 405}),
     # by the pages
     ("robot", "GET", "/ui/predictions/{by rival}", {"headers": HTML}, {403}),
-    ("robot", "GET", "/ui/predictions/{by robot}", {"headers": HTML}, {403}),
     ("robot", "GET", "/ui/predictions/{by rival}/result", {}, {403}),
     ("robot", "GET", "/ui/predict/scenes/{pick episode}", {}, {403}),
-    ("robot", "GET", "/ui/episodes/{pick episode}/thumbnails/front", {}, {403}),
     ("robot", "GET", "/ui/episodes/{pick episode}/motion", {}, {403}),
     ("robot", "GET", "/ui/static/../episodes/{pick episode}", {}, {403, 404}),
     ("robot", "GET", "/ui/static/%2e%2e/predict/scenes/{pick episode}", {}, {403, 404}),
     # dry runs, in every way to send one
     ("robot", "POST", "/predict", {"json": DRY}, {403}),
     ("robot", "POST", "/predict", {"json": {**DRY, "dry_run": "true"}}, {403, 422}),
-    ("robot", "POST", "/predict", {"json": {**DRY, "dry_run": 1}}, {403, 422}),
     ("robot", "POST", "/predict", {"files": with_pictures(DRY)}, {403}),
     ("robot", "POST", "/predict", packed(DRY), {403}),
     ("robot", "POST", "/predict", {"json": DRY, "headers": STREAM}, {403}),
     ("robot", "POST", "/predict", {"json": DRY, "headers": {"idempotency-key": "dry"}}, {403}),
-    ("robot", "POST", "/predict?dry_run=true", {"json": DRY}, {403}),
     ("robot", "POST", "/ui/predict/prompt", {"json": question()}, {403}),
-    ("robot", "POST", "/ui/predict/prompt", {"files": with_pictures(question())}, {403}),
     ("pick robot", "POST", "/ui/predict/prompt", {"json": question("push")}, {403}),
     ("reader", "POST", "/plans", {"json": PLAN}, {403}),
     # outcomes of others' predictions
     ("robot", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {404}),
     ("lab", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {403}),
-    ("reader", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {403}),
-    ("teacher", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {404}),
     ("robot", "DELETE", "/predictions/{by robot}", {}, {403}),
-    ("robot", "PUT", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {403}),
     # another task by name
     ("pick robot", "POST", "/predict", {"json": question("push")}, {403}),
     ("pick robot", "POST", "/predict", {"files": with_pictures(question("push"))}, {403}),
     ("pick robot", "POST", "/predict", packed(question("push")), {403}),
-    ("pick robot", "POST", "/predict", {"json": question("push"), "headers": STREAM}, {403}),
-    ("pick robot", "POST", "/predict", {"json": question("PICK")}, {403}),
     ("pick robot", "POST", "/predict", {"json": question("pick ")}, {403, 422}),
     ("pick robot", "POST", "/predict", {"json": question(episode_ids=["{push episode}"])}, {404}),
     ("pick robot", "GET", "/tasks/push", {}, {403}),
-    ("pick robot", "GET", "/tasks/%70ush", {}, {403}),
     ("pick robot", "GET", "/tasks/push/check?model=nearest", {}, {403}),
     ("pick robot", "GET", "/predictions?task=push", {}, {403}),
     ("pick reader", "GET", "/episodes?task=push", {}, {403}),
-    ("pick reader", "GET", "/episodes?task=pick&task=push", {}, {403}),
-    ("pick reader", "GET", "/predictions?task=push&outcome=unknown", {}, {403}),
     ("pick reader", "GET", "/tasks/push/stats", {}, {403}),
     ("pick reader", "GET", "/jobs?task=push", {}, {403}),
     ("pick reader", "GET", "/ui/episodes?task=push", {"headers": HTML}, {403}),
@@ -104,43 +73,33 @@ ATTEMPTS = [
     ("pick reader", "GET", "/ui/predict?task=push", {"headers": HTML}, {403}),
     # another task by the id of what it holds
     ("pick reader", "GET", "/episodes/{push episode}", {}, {404}),
-    ("pick reader", "GET", "/episodes/{push episode}/metadata", {}, {404}),
     ("pick reader", "GET", "/episodes/{push episode}/trajectory", {}, {404}),
-    ("pick reader", "GET", "/episodes/{push episode}/images/front/rgb", {}, {404}),
     ("pick reader", "GET", "/episodes/{push episode}/images/front/overlay", {}, {404}),
     ("pick reader", "GET", "/predictions/{by admin}", {}, {404}),
     ("pick reader", "GET", "/predictions/{by admin}/images/front/overlay", {}, {404}),
     ("pick reader", "GET", "/ui/episodes/{push episode}", {"headers": HTML}, {404}),
     ("pick reader", "GET", "/ui/episodes/{push episode}/motion", {}, {404}),
-    ("pick reader", "GET", "/ui/episodes/{push episode}/keyframes?rule=merged", {}, {404}),
-    ("pick reader", "GET", "/ui/episodes/{push episode}/thumbnails/front", {}, {404}),
     ("pick reader", "GET", "/ui/predict?episode={push episode}", {"headers": HTML}, {404}),
     ("pick reader", "GET", "/ui/predict?again={by admin}", {"headers": HTML}, {404}),
     ("pick reader", "GET", "/ui/predict/scenes/{push episode}", {}, {404}),
     ("pick reader", "GET", "/ui/predictions/{by admin}", {"headers": HTML}, {404}),
-    ("pick reader", "GET", "/ui/predictions/{by admin}/result", {}, {404}),
     ("pick reader", "GET", "/ui/predictions/compare?id={by robot}&id={by admin}", {"headers": HTML}, {404}),
     # changes in another task, by who may change all of its own
     ("pick admin", "PUT", "/tasks/push", {"json": {"num_demonstrations": 1}}, {403}),
     ("pick admin", "PUT", "/tasks/brand_new", {"json": {}}, {403}),
-    ("pick admin", "PUT", "/tasks/push", {"json": {"keyframes": {"rule": "uniform"}}}, {403}),
     ("pick admin", "DELETE", "/tasks/push", {}, {403}),
     ("pick admin", "DELETE", "/episodes/{push episode}", {}, {404}),
     ("pick admin", "DELETE", "/predictions/{by admin}", {}, {404}),
     ("pick admin", "POST", "/tasks/push/object_models/learn", {"json": {}}, {403}),
-    ("pick lab", "POST", "/tasks/push/object_models/learn", {}, {403}),
     ("pick lab", "POST", "/predict", {"json": question("push", dry_run=True)}, {403}),
     ("pick lab", "POST", "/ui/predict/prompt", {"json": question("push")}, {403}),
     # keys that are none any more
-    ("expired", "GET", "/predictions", {}, {401}),
     ("expired", "POST", "/predict", {"json": question()}, {401}),
-    ("revoked", "GET", "/predictions", {}, {401}),
     ("revoked", "POST", "/predict", {"json": question()}, {401}),
     # headers that some servers believe
     ("robot", "GET", "/predictions", {"headers": {"x-original-url": "/episodes", "x-rewrite-url": "/episodes"}}, {200}),
     ("robot", "POST", "/predictions/{by robot}/outcome", {"headers": {"x-http-method-override": "DELETE"}}, {422}),
     ("robot", "GET", "/episodes", {"headers": {"x-forwarded-for": "127.0.0.1", "forwarded": "for=127.0.0.1"}}, {403}),
-    ("robot", "GET", "/episodes", {"headers": {"x-forwarded-prefix": "/ui/static", "x-script-name": "/ui"}}, {403}),
     ("robot", "GET", "/episodes", {"headers": {"host": "localhost"}}, {403}),
     ("robot", "GET", "/episodes", {"headers": {"authorization": "Basic YWRtaW46YWRtaW4="}}, {403}),
     ("robot", "GET", "/episodes", {"headers": {"cookie": f"{COOKIE}=rps_000000000000_x"}}, {403}),

@@ -10,7 +10,7 @@ from contextlib import closing
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import application, doctor, doctor_machine
+from app.cli import application, doctor
 from app.cli.shared import packages_of_extras
 from app.settings import Settings
 from app.store.store import Store
@@ -23,7 +23,7 @@ GIGABYTES = 10**6  # in kB
 def look(tmp_path, monkeypatch):
     """Runs the command in an empty folder, on a free port; what takes seconds is looked at by tests of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("app.cli.doctor_machine.opengl", lambda: doctor_machine.Row("OpenGL", "ok", "", required=False))
+    monkeypatch.setattr("app.cli.doctor.opengl", lambda: doctor.Row("OpenGL", "ok", "", required=False))
 
     def run(**environment):
         with socket.socket() as free:
@@ -128,18 +128,18 @@ def test_extra_that_the_settings_need(monkeypatch):
 def test_memory(tmp_path, available_kb, limit, state):
     (tmp_path / "meminfo").write_text(f"MemTotal: 16000000 kB\nMemAvailable:    {available_kb} kB\n")
     (tmp_path / "limit").write_text(limit)
-    assert doctor_machine.memory(tmp_path / "meminfo", tmp_path / "limit").state == state
+    assert doctor.memory(tmp_path / "meminfo", tmp_path / "limit").state == state
 
 
 @pytest.mark.parametrize(("answer", "state"), [((200, b'{"status": "ok", "checks": {}}'), "ok"), ((501, b""), "wrong")])
 def test_port_of_a_service_and_of_another_program(answer, state):
     status, content = answer
     with answering(lambda *_: (status, "application/json", content)) as url:
-        assert doctor_machine.listening(int(url.rpartition(":")[2])).state == state
+        assert doctor.listening(int(url.rpartition(":")[2])).state == state
 
 
 def test_opengl_that_is_switched_off(monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "disable")
-    row = doctor_machine.opengl()
+    row = doctor.opengl()
     assert (row.state, row.required) == ("missing", False)
     assert "libegl1" in row.remedy

@@ -62,6 +62,7 @@ def test_a_key_for_two_tasks_and_a_month(tmp_path):
     ("words", "said"),
     [
         (["--task", "a{b"], "task"),
+        (["--scope", "write"], "scopes"),
         (["--expires", "2020-01-01"], "has passed"),
         (["--expires", "soon"], "is not a time"),
     ],

@@ -13,7 +13,8 @@ PLACE_M = (0.1, 0.1, 0.78)
 TASK = "extremes"
 # As JSON text: some of it cannot be made from Python's values.
 EXTREMES = (
-    *("1e308", "-1e308", "1e-320", "1" + "0" * 400, "NaN", "-Infinity", "-1", "true", "null"),
+    *("1e155", "-1e155", "1e308", "-1e308", "1e-320", "-0.0", "1" + "0" * 400, "NaN", "Infinity", "-Infinity"),
+    *("-1", "true", "null"),
     *('""', '"AAAA"', r'"\ud800"', r'"\u0000"', "[]", "[[]]", "{}", r'{"\ud800": 1}', "[1e308, -1e308, 1e308]"),
 )
 RGB, DEPTH, MASK = (np.full((48, 64, 3), 128, np.uint8), np.full((48, 64), 900, np.uint16), np.eye(48, 64, dtype="u1"))
@@ -48,6 +49,22 @@ SETTINGS = {
     "num_demonstrations": 5,
     "system_prompt": "b",
     "object_models": {"cube": CUBOID},
+}
+LABEL = {
+    "object": "cube",
+    "cameras": [camera()],
+    "rgb_front": IMAGES["rgb"],
+    "depth_front": IMAGES["depth"],
+    "clicks": {"front": [32, 24]},
+    "boxes": {"front": [1, 1, 9, 9]},
+    "arrows": {"front": [[1, 1], [9, 9]]},
+}
+RUN = {
+    "task": TASK,
+    "instruction": "pick",
+    "action": 1,
+    "end_effector": PREDICT["end_effector"],
+    "joint_positions": [0],
 }
 POSES = {"objects": [{"name": "cube", "model": CUBOID}], "cameras": [camera()], "rgb_front": IMAGES["rgb"]}
 
@@ -86,6 +103,8 @@ def taught(http):
         ("PUT", f"/tasks/{TASK}_settings", SETTINGS),
         ("POST", "/poses", POSES),
         ("POST", f"/tasks/{TASK}/object_models/learn", {"objects": ["cube"], "episodes": 2}),
+        ("POST", f"/tasks/{TASK}/labels/preview", LABEL),
+        ("PUT", f"/runs/{'0' * 32}", RUN),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -1,7 +1,7 @@
 import pytest
 
 from app.api.schemas.requests import PredictBody
-from app.cli.evaluate_options import METHOD_NAMES, SWEEP_NAMES
+from app.cli.evaluate import METHOD_NAMES, SWEEP_NAMES
 from app.evaluation.methods import Method, with_models, with_noise, with_poses
 from app.evaluation.sweeps import (
     COPY,

@@ -4,7 +4,7 @@ from itertools import cycle
 
 import pytest
 
-from app.llm.backends import Backend
+from app.llm.backends import BUILT_IN, Backend
 from app.llm.base import ModelUnavailableError
 from app.llm.computed import SCRIPTED, ScriptedModel
 from app.llm.llm_settings import LlmSettings
@@ -46,6 +46,13 @@ def scripted(store):
         return Services.wire(store, registry, "scripted")
 
     return wire
+
+
+@pytest.fixture
+def nearest(store):
+    """Services that copy the nearest demonstration."""
+    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
+    return Services.wire(store, models, "nearest")
 
 
 @pytest.fixture

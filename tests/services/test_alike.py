@@ -5,13 +5,9 @@ import asyncio
 import numpy as np
 import pytest
 
-from app.llm.backends import BUILT_IN
-from app.llm.llm_settings import LlmSettings
-from app.llm.registry import ModelRegistry
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InstructionError, ObjectSetError, UngroundedInstructionError
-from app.services.container import Services
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload, UploadEpisode
 
@@ -122,10 +118,9 @@ def random_scene(random):
 
 
 @pytest.fixture
-def services(store):
+def services(nearest):
     """Ten demonstrations, each about one of two bowls by some word of place; the list has any order."""
-    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
-    services, random, taught = Services.wire(store, models, "nearest"), np.random.default_rng(5), 0
+    services, random, taught = nearest, np.random.default_rng(5), 0
     for number in range(60):
         bowls_m, plate_m, sponge_m = random_scene(random)
         phrase, which = list(WORDS.items())[number % len(WORDS)]
@@ -202,9 +197,7 @@ def test_objects_that_no_place_numbers_are_refused(services, objects, options, m
         grasped_m(services, "the left bowl", objects, **options)
 
 
-def test_a_task_of_one_bowl_says_that_it_has_one(store):
-    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
-    services = Services.wire(store, models, "nearest")
-    services.upload_episode(moved("put the bowl on the sponge", LEFT_M, SPONGE_M, queries((LEFT_M,))), respond)
+def test_a_task_of_one_bowl_says_that_it_has_one(nearest):
+    nearest.upload_episode(moved("put the bowl on the sponge", LEFT_M, SPONGE_M, queries((LEFT_M,))), respond)
     with pytest.raises(ObjectSetError, match="given twice: bowl, of which demonstrations have one"):
-        grasped_m(services, "the left bowl", queries((LEFT_M, RIGHT_M)))
+        grasped_m(nearest, "the left bowl", queries((LEFT_M, RIGHT_M)))

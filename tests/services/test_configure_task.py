@@ -33,19 +33,6 @@ def keyframes(services, id_):
         return [keyframe.index for keyframe in episodes.get(connection, id_).keyframes]
 
 
-def test_a_new_rule_extracts_every_episode_again(services):
-    ids = [services.upload_episode(upload("cube"), respond)["id"] for _ in range(3)]
-    services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
-    assert all(keyframes(services, id_) == [10, 20] for id_ in ids)
-
-
-def test_what_is_not_named_stays(services):
-    services.configure_task("pick", {"num_demonstrations": 4, "yaw_symmetry_deg": {"cube": 90}})
-    record = services.configure_task("pick", {"representation": "absolute"})
-    assert record.settings["num_demonstrations"] == 4
-    assert record.settings["yaw_symmetry_deg"] == {"cube": 90}
-
-
 def test_an_upload_in_between_is_not_lost(services, monkeypatch):
     """An episode that arrives while others are extracted again would keep the old rule's keyframes."""
     services.upload_episode(upload("cube"), respond)

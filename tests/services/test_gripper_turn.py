@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.llm.backends import BUILT_IN
-from app.llm.llm_settings import LlmSettings
-from app.llm.registry import ModelRegistry
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration, Episode
 from app.pipeline.plans.turn import WristRange
-from app.services.container import Services
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import Upload
 from roboprompt_client.types.poses import EndEffectorAction
+from tests.services.test_upload_episode import respond
 
 from ..pipeline.recordings import DOWN, arrival_s, pick_and_place, resting
 
@@ -25,10 +22,6 @@ PEG_M = np.array([0.45, 0.25, 0.05])
 UP_M = np.array([0, 0, 0.12])
 HANDLE_M = np.array([0.05, 0.0, 0.0])  # the hand grasps the nut there, and turns with it
 TAUGHT_DEG = np.linspace(-55, 55, 8)
-
-
-def respond(record, settings):
-    return {"id": record.id}
 
 
 def nut(place_m, yaw_deg):
@@ -57,10 +50,9 @@ def demonstration(place_m, yaw_deg, *, onto_peg, hand_deg=0.0):
 
 
 @pytest.fixture
-def taught(store):
+def taught(nearest):
     def teach(*, onto_peg=False, taught_deg=TAUGHT_DEG, hands_deg=(0.0,), **settings):
-        models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
-        services, random = Services.wire(store, models, "nearest"), np.random.default_rng(3)
+        services, random = nearest, np.random.default_rng(3)
         for yaw_deg, hand_deg in zip(taught_deg, cycle(hands_deg)):
             place_m = random.uniform([0.25, -0.3, 0.02], [0.5, -0.05, 0.02])
             services.upload_episode(demonstration(place_m, yaw_deg, onto_peg=onto_peg, hand_deg=hand_deg), respond)

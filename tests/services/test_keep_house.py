@@ -3,7 +3,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
-from app.services.keep_house import KeepHouse, Retention
+from app.services.keep_house import keep_house
 from app.store import audit, erasure, predictions, tables
 from app.store.errors import StoreUnavailableError
 from tests.store.drafts import camera_record, predict, prediction_draft
@@ -25,7 +25,7 @@ def kept(store):
 def test_without_limits_everything_is_kept(store):
     record = predict(store, prediction_draft())
     age(store, record, 1000 * DAY)
-    KeepHouse(store, Retention())()
+    keep_house(store)
     assert kept(store) == [record.id]
 
 
@@ -33,15 +33,15 @@ def test_old_predictions_go_and_their_images_with_a_later_sweep(store):
     image = store.blobs.put(b"image")
     old, new = (predict(store, prediction_draft(cameras=(camera_record(rgb_digest=image),))) for _ in range(2))
     age(store, old, 3 * DAY)
-    KeepHouse(store, Retention(max_age=2 * DAY))()
+    keep_house(store, max_age=2 * DAY)
     assert kept(store) == [new.id]
     with store.read() as connection:
         noted = audit.newest(connection)
     assert (noted.actor, noted.action, noted.details) == ("retention", "predictions.expired", '{"predictions":1}')
-    KeepHouse(store, Retention(max_age=timedelta(0)))()
+    keep_house(store, max_age=timedelta(0))
     assert kept(store) == [new.id]  # it is an hour's work: another process, or this one, has just done it
     (store._data_dir / ".swept").write_text("0")
-    KeepHouse(store, Retention(max_age=timedelta(0)))()
+    keep_house(store, max_age=timedelta(0))
     assert kept(store) == []
     assert store.blobs.sizes() == {image: 5}
     assert store.sweep(timedelta(0)) == 1
@@ -49,7 +49,7 @@ def test_old_predictions_go_and_their_images_with_a_later_sweep(store):
 
 def test_the_oldest_go_where_all_together_are_too_large(store):
     records = [predict(store, prediction_draft(prompt_user="a" * 10_000)) for _ in range(5)]
-    KeepHouse(store, Retention(max_bytes=35_000))()
+    keep_house(store, max_bytes=35_000)
     assert kept(store) == [record.id for record in records[:1:-1]]
 
 
@@ -65,7 +65,7 @@ def test_a_prediction_that_is_kept_as_a_case_meanwhile_stays(store, monkeypatch)
         return found
 
     monkeypatch.setattr(erasure, "predictions_before", kept_after_the_list)
-    KeepHouse(store, Retention(max_age=timedelta(0)))()
+    keep_house(store, max_age=timedelta(0))
     assert kept(store) == [old.id]
 
 
@@ -73,7 +73,7 @@ def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store)
     """Another error would end the service's housekeeping for good."""
     (store._data_dir / ".swept").mkdir()
     with pytest.raises(StoreUnavailableError):
-        KeepHouse(store, Retention())()
+        keep_house(store)
 
 
 def test_what_is_deleted_and_its_audit_entry_are_stored_together(store, monkeypatch):
@@ -85,5 +85,5 @@ def test_what_is_deleted_and_its_audit_entry_are_stored_together(store, monkeypa
 
     monkeypatch.setattr(audit, "record", broken)
     with pytest.raises(StoreUnavailableError):
-        KeepHouse(store, Retention(max_age=2 * DAY))()
+        keep_house(store, max_age=2 * DAY)
     assert kept(store) == [record.id]

@@ -3,11 +3,10 @@ import pytest
 from app.services.limits import Limits
 from roboprompt_client.errors import InvalidInputError
 
-TIGHT = Limits(max_prompt_chars=100, model_files=False)
+TIGHT = Limits(model_files=False)
 
 
 def test_what_fits_passes():
-    TIGHT.check_prompt(100)
     for name in ("embedded/gemma-3-270m", "openai/gpt-4o", "openai_compatible/org/model.gguf", "regression"):
         TIGHT.check_model(name)
 
@@ -19,11 +18,6 @@ def test_models_that_the_operator_wants():
     for name in ("openai/o3", "OpenAI/gpt-4o", "scripted"):
         with pytest.raises(InvalidInputError, match="not offered here"):
             limits.check_model(name)
-
-
-def test_a_prompt_that_is_too_long():
-    with pytest.raises(InvalidInputError, match="at most 100 characters"):
-        TIGHT.check_prompt(101)
 
 
 @pytest.mark.parametrize("name", ["embedded//etc/passwd", "embedded/~/model.gguf", "embedded/model.gguf"])

@@ -6,13 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.llm.backends import BUILT_IN
-from app.llm.llm_settings import LlmSettings
-from app.llm.registry import ModelRegistry
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InstructionError, ObjectSetError
-from app.services.container import Services
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import Upload
 from app.store import tasks
@@ -42,10 +38,9 @@ def recorded(objects, instruction=INSTRUCTION, grasps="cube"):
 
 
 @pytest.fixture
-def services(store):
+def services(nearest):
     """Ten demonstrations beside milk and tea."""
-    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
-    services, random = Services.wire(store, models, "nearest"), np.random.default_rng(4)
+    services, random = nearest, np.random.default_rng(4)
     for _ in range(10):
         services.upload_episode(recorded(scene(random, "milk", "tea")), respond)
     return services
@@ -138,9 +133,8 @@ def test_an_upload_without_what_rows_follow_is_refused(services):
         services.upload_episode(recorded(tuple(objects), grasps="plate"), respond)
 
 
-def test_two_demonstrations_do_not_tell_what_may_be_missing(store):
-    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
-    services, random = Services.wire(store, models, "nearest"), np.random.default_rng(4)
+def test_two_demonstrations_do_not_tell_what_may_be_missing(nearest):
+    services, random = nearest, np.random.default_rng(4)
     for _ in range(2):
         services.upload_episode(recorded(scene(random, "milk")), respond)
     with pytest.raises(ObjectSetError, match="missing: milk"):

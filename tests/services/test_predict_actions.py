@@ -47,15 +47,6 @@ def test_actions_are_decoded_and_recorded(store, taught):
     assert record.actions[0]["bins"] == [50, 50, 20, 0, 36, 36, 1]
 
 
-@pytest.mark.parametrize("reply", ["no", "[[1, 2]]", ONE_ACTION * 2, "[[500, 0, 0, 0, 0, 0, 0]]"])
-def test_what_does_not_parse_is_recorded_without_actions(store, taught, reply):
-    with pytest.raises(RefusedReplyError) as caught:
-        ask(taught(reply))
-    (record,) = recorded(store)
-    assert caught.value.prediction_id == record.id
-    assert (record.status, record.actions, record.reply_text) == ("parse_error", None, reply)
-
-
 def test_a_reply_cut_off_between_actions_is_not_taken_for_a_whole_one(store, taught):
     services = taught("[[50, 50, 20, 0, 36, 36, 1]] " + "and so on " * 200)
     with pytest.raises(RefusedReplyError, match="cut off"):
@@ -71,16 +62,10 @@ def test_a_model_that_fails_is_recorded(store, taught, unavailable):
     assert "the dog" in record.error
 
 
-def test_the_deadline_holds(taught):
-    services = taught(ONE_ACTION, delay_s=5.0)
-    with pytest.raises(ModelTimeoutError):
-        ask(services, REQUEST.with_options(timeout_s=0.1))
-
-
-def test_a_request_that_names_no_deadline_gets_its_models(taught):
-    services = taught(ONE_ACTION, delay_s=5.0, profile=replace(SCRIPTED, timeout_s=0.1))
-    with pytest.raises(ModelTimeoutError):
-        ask(services)
+def test_the_deadline_is_the_requests_or_else_the_models(taught):
+    for profile, options in ((SCRIPTED, {"timeout_s": 0.1}), (replace(SCRIPTED, timeout_s=0.1), {})):
+        with pytest.raises(ModelTimeoutError):
+            ask(taught(ONE_ACTION, delay_s=5.0, profile=profile), REQUEST.with_options(**options))
 
 
 def prefix(services, request=REQUEST):

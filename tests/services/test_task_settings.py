@@ -48,19 +48,11 @@ def test_other_settings_stay():
     assert both.num_demonstrations == 3
 
 
-def test_a_bound_is_taken_away_by_null():
-    assert changed({"motion_limits": {"max_step_m": 0.3}}, {"motion_limits": {"max_step_m": None}}) == changed(
-        {"motion_limits": {"max_step_m": None}}
-    )
-
-
-def test_maps_by_object_are_replaced_as_a_whole():
+def test_null_takes_a_bound_away_and_maps_by_object_are_replaced_as_a_whole():
+    bound = {"motion_limits": {"max_step_m": 0.3}}
+    assert changed(bound, {"motion_limits": {"max_step_m": None}}).motion_limits.max_step_m is None
     both = changed({"yaw_symmetry_deg": {"cube": 90}}, {"yaw_symmetry_deg": {"plate": 0}})
     assert both.yaw_symmetry_deg == {"plate": 0}
-
-
-def test_the_workspace_follows_from_demonstrations_by_default():
-    assert TaskSettings().workspace.preset == "auto"
 
 
 @pytest.mark.parametrize("before", [{}, {"workspace": BOX}, {"workspace": "auto"}])
@@ -100,21 +92,3 @@ def test_a_box_that_no_demonstration_shaped_is_not_kept():
     assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 1.0))
     further = grown(first, np.array([[1.5, 0.1, 0.02]]))
     assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 1.0))
-
-
-@pytest.mark.parametrize("value", ["0.5", True, [0.5]])
-@pytest.mark.parametrize("name", ["max_step_m", "max_step_rotation_deg", "hand_radius_m"])
-def test_a_bound_is_a_number_and_nothing_that_reads_like_one(name, value):
-    with pytest.raises(ValidationError, match=name):
-        TaskSettings.model_validate({"motion_limits": {name: value}})
-    assert getattr(TaskSettings.model_validate({"motion_limits": {name: 1}}).motion_limits, name) == 1.0
-
-
-@pytest.mark.parametrize("corner", [["0", "0", "0"], [False, False, False]])
-def test_corners_are_numbers(corner):
-    for settings in (
-        {"workspace": {"min": corner}},
-        {"motion_limits": {"keep_out": [{"min": corner, "max": [1] * 3}]}},
-    ):
-        with pytest.raises(ValidationError, match="min"):
-            TaskSettings.model_validate(settings)

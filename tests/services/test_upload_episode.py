@@ -9,7 +9,7 @@ from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
 from app.services.teach.upload import Upload, UploadEpisode
 from app.store import episodes, tasks
-from app.store.errors import ConflictError, NotFoundError
+from app.store.errors import NotFoundError
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory
 from tests.episodes import pick_trajectory
@@ -104,11 +104,3 @@ def test_the_answer_is_of_the_workspace_that_the_task_then_has(store):
         assert episodes.number_of(connection, "pick") == 3
     assert (boxes[0].max[0] < 1.5, len(boxes)) == (True, 2)
     assert (answer["max"], answer["max"] > 1.5) == (stored["max"][0], True)
-
-
-def test_a_repeated_key_gets_the_first_answer(store):
-    use_case = UploadEpisode(store)
-    keyed = upload("cube", digest="a", idempotency_key="k")
-    assert use_case(keyed, respond) == use_case(keyed, respond)
-    with pytest.raises(ConflictError, match="k"):
-        use_case(upload("cube", digest="b", idempotency_key="k"), respond)

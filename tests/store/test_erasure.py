@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import audit, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
+from app.store import audit, erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.records import Extraction
 
@@ -127,16 +127,3 @@ def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store):
         predictions.keep_as_case(connection, first.id)
         assert erasure.predictions_before(connection, now + timedelta(1), 2) == (second.id, third.id)
         assert erasure.predictions_beyond(connection, 5_000, sizes) == (second.id, third.id)
-
-
-def test_lists_leave_out_what_else_was_uploaded(store):
-    added = upload(store, episode_draft())
-    with store.read() as connection:
-        assert episodes.get(connection, added.id).extra == added.extra
-        listed = (
-            *episodes.list_page(connection).items,
-            *episodes.all_of(connection, TASK),
-            *episodes.newest_by_task(connection).values(),
-            *episodes.by_ids(connection, TASK, [added.id]).values(),
-        )
-    assert [record.extra for record in listed] == [None] * 4

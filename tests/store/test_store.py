@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from app.store import episodes
+from app.store import episodes, labels, tasks
 from app.store.errors import StoreUnavailableError
 from app.store.store import Store, blob_digests
 
-from .drafts import camera_record, episode_draft, read, upload, write
+from .drafts import SETTINGS, TASK, camera_record, episode_draft, read, upload, write
 
 AT_ONCE = timedelta(0)
 # Uploads without end; says after each commit which episode is safe. Every third time it stops before the commit.
@@ -89,6 +89,18 @@ def test_killed_before_the_commit_leaves_only_orphans(tmp_path):
     assert store.sweep(AT_ONCE) == 1
     assert all(len(store.blobs.read(line[2])) == 2000 for line in lines[:5])
     store.close()
+
+
+def test_sweep_keeps_masks_and_templates(store):
+    """Of labels, and of object models in the settings."""
+    mask, template, orphan = (store.blobs.put(data) for data in (b"mask", b"template", b"orphan"))
+    with store.write() as connection:
+        model = {"estimator": "registered", "template": template}
+        tasks.get_or_create(connection, TASK, {**SETTINGS, "object_models": {"drawer": model}})
+        labels.add(connection, TASK, "drawer", (camera_record(mask_digest=mask),), {"front": 7}, 30.0, None)
+    assert read(store, blob_digests) == {mask, template}
+    assert store.sweep(AT_ONCE) == 1
+    assert orphan not in store.blobs.sizes()
 
 
 @pytest.mark.parametrize("damaged", ["\0" * 17, "17a", "99999999999.0"])

@@ -1,9 +1,8 @@
-import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from app.store import episodes, predictions, tasks
+from app.store import predictions, tasks
 from app.store.errors import NotFoundError
 from app.store.records import TaskCounts
 
@@ -40,13 +39,6 @@ def test_version_grows_only_when_settings_differ(store):
     assert changed.created_at == created.created_at
 
 
-def test_list_is_sorted_by_name(store):
-    with store.write() as connection:
-        for name in ("b", "a", "c"):
-            tasks.get_or_create(connection, name, {})
-        assert [task.name for task in tasks.list_all(connection)] == ["a", "b", "c"]
-
-
 def test_counts(store):
     upload(store, episode_draft())
     upload(store, episode_draft(1))
@@ -59,29 +51,6 @@ def test_counts(store):
             TASK: TaskCounts(episodes=2, predictions=4, successes=1, failures=1),
             "empty": TaskCounts(),
         }
-
-
-def test_two_first_uploads_of_one_task_at_the_same_time(store):
-    start = threading.Barrier(2)
-
-    def upload_checked(names):
-        draft = episode_draft(names=names)
-        start.wait()
-        with store.write() as connection:
-            task = tasks.get_or_create(connection, TASK, SETTINGS)
-            if task.object_names not in (None, names):
-                return "refused"
-            episodes.add(connection, draft)
-            return "stored"
-
-    with ThreadPoolExecutor(2) as pool:
-        results = list(pool.map(upload_checked, [("drawer",), ("cube",)]))
-    assert sorted(results) == ["refused", "stored"]
-    winner = ("drawer",) if results[0] == "stored" else ("cube",)
-    with store.read() as connection:
-        assert tasks.get(connection, TASK).object_names == winner
-        (episode,) = episodes.list_page(connection).items
-        assert episode.objects[0].name == winner[0]
 
 
 def test_no_version_is_lost_under_concurrent_uploads(store):

@@ -43,21 +43,6 @@ def test_an_arm_of_other_than_seven_joints(num_joints):
     assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
 
 
-def test_one_optional_array_without_the_other():
-    full = trajectory()
-    for missing in ("timestamps_s", "joint_positions_rad", "object_quaternions_xyzw"):
-        recorded = Trajectory(**{**vars(full), missing: None})
-        assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
-
-
-def test_blob_of_a_smooth_motion_is_smaller_than_its_numbers():
-    time_s = np.arange(200) / 20
-    waves = np.sin(time_s[:, None] * np.arange(1, 8) / 3)
-    upright = np.tile([0.0, 0.0, 0.0, 1.0], (200, 1))
-    recorded = Trajectory(waves, waves[:, :3], upright, time_s > 5, time_s, waves)
-    assert len(trajectories.pack(recorded)) < 0.7 * 200 * (7 + 3 + 4 + 1 + 7) * 8
-
-
 def test_any_changed_byte_is_noticed():
     blob = trajectories.pack(trajectory())
     for position in [*range(40), *range(40, len(blob), 97), len(blob) - 1]:

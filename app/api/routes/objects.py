@@ -15,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.decoding import UniqueKeysRoute
+from app.api.documents import answer
 from app.api.image_work import decode_frames, image_work, split_images
 from app.api.routes import Wired, body_of, problems
 from app.api.schemas.objects import (
@@ -179,17 +180,9 @@ async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLab
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` in the model says which views
     did not fit, and why.
     """
-    learning = partial(
-        learn.learn_from_labels,
-        services.store,
-        services.configure_task,
-        name,
-        body.object,
-        body.symmetric,
-        yaw_may_be_unknown=body.yaw_may_be_unknown,
-        dry_run=body.dry_run,
-    )
-    model = await anyio.to_thread.run_sync(learning, limiter=services.teaching)
+    asked = (services.store, services.configure_task, name, body.object, body.symmetric)
+    learning = partial(learn.learn_from_labels, yaw_may_be_unknown=body.yaw_may_be_unknown, dry_run=body.dry_run)
+    model = await anyio.to_thread.run_sync(learning, *asked, limiter=services.teaching)
     if not body.dry_run:
         services.prefix_warmer.changed(name)
     number = len(model["views"])
@@ -200,17 +193,8 @@ async def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLab
 
 def label_document(record: LabelRecord) -> JsonObject:
     """A `LabelOut`."""
-    return {
-        "id": record.id,
-        "task": record.task,
-        "object": record.object,
-        "episode_id": record.episode_id,
-        "cameras": [
-            {"name": camera.name, "num_pixels": record.num_pixels.get(camera.name, 0)} for camera in record.cameras
-        ],
-        "yaw_deg": record.yaw_deg,
-        "created_at": record.created_at.isoformat(),
-    }
+    pixels = [{"name": item.name, "num_pixels": record.num_pixels.get(item.name, 0)} for item in record.cameras]
+    return answer(LabelOut, record, cameras=pixels)
 
 
 def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
@@ -228,9 +212,11 @@ def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
         masks = {frame.camera.name: frame.mask for frame in frames if frame.mask is not None}
     else:
         images, frames = {}, ()
-        masks = {
-            _camera_of(part): decode_mask(part, data, limits.max_image_pixels) for part, data in body.parts.items()
-        }
+        masks = {}
+        for part, data in body.parts.items():
+            if not part.startswith("mask_"):
+                raise InvalidInputError(part, "is not a part of a label of an episode", "metadata, mask_NAME")
+            masks[part.removeprefix("mask_")] = decode_mask(part, data, limits.max_image_pixels)
     return LabelDraft(
         task,
         asked.object,
@@ -244,9 +230,3 @@ def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
         asked.arrows,
         asked.yaw_deg,
     )
-
-
-def _camera_of(part: str) -> str:
-    if not part.startswith("mask_"):
-        raise InvalidInputError(part, "is not a part of a label of an episode", "metadata, mask_NAME")
-    return part.removeprefix("mask_")

@@ -3,18 +3,18 @@
 A robot reports its state, and the answer says whether to stop. A job is a re-extraction too large for one request.
 """
 
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
-from app.api.documents import job_document, model_document, run_document
+from app.api.documents import answer
 from app.api.routes import Cursor, Limit, Wired, problems
 from app.api.schemas.requests import RunBody
-from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, RunAnswer, RunList, RunOut
+from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, ModelOut, RunAnswer, RunList, RunOut
 from app.llm.base import LanguageModelError
-from app.services.container import Services
 from app.store import jobs, runs
 from app.store.errors import StoreError
 
@@ -32,7 +32,7 @@ def list_jobs(
     """Jobs, newest first."""
     with services.store.read() as connection:
         page = jobs.list_page(connection, task, limit, cursor)
-    return JSONResponse({"jobs": [job_document(record) for record in page.items], "next_cursor": page.next_cursor})
+    return JSONResponse({"jobs": [answer(JobOut, record) for record in page.items], "next_cursor": page.next_cursor})
 
 
 @router.get("/jobs/{job_id}", tags=["tasks"], response_model=JobOut, responses=problems(_404="no such job"))
@@ -40,14 +40,17 @@ def get_job(services: Wired, job_id: str) -> Response:
     """A job and its progress."""
     with services.store.read() as connection:
         record = jobs.get(connection, job_id)
-    return JSONResponse(job_document(record))
+    return JSONResponse(answer(JobOut, record))
 
 
 @router.get("/models", tags=["models"], response_model=ModelList)
 def list_models(services: Wired) -> Response:
     """Every LLM that the service knows, whether it is available, and its default prompt settings."""
-    known = services.models.profiles()
-    documents = [model_document(item.profile, item.available, item.reason, services.default_model) for item in known]
+    documents = []
+    for item in services.models.profiles():
+        default = item.profile.name == services.default_model
+        known = {"available": item.available, "reason": item.reason or None, "default": default}
+        documents.append(answer(ModelOut, item.profile, **known))
     return JSONResponse({"models": documents})
 
 
@@ -65,25 +68,20 @@ async def healthz() -> Response:
 )
 def readyz(request: Request, services: Wired) -> Response:
     """Whether the store answers and the default model is available. Only keys that may read see the reasons."""
-    checks = {"store": _store(services), "model": _model(services)}
+    checks = {
+        "store": _failure(services.store.ping),
+        "model": _failure(lambda: services.models.profile(services.default_model)),
+    }
     ready = all(state == "ok" for state in checks.values())
     if not request.state.known:
         checks = {name: state if state == "ok" else "not available" for name, state in checks.items()}
     return JSONResponse({"status": "ok" if ready else "starting", "checks": checks}, 200 if ready else 503)
 
 
-def _store(services: Services) -> str:
+def _failure(ask: Callable[[], object]) -> str:
     try:
-        services.store.ping()
-    except StoreError as error:
-        return str(error)
-    return "ok"
-
-
-def _model(services: Services) -> str:
-    try:
-        services.models.profile(services.default_model)
-    except LanguageModelError as error:
+        ask()
+    except (StoreError, LanguageModelError) as error:
         return str(error)
     return "ok"
 
@@ -127,7 +125,7 @@ def list_runs(services: Wired) -> Response:
     """The runs that the key may see."""
     with services.store.read() as connection:
         records = runs.living(connection)
-    return JSONResponse({"runs": [run_document(record) for record in records]})
+    return JSONResponse({"runs": [answer(RunOut, record) for record in records]})
 
 
 @router.post("/runs/{run_id}/stop", tags=["runs"], response_model=RunOut, responses=problems(_404="no such run"))
@@ -135,4 +133,4 @@ def stop_run(services: Wired, run_id: RunId) -> Response:
     """Stop a robot: the answer to its next report tells it to. This does not replace an emergency stop."""
     with services.store.write() as connection:
         record = runs.stop(connection, run_id)
-    return JSONResponse(run_document(record))
+    return JSONResponse(answer(RunOut, record))

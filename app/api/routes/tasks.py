@@ -10,7 +10,7 @@ from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
-from app.api.documents import job_document, stats_document, task_document
+from app.api.documents import answer, stats_document, task_document
 from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
@@ -150,7 +150,7 @@ async def configure_task(
     )
     outcome = await anyio.to_thread.run_sync(configure, limiter=services.teaching)
     if isinstance(outcome, JobRecord):
-        return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})
+        return JSONResponse(answer(JobOut, outcome), 202, {"Location": f"/jobs/{outcome.id}"})
     services.prefix_warmer.changed(name)
     return JSONResponse(await anyio.to_thread.run_sync(_document, services, outcome))
 

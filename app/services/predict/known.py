@@ -1,20 +1,43 @@
-"""What the store knows of a request, read in one transaction: task, settings and demonstrations."""
+"""What is known of a request: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.llm.base import ModelProfile
+from app.perception.registry import estimate_poses
+from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.units import check_scene_units
 from app.pipeline.prompt import check_object_names
+from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.observe import Scene, look, observed
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import TaskCaches, TaskReading
+from app.services.scene_images import with_templates
 from app.services.task_settings import TaskSettings
+from app.store import tasks
+from app.store.blobs import BlobStore
+from app.store.errors import ConflictError
+from app.store.records import TaskRecord
 from app.store.store import Store
-from roboprompt_client.types.poses import Pose
+from roboprompt_client.types.poses import ObjectPose, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The objects that a request observed.
+
+    Attributes:
+        objects: those of the task, in its order.
+        absent: names of the task's objects that were not observed.
+        bystanders: observed objects that the task does not have.
+    """
+
+    objects: tuple[ObjectPose, ...]
+    absent: tuple[str, ...] = ()
+    bystanders: tuple[ObjectPose, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +84,8 @@ class KnownReader:
     def __call__(self, request: PredictRequest) -> Known:
         """Return the task, demonstrations and scene of a request.
 
+        Images are looked at before the transaction: a pose server may take seconds.
+
         Raises:
             UnknownModelError: for an unknown model.
             NotFoundError: for an unknown task or episode.
@@ -68,36 +93,38 @@ class KnownReader:
             ConflictError: if the task's settings changed while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
-        seen = look(self._store, self._pose_servers, request) if request.frames else None
+        looked_with, scene = self._look(request) if request.frames else (None, None)
         with self._store.read() as connection:
             with timed("read"):
                 task = TaskReading(connection, request.task, self._caches)
-            settings = task.settings
+            record, settings = task.record, task.settings
             settings.limits_of_motion().require_start(request.end_effector)
-            with timed("poses"):
-                if seen is None:
-                    scene = observed(request, task.record, settings, self._store.blobs)
-                else:
-                    scene = seen.scene_of(task.record)
+            if scene is None:
+                with timed("poses"):
+                    scene = observed(request, record, settings, self._store.blobs)
+            elif looked_with != (record.settings, record.object_names):
+                message = f"task {record.name!r} changed while its images were looked at: send the request again"
+                raise ConflictError(message)
             with timed("prompt"):
                 profile = self.profile_of(request.options.model)
                 style = PromptStyle.of(request, settings, profile)
                 taught = task.taught(style.from_start)
-                demonstrations = task.demonstrations(_ids(task, request, scene))
+                demonstrations = task.demonstrations(task.ids(request.options, scene.objects))
         if scene.absent:
             present = [pose.name for pose in scene.objects]
-            check_object_names(present, task.record.object_names or (), taught.needed | demonstrations.needed)
+            check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
             taught = taught.of_objects(present)
-        return Known(
-            settings,
-            request.end_effector,
-            scene,
-            profile,
-            style,
-            demonstrations,
-            chosen=request.options.episode_ids is not None,
-            taught=taught,
-        )
+        chosen = request.options.episode_ids is not None
+        return Known(settings, request.end_effector, scene, profile, style, demonstrations, chosen, taught)
+
+    def _look(self, request: PredictRequest) -> tuple[tuple[object, object], Scene]:
+        """Return the scene that the request's images show, and the settings and object names that it was seen with."""
+        with timed("read"), self._store.read() as connection:
+            task = tasks.get(connection, request.task)
+        settings = TaskSettings.model_validate(task.settings)
+        self._pose_servers.check(settings.object_models)
+        with timed("poses"):
+            return (task.settings, task.object_names), observed(request, task, settings, self._store.blobs)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
@@ -110,14 +137,29 @@ class KnownReader:
             task = TaskReading(connection, task_name, self._caches)
             style = PromptStyle.of(request, task.settings, self.profile_of(None))
             task.taught(style.from_start)  # cached for the next prediction
-            return task.demonstrations(_ids(task, request)), task.settings, style
+            return task.demonstrations(task.ids(request.options)), task.settings, style
 
 
-def _ids(task: TaskReading, request: PredictRequest, scene: Scene | None = None) -> tuple[str, ...]:
-    """Return the ids of the demonstrations that the request names, or that its selection finds."""
-    options = request.options
-    if options.episode_ids is not None:
-        task.refuse_left_out(options.episode_ids)
-        return options.episode_ids
-    number = options.num_demonstrations or task.settings.num_demonstrations
-    return task.ids(options.selection, number, options.seed, () if scene is None else scene.objects)
+def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> Scene:
+    """Return the observed objects' poses, symmetric objects at their canonical yaw; some of the task's may be absent.
+
+    Raises:
+        NoDemonstrationsError: if the task has no demonstrations.
+        ObjectSetError: if names are given twice or are spelled otherwise; as `estimate_poses` and `check_scene_units`.
+    """
+    sent, names = [query.name for query in request.objects], task.object_names
+    if names is None:
+        raise NoDemonstrationsError(task.name)
+    check_object_names(sent, names, needed=())
+    if called := next((alike.called for alike in request.alike if alike.called in names), None):
+        message = f"given twice: {called}, of which demonstrations have one"
+        raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
+    queries = with_templates(settings.with_models(request.objects), blobs)
+    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
+    check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
+    by_name = {pose.name: pose for pose in settings.canonical(poses)}
+    return Scene(
+        tuple(by_name[name] for name in names if name in by_name),
+        tuple(name for name in names if name not in by_name),
+        tuple(pose for name, pose in by_name.items() if name not in names),
+    )

@@ -17,7 +17,7 @@ from app.services.predict.demonstrations import (
     read_compared,
     recordings_of,
 )
-from app.services.predict.request import Selection
+from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import TaskState
@@ -30,46 +30,13 @@ MAX_HELD_AGAINST = 50  # demonstrations of a task
 Ids = tuple[str, ...]
 
 
-def nearest_last(scenes_m: Array, observed_m: Array, number: int) -> list[int]:
-    """The indices of the `number` scenes nearest to the observed one, the nearest last.
-
-    Args:
-        scenes_m: (N, K, 3) positions of each scene's K objects in meters, world frame.
-        observed_m: (K, 3) the same of the observed scene.
-    """
-    distances_m = np.linalg.norm(scenes_m - observed_m, axis=2).sum(axis=1)
-    nearest = np.argsort(distances_m, kind="stable")[:number]
-    return [int(index) for index in nearest[::-1]]
-
-
-def most_diverse(scenes_m: Array, number: int) -> list[int]:
-    """The indices of `number` scenes that lie far apart, in ascending order.
-
-    Farthest-point sampling (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"): begins with
-    the first scene, then takes again and again the one that is farthest from all that were taken.
-
-    Args:
-        scenes_m: as for `nearest_last`.
-    """
-    number = min(number, len(scenes_m))
-    chosen: list[int] = []
-    gaps_m = np.full(len(scenes_m), np.inf)
-    for _ in range(number):
-        farthest = int(np.argmax(gaps_m))
-        chosen.append(farthest)
-        to_it_m = np.linalg.norm(scenes_m - scenes_m[farthest], axis=2).sum(axis=1)
-        gaps_m = np.minimum(gaps_m, to_it_m)
-        gaps_m[chosen] = -1.0  # of several scenes that are the same each is taken once
-    return sorted(chosen)
-
-
 @dataclass(frozen=True, eq=False)
 class Scenes:
     """The scenes of one version of a task, oldest first.
 
     Attributes:
         ids: of the N episodes.
-        names: of the K objects.
+        names: of the K objects that all have.
         positions_m: (N, K, 3) in the world frame.
     """
 
@@ -79,7 +46,7 @@ class Scenes:
 
     @classmethod
     def read(cls, connection: Connection, task: str) -> "Scenes":
-        """The scenes of the task's episodes, with the objects that all have."""
+        """The scenes of the task's episodes."""
         stored = episodes.scenes(connection, task)
         names = in_all([[item.name for item in objects] for objects in stored.values()])
         places_m = [{item.name: item.position_m for item in objects} for objects in stored.values()]
@@ -91,11 +58,24 @@ class Scenes:
         by_name = {pose.name: pose.position_m for pose in objects}
         places = [place for place, name in enumerate(self.names) if name in by_name]
         observed_m = np.array([by_name[self.names[place]] for place in places]).reshape(-1, 3)
-        return tuple(self.ids[index] for index in nearest_last(self.positions_m[:, places], observed_m, number))
+        distances_m = np.linalg.norm(self.positions_m[:, places] - observed_m, axis=2).sum(axis=1)
+        return tuple(self.ids[index] for index in np.argsort(distances_m, kind="stable")[:number][::-1])
 
     def most_diverse(self, number: int) -> Ids:
-        """Return the ids of `number` scenes that lie far apart, oldest first."""
-        return tuple(self.ids[index] for index in most_diverse(self.positions_m, number))
+        """Return the ids of `number` scenes that lie far apart, oldest first.
+
+        Farthest-point sampling (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"): begins with
+        the first scene, then takes again and again the one that is farthest from all that were taken.
+        """
+        chosen: list[int] = []
+        gaps_m = np.full(len(self.ids), np.inf)
+        for _ in range(min(number, len(self.ids))):
+            farthest = int(np.argmax(gaps_m))
+            chosen.append(farthest)
+            to_it_m = np.linalg.norm(self.positions_m - self.positions_m[farthest], axis=2).sum(axis=1)
+            gaps_m = np.minimum(gaps_m, to_it_m)
+            gaps_m[chosen] = -1.0  # of several scenes that are the same each is taken once
+        return tuple(self.ids[index] for index in sorted(chosen))
 
 
 class TaskCaches:
@@ -114,7 +94,6 @@ class TaskReading:
 
     Attributes:
         record: as it is stored.
-
         settings: the validated ones.
 
     Raises:
@@ -127,47 +106,44 @@ class TaskReading:
         self._caches = caches
         self._connection = connection
 
-    def ids(self, selection: Selection, number: int, seed: int, objects: Sequence[ObjectPose]) -> Ids:
-        """Return the ids of at most `number` episodes of the task.
+    def ids(self, options: PredictOptions, objects: Sequence[ObjectPose] = ()) -> Ids:
+        """Return the ids of the demonstrations that a request names, or that its selection finds.
 
         Args:
-            selection: `first` and `recent` by time of upload; `random` by `seed`; `nearest` by the distance of the
-                observed `objects` to the episode's, the nearest last, where a language model attends to it most;
-                `diverse` those whose objects stand farthest apart, oldest first.
+            objects: as observed, for the selection `nearest`; it puts the nearest last, where a language model attends
+                to it most.
+
+        Raises:
+            InvalidInputError: for a named episode that is left out of prompts.
         """
-        match selection:
+        if options.episode_ids is not None:
+            left_out = episodes.left_out_of(self._connection, options.episode_ids)
+            for number, id_ in enumerate(options.episode_ids):
+                if id_ in left_out:
+                    remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
+                    raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
+            return options.episode_ids
+        number = options.num_demonstrations or self.settings.num_demonstrations
+        if options.selection == "diverse":
+            return self._diverse(number)
+        scenes = self._scenes()
+        match options.selection:
             case "first":
-                return self._scenes().ids[:number]
+                return scenes.ids[:number]
             case "recent":
-                return self._scenes().ids[-number:]
+                return scenes.ids[-number:]
             case "random":
-                ids = self._scenes().ids
-                return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
+                return tuple(random.Random(options.seed).sample(scenes.ids, min(number, len(scenes.ids))))
             case "nearest":
-                return self._scenes().nearest_last(objects, number)
-            case "diverse":
-                return self._diverse(number)
+                return scenes.nearest_last(objects, number)
 
     def _diverse(self, number: int) -> Ids:
-        return self._caches.diverse.get_or_make(
-            (self.record.state, number), lambda: self._scenes().most_diverse(number)
-        )
+        key = (self.record.state, number)
+        return self._caches.diverse.get_or_make(key, lambda: self._scenes().most_diverse(number))
 
     def _scenes(self) -> Scenes:
         task = self.record
         return self._caches.scenes.get_or_make(task.state, lambda: Scenes.read(self._connection, task.name))
-
-    def refuse_left_out(self, ids: Sequence[str]) -> None:
-        """Refuse episodes that no prompt is to show.
-
-        Raises:
-            InvalidInputError: naming the first.
-        """
-        left_out = episodes.left_out_of(self._connection, ids)
-        for number, id_ in enumerate(ids):
-            if id_ in left_out:
-                remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
-                raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
 
     def demonstrations(self, ids: Ids) -> Demonstrations:
         """Of those ids, those of one plan with equally many rows.

@@ -54,7 +54,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
             first = episodes.demonstrations(connection, task.name, FIRST)
         episodes.edit(connection, record, changes)
         if again:
-            _set_workspace(connection, task, uploaded(settings.workspace, again[0], first))
+            _set_workspace(connection, task, uploaded(settings.workspace, again[0], first)[0])
         else:
             _narrow_workspace(connection, task)
         return episodes.get(connection, record.id)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
 
 from sqlalchemy import Connection
 
@@ -18,7 +19,7 @@ from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract
 from app.services.teach.stored_task import StoredTask, check_objects, numbered_instruction
-from app.services.teach.workspace import uploaded, workspace_findings
+from app.services.teach.workspace import uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeFields
@@ -114,28 +115,21 @@ class Upload:
 Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
 
-@dataclass(frozen=True, eq=False)
-class _Extracted:
-    """An episode as it is to be stored, extracted with `settings`.
-
-    Attributes:
-        settings: of the task, with the arm's number of joints.
-        findings: all but those about the workspace.
-    """
+class _Extracted(NamedTuple):
+    """An episode to be stored, with the settings it was extracted with and all findings but the workspace's."""
 
     settings: TaskSettings
     draft: EpisodeDraft
     findings: tuple[Finding, ...]
 
-    def outcome(self, task: StoredTask, respond: Respond) -> tuple[JsonObject, JsonObject]:
-        """Return the task's settings after the upload, with its new workspace, and the answer."""
-        box, draft = task.settings.workspace, self.draft
-        if not draft.left_out:
-            box = uploaded(box, draft, task.first)
-        settings = self.settings.within(box)
-        findings = (*workspace_findings(box, draft, task.first), *self.findings)
-        answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in findings]}
-        return settings.model_dump(mode="json"), answer
+
+def _outcome(task: StoredTask, extracted: _Extracted, respond: Respond) -> tuple[JsonObject, JsonObject]:
+    """Return the task's settings after the upload, with its new workspace, and the answer."""
+    settings, draft, findings = extracted
+    box, doubts = uploaded(task.settings.workspace, draft, task.first, stays=draft.left_out)
+    settings = settings.within(box)
+    answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in (*doubts, *findings)]}
+    return settings.model_dump(mode="json"), answer
 
 
 class UploadEpisode:
@@ -193,14 +187,14 @@ class UploadEpisode:
 
     def _commit(self, upload: Upload, task: StoredTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:
         """Store the episode; return the answer, or None if the task was deleted or must be extracted for anew."""
-        settings, answer = extracted.outcome(task, respond)  # not in the transaction: on SQLite other writers wait
+        settings, answer = _outcome(task, extracted, respond)  # not in the transaction: on SQLite other writers wait
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
             if (now := task.locked(connection)) is None:
                 return None
             if (now.stored, now.first) != (task.stored, task.first):  # another upload changed the workspace meanwhile
-                settings, answer = extracted.outcome(now, respond)
+                settings, answer = _outcome(now, extracted, respond)
             episodes.add(connection, extracted.draft)
             if upload.idempotency_key is not None:
                 idempotency.save(connection, SCOPE, upload.idempotency_key, upload.digest, answer)

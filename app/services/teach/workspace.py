@@ -6,7 +6,7 @@ again, which takes all demonstrations as they are. Where the first two are so fa
 the odd one.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -60,15 +60,24 @@ def widened(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> W
     return box if (_edges_m(wider) > most_m + 1e-9).any() else wider
 
 
-def uploaded(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> WorkspaceSettings:
-    """The workspace after an upload.
+def uploaded(
+    box: WorkspaceSettings, episode: Shown, first: Sequence[DemonstrationRecord], *, stays: bool = False
+) -> tuple[WorkspaceSettings, list[Finding]]:
+    """The workspace after an upload, and which episodes lie outside of it and were not allowed to widen it.
 
     Args:
         first: at most `FIRST` demonstrations that came before it.
+        stays: the episode moves no bound.
     """
-    if len(first) == FIRST - 1 and not all(_holds(box, shown) for shown in first):
-        return spanned(box, _without_odd_one((*first, episode)))
-    return widened(box, episode, first)
+    tells = len(first) == FIRST - 1
+    if tells and not stays and not all(_holds(box, shown) for shown in first):
+        box = spanned(box, _without_odd_one((*first, episode)))
+    elif not stays:
+        box = widened(box, episode, first)
+    earlier = [(f"Episode {item.id}", item) for item in first] if tells else []
+    named: list[tuple[str, Shown]] = [("The recording", episode), *earlier]
+    beyond = [] if box.preset != "auto" else [(name, shown) for name, shown in named if not _holds(box, shown)]
+    return box, [_beyond(box, name, shown) for name, shown in beyond]
 
 
 def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
@@ -83,29 +92,15 @@ def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
     return WorkspaceSettings(preset="auto", min=tuple(held.min_m.tolist()), max=tuple(held.max_m.tolist()))
 
 
-def workspace_findings(
-    box: WorkspaceSettings, episode: Shown, first: Sequence[DemonstrationRecord]
-) -> Iterator[Finding]:
-    """Says which episodes lie outside of the workspace of their task, and were not allowed to widen it.
-
-    Args:
-        box: after the upload of `episode`.
-        first: as in `uploaded`.
-    """
-    if box.preset != "auto":
-        return
-    earlier = first if len(first) == FIRST - 1 else ()
-    for name, shown in [("The recording", episode), *((f"Episode {item.id}", item) for item in earlier)]:
-        if _holds(box, shown):
-            continue
-        wanted = grown(box, _places_m(shown))
-        message = (
-            f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {FIRST}"
-            f" demonstrations span: the workspace does not follow it. If it is right, somebody who may configure the"
-            f' task sets "workspace" to "auto" again, which makes it {_text(wanted)}; otherwise delete the episode.'
-        )
-        numbers = {"edge_m": float(_edges_m(box).max()), "wanted_edge_m": float(_edges_m(wanted).max())}
-        yield Finding("beyond-workspace", "warning", message, "workspace", numbers)
+def _beyond(box: WorkspaceSettings, name: str, shown: Shown) -> Finding:
+    wanted = grown(box, _places_m(shown))
+    message = (
+        f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {FIRST}"
+        f" demonstrations span: the workspace does not follow it. If it is right, somebody who may configure the"
+        f' task sets "workspace" to "auto" again, which makes it {_text(wanted)}; otherwise delete the episode.'
+    )
+    numbers = {"edge_m": float(_edges_m(box).max()), "wanted_edge_m": float(_edges_m(wanted).max())}
+    return Finding("beyond-workspace", "warning", message, "workspace", numbers)
 
 
 def _without_odd_one(shown: Sequence[Shown]) -> Sequence[Shown]:
