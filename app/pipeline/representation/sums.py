@@ -125,7 +125,9 @@ class SumsCodec(Codec):
                 continue
             turns = anchor.place_turns and any(rows[0].numbers[:2])
             tilts = anchor.hand_turns and anchor.object_name in self.fitted.tilted
-            apart = {self._differences(item, row.anchor, row.numbers)[:3] for item, row in zip(shown, rows, strict=True)}
+            apart = {
+                self._differences(item, row.anchor, row.numbers)[:3] for item, row in zip(shown, rows, strict=True)
+            }
             if turns or tilts or len(apart) > 1:
                 yield steps.pop()
 

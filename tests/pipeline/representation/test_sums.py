@@ -59,9 +59,7 @@ def test_a_demonstration_repeats_the_instruction_and_names_what_each_row_follows
 
 def test_a_difference_that_turns_with_an_object_is_listed_beside_it():
     codec = fitted(OPENINGS)
-    assert codec.observation_text(opened(0.105, 90)) == (
-        "{'drawer': [40,60,40,54] a(+0 +20 +0), 'open the drawer'}>"
-    )
+    assert codec.observation_text(opened(0.105, 90)) == ("{'drawer': [40,60,40,54] a(+0 +20 +0), 'open the drawer'}>")
     row = "2 open drawer a +20 +0 +0: [40+20=60,60+0=60,40+0=40,36+0=36]]"
     assert codec.actions_text(OPENINGS[0]).endswith(row)
 
