@@ -50,7 +50,6 @@ p ::= [0-9] | [1-9] [0-9]
 r ::= [0-9] | [1-6] [0-9] | "7" [01]
 t ::= "-"? ("1"? [0-9] [0-9] | [0-9])
 """
-_RESULTS = ("p", "p", "p", "r", "r", "r")  # rules of the columns
 
 Differences = tuple[int | None, ...]  # of six bins to those of what a row follows; None where a number does not follow
 
@@ -183,19 +182,16 @@ class SumsCodec(Codec):
         origin = self._origins(demonstration).get(_name(row.anchor), ())
         differences = self._differences(demonstration, row.anchor, row.numbers)
         placed = self._placed(demonstration, row.anchor, row.numbers)
-        said = self._before_results(
-            _name(row.anchor), self._letters.get(Step.of(demonstration, row)), differences, origin
-        )
+        step = self._letters.get(Step.of(demonstration, row), "")
+        said = self._before_results(_name(row.anchor), step, differences, origin)
         results = (placed[k] if (by := differences[k]) is None else origin[k] + by for k in self._shown)
         cells = "".join(f"{text}{result}" for text, result in zip(said, results, strict=True))
         return f"{'open' if row.gripper_open else 'closed'} {cells}]"
 
-    def _before_results(
-        self, name: str, step: str | None, differences: Differences, origin: Sequence[int]
-    ) -> Iterator[str]:
+    def _before_results(self, name: str, step: str, differences: Differences, origin: Sequence[int]) -> Iterator[str]:
         """Yield what a row says before each of its results: `drawer a +0 +11 +6: [60+0=`, `,51+11=`, ..."""
-        said = (name, *([step] if step else []), *(f"{by:+d}" for by in differences[:3] if by is not None))
-        before = f"{' '.join(said)}: ["
+        head = (name, step, *(f"{by:+d}" for by in differences[:3] if by is not None))
+        before = f"{' '.join(filter(None, head))}: ["
         for k in self._shown:
             yield before if (by := differences[k]) is None else f"{before}{origin[k]}{by:+d}="
             before = ","
@@ -237,31 +233,21 @@ class SumsCodec(Codec):
 
     def _rows_offered(self, query: Query) -> Iterator[str]:
         """Yield in GBNF what a row may say after its gripper: each step at its object, any other difference at all."""
-        for name, origin in self._origins(query).items():
-            for anchor, step in self._steps_at(query, name):
-                differences = self._differences(query, anchor, step.numbers)
-                yield self._row_rule(name, self._letters[step], differences, origin)
-            for frame, differences in self._without_letter:
-                if (frame == START.frame) == (name == START.frame) and frame != WORLD.frame:
-                    yield self._row_rule(name, None, differences, origin)
-        if any(frame == WORLD.frame for frame, _ in self._without_letter):
-            yield self._row_rule(WORLD.frame, None, (None,) * 6, ())
+        for name, origin in (self._origins(query) | {WORLD.frame: ()}).items():
+            steps = self._steps_at(query, name)
+            said = [(self._letters[step], self._differences(query, anchor, step.numbers)) for anchor, step in steps]
+            said += [("", by) for by in self._without_letter if (by[0] is None) == (name == WORLD.frame)]
+            for step, differences in said:
+                turn = differences[5] if len(origin) == 6 else None
+                before = self._before_results(name, step, (*differences[:5], turn), origin)
+                rules = ("p" if k < 3 else "r" if turn is None or k < 5 else "t" for k in self._shown)
+                yield " ".join(f"{_literal(text)} {rule}" for text, rule in zip(before, rules, strict=True))
 
     @cached_property
-    def _without_letter(self) -> dict[tuple[str, Differences], None]:
-        """The differences of the other rows, each with its frame; those of objects with none."""
-        return dict.fromkeys(
-            ("" if row.anchor.object_name else row.anchor.frame, self._differences(item, row.anchor, row.numbers))
-            for item, row in self._rows
-            if Step.of(item, row) not in self._letters
-        )
-
-    def _row_rule(self, name: str, step: str | None, differences: Differences, origin: Sequence[int]) -> str:
-        if differences[5] is not None and len(origin) < 6:
-            differences = (*differences[:5], None)
-        said = self._before_results(name, step, differences, origin)
-        rules = ("t" if k == 5 and differences[5] is not None else _RESULTS[k] for k in self._shown)
-        return " ".join(f"{_literal(text)} {rule}" for text, rule in zip(said, rules, strict=True))
+    def _without_letter(self) -> dict[Differences, None]:
+        """The differences of the rows that are no steps."""
+        rows = ((item, row) for item, row in self._rows if Step.of(item, row) not in self._letters)
+        return dict.fromkeys(self._differences(item, row.anchor, row.numbers) for item, row in rows)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         """The rows; the first has what stands before it, so that `reply_text` gives it back."""
