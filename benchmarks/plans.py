@@ -1,7 +1,7 @@
 """Sentences over tasks that were taught apart: how many become the right steps, are refused, or become wrong ones.
 
 ``python -m benchmarks.plans [FILE] [--room NAME] [--json]``. The file has rooms, each with its objects, its tasks
-(their objects and taught instructions), and what people ask with the plans that are right; no plan: it must be refused.
+(their objects and taught instructions), what people ask with the plans that are right, and what must be refused.
 `may_refuse` marks requests that may be obeyed or refused; `places_m` are the objects' positions.
 """
 
@@ -53,7 +53,7 @@ def answers(rooms: dict[str, Any]) -> Iterator[Answer]:
         scene = Scene(room["objects"], {}, skills, is_english)
         places_m = {name: np.array(place_m) for name, place_m in room.get("places_m", {}).items()}
         layout = Layout(places_m, np.zeros(3)) if places_m else None
-        for ask in room["asks"]:
+        for ask in [*room["asks"], *({"said": said, "plans": []} for said in room["refused"])]:
             steps, why, began_s = list[str](), "", time.perf_counter()
             try:
                 steps = [step.instruction for step in read_steps(ask["said"], scene, layout)]

@@ -39,7 +39,7 @@ def add(
         target = added_path(name, settings)
         if release is None or not target.is_file():
             if file is not None:
-                add_weights.copy(file, target, release)
+                add_weights.copy(file, target, release, settings.cache_folder)
             elif release is not None:
                 _fetch(release, settings.cache_folder)
         path = find_weights(name, settings)()

@@ -12,6 +12,7 @@ from roboprompt_client.errors import InvalidInputError
 
 BY_NAME = Method("")  # a model as the service asks it
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
+LONG_PLAN_S = 600.0
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 # A yardstick shows what its actions are worth; checked against the demonstrations, most of them would be refused.
 REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
@@ -25,7 +26,7 @@ SIMPLE_NAMES: Mapping[str, Method] = {
     "default": Method("default"),
     "nearest": COPY,
     "regression": REGRESSION,
-    "sums": Method("absolute rows as sums", {**PAPER, "prompt_format": "sums"}),
+    "sums": Method("absolute rows as sums", {**PAPER, "prompt_format": "sums", "timeout_s": LONG_PLAN_S}),
     "replay": REPLAY,
     "expert": EXPERT,
 }
@@ -43,7 +44,6 @@ LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
 # scene decides. See docs/composition.md.
 ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
 AS_RECORDED = {"keyframes": {"rule": "merged"}}
-LONG_PLAN_S = 600.0
 # From observation to closed fingers: 0.4 s until the poses are known, 1.4 s of motion, half of the fingers' way.
 LEAD_S = 2.0
 AS_ANSWERED = Method("as answered", source="robot loop")

@@ -2,6 +2,7 @@
 
 import hashlib
 import shutil
+import subprocess
 import sys
 import zipfile
 from collections import namedtuple
@@ -189,6 +190,17 @@ def test_a_file_of_a_known_model_is_verified(tiny, tmp_path):
     file.write_bytes(WHOLE)
     command("add", "tiny", "--file", str(file))
     assert find_weights("tiny", tiny)().read_bytes() == WHOLE
+
+
+def test_what_a_copy_that_was_killed_left_is_removed_by_the_next(tiny, tmp_path):
+    file = tmp_path / "file.gguf"
+    file.write_bytes(WHOLE)
+    code = "import os, shutil; from app.cli import application; shutil.copyfile = lambda *_: os.kill(os.getpid(), 9); "
+    subprocess.run([sys.executable, "-c", f"{code}application(['models', 'add', 'own', '--file', {str(file)!r}])"])
+    (left,) = left_in(tiny.cache_folder) - {"own"}
+    assert left.startswith(weights.ASSEMBLING)
+    command("add", "tiny", "--file", str(file))
+    assert left_in(tiny.cache_folder) == {"own", "model.gguf", "model.gguf.verified.json"}
 
 
 def test_a_file_gets_a_name_of_the_operators(tiny, tmp_path):

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.llm.base import ModelBusyError, ModelUnavailableError
+from app.llm.base import ModelUnavailableError
 from app.llm.resilient import Circuit, Limits, Places
 
 pytestmark = pytest.mark.anyio
@@ -98,26 +98,6 @@ def test_a_circuit_without_a_limit_never_opens(clock):
     circuit = Circuit("embedded", replace(LIMITS, failures=None), clock)
     fail(circuit, 100)
     assert not circuit.is_open
-
-
-async def test_places_are_given_in_turn_and_a_full_queue_refuses():
-    places, order, leave = Places("openai", LIMITS), [], asyncio.Event()
-
-    async def visit(number):
-        async with places.one():
-            order.append(number)
-            await leave.wait()
-
-    visits = [asyncio.create_task(visit(number)) for number in range(3)]
-    await asyncio.sleep(0)
-    assert order == [0, 1]
-    with pytest.raises(ModelBusyError, match="openai is busy: 2 requests are under way and 1 wait") as caught:
-        await visit(3)
-    assert caught.value.retry_after_s == 1.0
-    leave.set()
-    await asyncio.gather(*visits)
-    await visit(4)
-    assert order == [0, 1, 2, 4]
 
 
 async def test_who_leaves_the_queue_makes_room():

@@ -80,7 +80,7 @@ def test_a_models_format_counts_where_the_representation_has_it(taught, options,
 
 
 def test_sums_are_of_absolute_rows(taught):
-    assert " [1 cube +0" in question(taught, representation="absolute", prompt_format="sums").prompt.user
+    assert " [1 open cube +0" in question(taught, representation="absolute", prompt_format="sums").prompt.user
     with pytest.raises(InvalidInputError, match=r"prompt_format: is 'sums' with .*'object_frame'.*sums with absolute"):
         question(taught, representation="object_frame", prompt_format="sums")
 

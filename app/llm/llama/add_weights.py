@@ -20,6 +20,7 @@ from pathlib import Path
 
 from app.llm.llama import gguf
 from app.llm.llama.known_models import Release
+from app.llm.llama.weights import assemble, remove_left
 from roboprompt_client.errors import RoboPromptError
 
 PART_NAMES = (".bin", ".gguf")
@@ -63,18 +64,25 @@ def fetch(release: Release, cache_folder: Path, tell: Callable[[int], None]) -> 
     return cache_folder / release.file
 
 
-def copy(source: Path, target: Path, release: Release | None) -> None:
-    """Copy a GGUF file; one of `release` is verified. Raises OSError, WeightsError for another file or a small disk."""
+def copy(source: Path, target: Path, release: Release | None, cache_folder: Path) -> None:
+    """Copy a GGUF file; one of `release` is verified.
+
+    Raises:
+        WeightsError: for another file, or a small disk.
+        OSError: the folder cannot be written.
+    """
     if not gguf.is_gguf(source):
         raise WeightsError(f"{source} is not a GGUF file")
     target.parent.mkdir(parents=True, exist_ok=True)
-    _require_room(target.parent, source.stat().st_size)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".adding-") as folder:
-        copied = Path(folder) / JOINED
-        shutil.copyfile(source, copied)
+    remove_left(cache_folder)
+    _require_room(cache_folder, source.stat().st_size)
+
+    def make(new: Path) -> None:
+        shutil.copyfile(source, new)
         if release is not None:
-            _require_release(copied, release)
-        copied.replace(target)
+            _require_release(new, release)
+
+    assemble(target, cache_folder, make)
 
 
 def remove_parts(release: Release, cache_folder: Path) -> None:

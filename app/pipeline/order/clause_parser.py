@@ -7,7 +7,7 @@ from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.coordination import Coordination
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.words import NUMBERS, PhraseTable
+from app.pipeline.order.words import NUMBERS, PhraseTable, verb_forms
 
 _NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it", "again", "use"])
 
@@ -32,6 +32,7 @@ class ClauseParser(Coordination):
         super().__init__(phrases, of_steps=of_steps)
         self._fixed = fixed
         self._verbs = verbs.FIRST_WORDS | taught_verbs
+        self._base_of = {form: verb for verb in taught_verbs for form in verb_forms(verb)} | verbs.FORMS
 
     def _skip(self, at: int, *tables: PhraseTable) -> int:
         """Return the end of the phrases of these tables that stand there, with a comma after each."""
@@ -107,7 +108,7 @@ class ClauseParser(Coordination):
             if self._has_form(at, phrase[0], passive=passive):
                 yield " ".join(phrase), at + len(phrase)
         text = self._text(at)
-        base = text if text in self._verbs else verbs.FORMS.get(text, "")  # "placed" is a word of places, too
+        base = text if text in self._verbs else self._base_of.get(text, "")  # "placed" is a word of places, too
         if base and (base != text or base not in verbs.PHRASES) and self._has_form(at, base, passive=passive):
             yield base, at + 1
 

@@ -16,7 +16,7 @@ from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.refusals import refusal, unfamiliar_text
 from app.pipeline.order.sentences import Sentences
-from app.pipeline.order.sequence import picks_with_full_hand, uses_moved_object
+from app.pipeline.order.sequence import needs_full_hand, uses_moved_object
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 
@@ -90,7 +90,7 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Fi
         signatures = tuple(filled.frame.clause.signature for filled in plan)
         alone = all(filled.frame.may_stand_alone for filled in plan)
         clauses = [filled.clause for filled in plan]
-        possible = alone and not uses_moved_object(clauses) and not picks_with_full_hand(clauses)
+        possible = alone and not uses_moved_object(clauses) and not needs_full_hand(clauses)
         if possible or any(signatures == frame.plan for frame in taught.frames):
             yield plan
 

@@ -27,12 +27,13 @@ def uses_moved_object(clauses: Sequence[ParsedClause]) -> bool:
     return False
 
 
-def picks_with_full_hand(clauses: Sequence[ParsedClause]) -> bool:
-    """Return whether a clause picks an object up while the hand holds another one."""
+def needs_full_hand(clauses: Sequence[ParsedClause]) -> bool:
+    """Return whether a clause is about other objects than the one that the hand holds, or picks up another one."""
     held: set[str | None] = set()
     for clause in clauses:
         direct = _names(clause, DIRECT)
-        if clause.picks_up and len(held | direct) > 1:
+        elsewhere = bool(held) and held.isdisjoint(phrase.name for phrase in clause.phrases)
+        if elsewhere or (clause.picks_up and len(held | direct) > 1):
             return True
         if clause.picks_up or clause.takes_somewhere:
             held = direct if clause.picks_up else set()

@@ -7,7 +7,7 @@ from itertools import islice, permutations
 from app.pipeline.order.frames import Frame, frames_of, taught_verb
 from app.pipeline.order.lexicon import Lexicon, noun_of, phrase_of
 from app.pipeline.order.order import Grounding, Order, clause_of, clause_texts, mentions_in
-from app.pipeline.order.sequence import picks_with_full_hand
+from app.pipeline.order.sequence import needs_full_hand
 from app.pipeline.order.vocabulary import PLACE_ADJECTIVES
 from app.pipeline.order.words import IsWord
 
@@ -44,7 +44,7 @@ class Taught:
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
         alike = apart and all(clause.form in parts for clause in clauses)
         if alike and len(clauses) > 1:
-            alike = not picks_with_full_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
+            alike = not needs_full_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
         if not alike and clause_of(instruction, self.names).form not in whole:
             return None
         if instruction not in self.instructions and self._says_where_only(instruction):

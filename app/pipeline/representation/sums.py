@@ -2,13 +2,15 @@
 
 ::
 
-    {'drawer': [60,51,6,36,36,18] a(+0 +11 +6), 'open the drawer'}>open the drawer
-    [1 drawer a +0 +11 +6: [60+0=60,51+11=62,6+6=12,0,29,18+0=18,1]; 2 drawer +0 +0 +0: [60+0=60,51+0=51,...]]
+    {'drawer': [60,51,6,18] a(+0 +11 +6), 'open the drawer'}>open the drawer
+    [1 open drawer a +0 +11 +6: [60+0=60,51+11=62,6+6=12,18+0=18]; 2 closed drawer +0 +0 +0: [60+0=60,51+0=51,...]]
 
-(on one line). The reply repeats the instruction first: small models then read which object it names. A row has the
-object that it follows, the difference to that in bins, and the paper's seven bins. Those that follow the object are
-sums, of which the results count; a yaw may leave 0..71 and is read modulo 72. A difference that turns with the object,
-or that binning changes from scene to scene, is a step: it has a letter, and the observation lists it beside the object.
+(on one line). The reply repeats the instruction first: small models then read which object it names. A row has what
+the gripper is, the object that it follows, the difference to that in bins, and the paper's bins but for rotations that
+all demonstrated rows share, which objects do not have either. Those that follow the object are sums, of which the
+results count; a yaw may leave 0..71 and is read modulo 72. A difference that turns with the object, or that binning
+changes from scene to scene, is a step: it has a letter, and the observation lists it beside the object. The grammar
+holds each row to a difference that demonstrations show; which, of which object, and its sums are the model's.
 """
 
 import re
@@ -42,13 +44,14 @@ _ROW = re.compile(r"[^\];]+\]")
 _WHOLE_ROW = r"[^\[\];]+: \[[^\[\]]*\]"
 _REPLY = re.compile(rf"[^\n]*\[{_WHOLE_ROW}(?:; {_WHOLE_ROW})*\]\s*")
 _ADDENDS = re.compile(r"\d+[+-]\d+=")
-_RULES = """step ::= " " [a-z] [a-z]?
-d ::= " " [+-] p
-s ::= p ([+-] p "=" p)?
-t ::= r ([+-] p "=" "-"? ("1"? [0-9] [0-9] | [0-9]))?
+_GRIPPER = re.compile(r"(?:^|\[)\d+ (open|closed) ")
+_RULES = """gripper ::= "open " | "closed "
 p ::= [0-9] | [1-9] [0-9]
 r ::= [0-9] | [1-6] [0-9] | "7" [01]
+t ::= "-"? ("1"? [0-9] [0-9] | [0-9])
 """
+
+Differences = tuple[int | None, ...]  # of six bins to those of what a row follows; None where a number does not follow
 
 
 class Step(NamedTuple):
@@ -83,28 +86,34 @@ class SumsCodec(Codec):
 
     Attributes:
         fitted: the demonstrations relative to objects: what each row follows, and at what difference.
-        letters: of the steps that observations list.
     """
 
     workspace: Workspace
     fitted: ObjectFrameCodec
-    letters: dict[Step, str]
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
     columns: ClassVar[Sequence[Column]] = (
         *AbsoluteCodec.columns[:5],
         Column("yaw", -NO_TURN, ROTATION_BINS + NO_TURN - 1),
-        AbsoluteCodec.columns[6],
     )
 
     @classmethod
     def fit(cls, demonstrations: Sequence[Demonstration], workspace: Workspace) -> "SumsCodec":
-        """Find what each row follows, and the steps."""
-        codec = cls(workspace, ObjectFrameCodec.fit(demonstrations, workspace, with_instruction=True), {})
-        for places in places_by(demonstrations, lambda item: item.kind).values():
-            for step in codec._steps_of(places):
-                codec.letters.setdefault(step, letter(len(codec.letters)).lower())
-        return codec
+        """Find what each row follows."""
+        return cls(workspace, ObjectFrameCodec.fit(demonstrations, workspace, with_instruction=True))
+
+    @cached_property
+    def _rows(self) -> list[tuple[Demonstration, Row]]:
+        """All rows, each with its demonstration."""
+        table = zip(self.fitted.demonstrations, self.fitted.table, strict=True)
+        return [(demonstration, row) for demonstration, rows in table for row in rows]
+
+    @cached_property
+    def _letters(self) -> dict[Step, str]:
+        """Of the steps that observations list."""
+        kinds = places_by(self.fitted.demonstrations, lambda item: item.kind).values()
+        steps = dict.fromkeys(step for places in kinds for step in self._steps_of(places))
+        return {step: letter(number).lower() for number, step in enumerate(steps)}
 
     def _steps_of(self, places: Sequence[int]) -> Iterator[Step]:
         """Yield the steps of demonstrations of one kind: the rows that all have, but at differences that vary."""
@@ -115,9 +124,25 @@ class SumsCodec(Codec):
                 continue
             turns = anchor.place_turns and any(rows[0].numbers[:2])
             tilts = anchor.hand_turns and anchor.object_name in self.fitted.tilted
-            apart = {self._difference(item, row.anchor, row.numbers) for item, row in zip(shown, rows, strict=True)}
+            apart = {
+                self._differences(item, row.anchor, row.numbers)[:3] for item, row in zip(shown, rows, strict=True)
+            }
             if turns or tilts or len(apart) > 1:
                 yield steps.pop()
+
+    @cached_property
+    def _shared(self) -> dict[int, int]:
+        """The rotations that all rows share and none follows: column -> bin."""
+        placed = [self._placed(item, row.anchor, row.numbers) for item, row in self._rows]
+        turning = [row.anchor for _, row in self._rows if row.anchor.hand_turns]
+        whole = not all(map(self._yaw_follows, turning))  # at a tilted object
+        fixed = () if whole else (3, 4) if turning else (3, 4, 5)
+        return {k: placed[0][k] for k in fixed if len({bins[k] for bins in placed}) == 1}
+
+    @cached_property
+    def _shown(self) -> tuple[int, ...]:
+        """The columns that rows and objects have."""
+        return tuple(k for k in range(6) if k not in self._shared)
 
     def needed(self) -> tuple[Demonstration, ...]:
         return self.fitted.needed()
@@ -127,7 +152,7 @@ class SumsCodec(Codec):
 
     def observation_text(self, query: Query) -> str:
         parts = [
-            f"'{name}': [{','.join(map(str, bins))}]{self._steps_text(query, name)}"
+            f"'{name}': [{','.join(str(bins[k]) for k in self._shown if k < len(bins))}]{self._steps_text(query, name)}"
             for name, bins in self._origins(query).items()
         ]
         return "{" + ", ".join([*parts, f"'{query.instruction}'"]) + "}>"
@@ -135,16 +160,18 @@ class SumsCodec(Codec):
     def _steps_text(self, query: Query, name: str) -> str:
         """The steps at an object (or the start) in this scene."""
         texts = []
-        for step, letter_ in self.letters.items():
-            if step.form != query.order.form:
-                continue
-            anchor = step.anchor(query.order)
-            if _name(anchor) == name:
-                numbers = [f"{value:+d}" for value in self._difference(query, anchor, step.numbers)]
-                if anchor.object_name in self.fitted.tilted:
-                    numbers += map(str, self._placed(query, anchor, step.numbers)[3:])
-                texts.append(f" {letter_}({' '.join(numbers)})")
+        for anchor, step in self._steps_at(query, name):
+            numbers = [f"{value:+d}" for value in self._differences(query, anchor, step.numbers)[:3]]
+            if anchor.object_name in self.fitted.tilted:
+                numbers += [str(self._placed(query, anchor, step.numbers)[k]) for k in self._shown[3:]]
+            texts.append(f" {self._letters[step]}({' '.join(numbers)})")
         return "".join(texts)
+
+    def _steps_at(self, query: Query, name: str) -> Iterator[tuple[Anchor, Step]]:
+        """Yield the steps with letters that follow `name` where the query's order is carried out."""
+        for step in self._letters:
+            if step.form == query.order.form and _name(anchor := step.anchor(query.order)) == name:
+                yield anchor, step
 
     def actions_text(self, demonstration: Demonstration) -> str:
         rows = self.fitted.table[self.fitted.demonstrations.index(demonstration)]
@@ -152,28 +179,27 @@ class SumsCodec(Codec):
         return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
     def _row_text(self, demonstration: Demonstration, row: Row) -> str:
-        anchor, bins = row.anchor, self._placed(demonstration, row.anchor, row.numbers)
-        cells, head = list(map(str, bins)), _name(anchor)
-        if step := self.letters.get(Step.of(demonstration, row)):
-            head += f" {step}"
-        if anchor != WORLD:
-            origin = self._origins(demonstration)[_name(anchor)]
-            differences = [f"{bins[k] - origin[k]:+d}" for k in range(3)]
-            head += " " + " ".join(differences)
-            cells[:3] = [_sum(origin[k], bins[k] - origin[k]) for k in range(3)]
-            if anchor.hand_turns and anchor.object_name not in self.fitted.tilted:
-                cells[5] = _sum(origin[5], row.numbers[5] - NO_TURN)
-        return f"{head}: [{','.join([*cells, str(int(row.gripper_open))])}]"
+        origin = self._origins(demonstration).get(_name(row.anchor), ())
+        differences = self._differences(demonstration, row.anchor, row.numbers)
+        placed = self._placed(demonstration, row.anchor, row.numbers)
+        step = self._letters.get(Step.of(demonstration, row), "")
+        said = self._before_results(_name(row.anchor), step, differences, origin)
+        results = (placed[k] if (by := differences[k]) is None else origin[k] + by for k in self._shown)
+        cells = "".join(f"{text}{result}" for text, result in zip(said, results, strict=True))
+        return f"{'open' if row.gripper_open else 'closed'} {cells}]"
 
-    @cached_property
-    def _anchors(self) -> frozenset[Anchor]:
-        """Those of the demonstrations' rows."""
-        return frozenset(row.anchor for rows in self.fitted.table for row in rows)
+    def _before_results(self, name: str, step: str, differences: Differences, origin: Sequence[int]) -> Iterator[str]:
+        """Yield what a row says before each of its results: `drawer a +0 +11 +6: [60+0=`, `,51+11=`, ..."""
+        head = (name, step, *(f"{by:+d}" for by in differences[:3] if by is not None))
+        before = f"{' '.join(filter(None, head))}: ["
+        for k in self._shown:
+            yield before if (by := differences[k]) is None else f"{before}{origin[k]}{by:+d}="
+            before = ","
 
     def _origins(self, query: Query) -> dict[str, tuple[int, ...]]:
         """The bins of everything that a row may follow, by name: of objects, and of the start where rows follow it."""
         origins = {pose.name: object_bins(pose, self.workspace) for pose in query.objects}
-        if query.start is not None and START in self._anchors:
+        if query.start is not None and any(row.anchor == START for _, row in self._rows):
             origins[START.frame] = discretize_actions([query.start], self.workspace)[0].bins[:6]
         return origins
 
@@ -183,26 +209,50 @@ class SumsCodec(Codec):
         actions = actions_at([pose], np.array([numbers]), [True])
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
-    def _difference(self, query: Query, anchor: Anchor, numbers: tuple[int, ...]) -> tuple[int, ...]:
-        """Its position bins less those of what it follows."""
-        origin = self._origins(query)[_name(anchor)]
-        return tuple(at - start for at, start in zip(self._placed(query, anchor, numbers)[:3], origin[:3], strict=True))
+    def _differences(self, query: Query, anchor: Anchor, numbers: tuple[int, ...]) -> Differences:
+        """A row's bins less those of what it follows."""
+        if anchor == WORLD:
+            return (None,) * 6
+        origin, placed = self._origins(query)[_name(anchor)], self._placed(query, anchor, numbers)
+        turn = numbers[5] - NO_TURN if self._yaw_follows(anchor) else None
+        return (*(placed[k] - origin[k] for k in range(3)), None, None, turn)
+
+    def _yaw_follows(self, anchor: Anchor) -> bool:
+        return anchor.hand_turns and anchor.object_name not in self.fitted.tilted
 
     def grammar(self, query: Query, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.fitted.demonstrations, query.order, max_actions)
-        followed = (*self._origins(query), *([WORLD.frame] if WORLD in self._anchors else []))
-        names = " | ".join(f'"{name}"' for name in followed)
-        said = re.sub(r'(["\\])', r"\\\1", query.instruction)
-        cells = ' "," '.join("sssrrt")
-        return (
-            f'root ::= "{said} [" row ("; " row){{{fewest - 1},{most - 1}}} "]"\n'
-            f'row ::= [1-9] [0-9]{{0,2}} " " ({names}) step? (d d d)? ": [" {cells} "," [01] "]"\n{_RULES}'
+        more = "".join(
+            f" {'(' if number > fewest else ''}{_literal(f'; {number} ')} row" for number in range(2, most + 1)
         )
+        row = " | ".join(dict.fromkeys(self._rows_offered(query)))
+        return (
+            f'root ::= {_literal(f"{query.instruction} [1 ")} row{more}{")?" * (most - fewest)} "]"\n'
+            f'row ::= gripper ({row}) "]"\n{_RULES}'
+        )
+
+    def _rows_offered(self, query: Query) -> Iterator[str]:
+        """Yield in GBNF what a row may say after its gripper: each step at its object, any other difference at all."""
+        for name, origin in (self._origins(query) | {WORLD.frame: ()}).items():
+            steps = self._steps_at(query, name)
+            said = [(self._letters[step], self._differences(query, anchor, step.numbers)) for anchor, step in steps]
+            said += [("", by) for by in self._without_letter if (by[0] is None) == (name == WORLD.frame)]
+            for step, differences in said:
+                turn = differences[5] if len(origin) == 6 else None
+                before = self._before_results(name, step, (*differences[:5], turn), origin)
+                rules = ("p" if k < 3 else "r" if turn is None or k < 5 else "t" for k in self._shown)
+                yield " ".join(f"{_literal(text)} {rule}" for text, rule in zip(before, rules, strict=True))
+
+    @cached_property
+    def _without_letter(self) -> dict[Differences, None]:
+        """The differences of the rows that are no steps."""
+        rows = ((item, row) for item, row in self._rows if Step.of(item, row) not in self._letters)
+        return dict.fromkeys(self._differences(item, row.anchor, row.numbers) for item, row in rows)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         """The rows; the first has what stands before it, so that `reply_text` gives it back."""
         if complete and not _REPLY.fullmatch(reply_text):
-            raise ReplyParseError("the reply is not one list '[drawer: [60+0=60, ...]; ...]'", reply_text)
+            raise ReplyParseError("the reply is not one list '[1 open drawer: [60+0=60, ...]; ...]'", reply_text)
         return [row.strip() for row in _ROW.findall(reply_text)]
 
     def reply_text(self, rows: Sequence[str]) -> str:
@@ -212,15 +262,24 @@ class SumsCodec(Codec):
         return self._actions
 
     def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
-        bins = [
-            row_integers(_ADDENDS.sub("", row[row.rindex("[") :]), index, self.columns)
-            for index, row in enumerate(rows, start=first)
-        ]
-        return undiscretize_actions([(*row[:5], row[5] % ROTATION_BINS, row[6]) for row in bins], self.workspace)
+        return undiscretize_actions(
+            [self._bins(row, index) for index, row in enumerate(rows, start=first)], self.workspace
+        )
+
+    def _bins(self, row: str, index: int) -> tuple[int, ...]:
+        gripper = _GRIPPER.search(row)
+        if gripper is None:
+            raise ReplyParseError(f"action {index} does not begin with its number and 'open' or 'closed'", row)
+        columns = [self.columns[k] for k in self._shown]
+        numbers = row_integers(_ADDENDS.sub("", row[row.rindex("[") :]), index, columns)
+        bins = self._shared | dict(zip(self._shown, numbers, strict=True))
+        return (*(bins[k] for k in range(5)), bins[5] % ROTATION_BINS, int(gripper[1] == "open"))
 
 
-def _sum(number: int, difference: int) -> str:
-    return f"{number}{difference:+d}={number + difference}"
+def _literal(text: str) -> str:
+    """The text as GBNF."""
+    escaped = re.sub(r'(["\\])', r"\\\1", text)
+    return f'"{escaped}"'
 
 
 def _name(anchor: Anchor) -> str:

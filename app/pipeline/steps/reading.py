@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.findings.scene import strangers
-from app.pipeline.order.clauses import DIRECT, ParsedClause
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.frames import Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
 from app.pipeline.order.order import Order, clause_of
@@ -20,7 +20,7 @@ from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.reading import FilledFrame, closest
 from app.pipeline.order.refusals import FIELD, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
-from app.pipeline.order.sequence import is_placed_after_moving, picks_with_full_hand
+from app.pipeline.order.sequence import is_placed_after_moving, needs_full_hand
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.order.words import IsWord
@@ -164,7 +164,7 @@ class _Reader:
         clauses = self._resolved(done) if order else ()
         choices = self._choices_of(done, clauses)
         in_order = [clauses[place] for place in order] if choices else []
-        if picks_with_full_hand(in_order):
+        if needs_full_hand(in_order):
             self._miss(len(done), units[-1], "needs a hand that still holds something")
         elif in_order and not is_placed_after_moving(in_order):
             every = (tuple(chain.from_iterable(parts)) for parts in product(*(choices[place] for place in order)))
@@ -202,8 +202,9 @@ class _Reader:
     def _antecedent(self, clause: ParsedClause, before: ParsedClause) -> Sequence[NounPhrase]:
         """Return the objects of a pronoun: "it" is the one object of the clause before, or "it" there in this role.
 
-        After "put the mug in the drawer, then close it" the drawer is meant if no task closes a mug. After "pour water
-        from the can into the pot" the object is meant for which a task exists. "Them" are several direct objects.
+        After "wipe the plate with the sponge and put it in the sink" it is the plate if no task puts the sponge there;
+        after "put the mug in the drawer, then close it" the drawer if no task closes a mug; after "pour water from the
+        can into the pot" the object for which a task exists. "Them" are several direct objects.
         """
         own = {phrase.name for phrase in clause.phrases}
         pronouns = {role: phrase for role, phrases in clause.roles for phrase in phrases if phrase.name is None}
@@ -214,9 +215,10 @@ class _Reader:
             group = before.objects_in(DIRECT)
             return group if at == DIRECT and len(group) > 1 else ()
         found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
-        if len(found) > 1 and at == DIRECT and (clause.verb in CONTAINING or DIRECT not in found):
-            found = {role: one for role, one in found.items() if self._choices(several.with_objects(clause, [one]))}
-            found = {} if DIRECT in found else found
+        contains, with_tool = clause.verb in CONTAINING, found.keys() == {DIRECT, INSTRUMENT}
+        if len(found) > 1 and at == DIRECT and (contains or with_tool or DIRECT not in found):
+            done = {role: one for role, one in found.items() if self._choices(several.with_objects(clause, [one]))}
+            found = done if (DIRECT in done) == with_tool else {}
         elif (same := found.get(at)) is not None and same.by == several.IT:
             found = {at: same}
         return tuple(found.values()) if len(found) == 1 else ()

@@ -65,15 +65,6 @@ def test_actions_are_written_in_the_frame_in_which_they_agree(shown, expected):
     assert [codec.actions_text(demonstration) for demonstration in shown] == [expected] * 3
 
 
-@pytest.mark.parametrize("frame", ["ow", "wo"])
-def test_a_mixed_frame_takes_place_and_rotation_along_axes_of_their_own(frame):
-    codec, cup, turn = fitted(*rim(frame)), pose("cup", (0.4, 0.1, 0.7), 120), rotated(0, 0, 120)
-    (seen,) = parse_reply(f" 1 A {frame}: -10 +4 +20 0 36 42 0", codec, [cup], LIFT)
-    off_m, hand = np.array([-0.05, 0.02, 0.1]), rotated(180, 0, 30)
-    np.testing.assert_allclose(seen.position_m - cup.position_m, turn.apply(off_m) if frame == "ow" else off_m)
-    assert angle_deg(seen.quaternion_xyzw, (turn * hand if frame == "wo" else hand).as_quat()) < 1e-5
-
-
 @given(
     st.sampled_from(["w", "o", "ow", "wo"]),
     st.floats(0.02, 0.12),

@@ -83,6 +83,10 @@ def texts(steps):
         ("use the cloth to wipe the tin", ["wipe the tin with the cloth"]),
         ("rinse the cloth, then wring it", ["rinse the cloth, then wring it"]),
         ("press the left button instead of the right one, then wipe the tin", [LEFT, "wipe the tin with the cloth"]),
+        ("wipe the tin with the cloth and shake it", ["wipe the tin with the cloth", SHAKE]),
+        ("press the left button after wiping the tin with the cloth", ["wipe the tin with the cloth", LEFT]),
+        ("shake the tin before rinsing the cloth", None),
+        ("the tin should be shaken", None),
         ("hoist the red pear", None),
         ("raise the red pear", None),
     ],
@@ -141,7 +145,7 @@ NOT_CERTAIN = [
     "close the cloth", "put the upper box in the tin", "put the cloth in the upper box", "turn the knob to the left",
     "shook the tin", "shake", "shake the tin again",
     # what the hand cannot do, and two destinations
-    "lift the green pear, then lift the red pear", "lift both pears",
+    "lift the green pear, then lift the red pear", "lift both pears", "lift the red pear and press the left button",
     "put the green pear in the upper box, the red pear in the lower box", "wipe the tin, but not with the cloth",
 ]  # fmt: skip
 
