@@ -180,7 +180,8 @@ def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
         return ()
     message = (
         f"{pose.name} is turned about the vertical by {beyond_deg:.0f} degrees beyond the demonstrations, which span"
-        f" {range_deg:.0f} degrees. Turn it back, or record demonstrations at this angle."
+        f" {range_deg:.0f} degrees. Turn it back, record demonstrations at this angle, or, if it looks the same after"
+        " a part of a turn, set the task's yaw_symmetry_deg."
     )
     rule = rules.TURNED_BEYOND_MANY if places.number >= MANY else rules.TURNED
     return rule.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})

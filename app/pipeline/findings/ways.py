@@ -14,6 +14,7 @@ from app.pipeline.plans import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
+from app.pipeline.plans.turn import grasps_along_approach, half_turned
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -71,15 +72,29 @@ def more_strokes(reversals: Sequence[Reversals]) -> Array | None:
 
 
 def _distinct_ways(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:
-    """Return the ways, those merged that differ only in how the hand gets to where it acts."""
+    """Return the ways, those merged that differ only in how the hand gets to where it acts, or by its half turn."""
     found: list[Group] = []
     for way in ways:
-        same = next((k for k, other in enumerate(found) if _act_alike(other, way, round_objects)), None)
+        same = next((k for k, other in enumerate(found) if _same_outcome(other, way, round_objects)), None)
         if same is None:
             found.append(way)
         else:
             found[same] += way
     return found
+
+
+def _same_outcome(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
+    """Return whether two ways act alike, or do so once the hand is turned by half a turn throughout one of them.
+
+    A parallel gripper that is turned so grasps alike, and moves what it holds alike.
+    """
+    if _act_alike(one, other, round_objects):
+        return True
+    return grasps_along_approach([*one, *other]) and _act_alike(one, _half_turned(other), round_objects)
+
+
+def _half_turned(group: Group) -> Group:
+    return tuple(replace(shown, actions=tuple(map(half_turned, shown.actions))) for shown in group)
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:

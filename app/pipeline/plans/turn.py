@@ -44,7 +44,7 @@ class WristRange:
             the base to the hand, because such an arm turns with it. None: they are relative to the world's axes.
 
     Attributes:
-        approaches: whether hands reach their grasps along their z axis; otherwise a half turn changes the grasp.
+        approaches: see `grasps_along_approach`.
     """
 
     def __init__(self, demonstrations: Sequence[Demonstration], base_m: Array | None = None) -> None:
@@ -54,8 +54,7 @@ class WristRange:
         gaps = np.diff(angles, append=angles[0] + 360)
         first = (int(gaps.argmax()) + 1) % len(angles)
         self._start_deg, self._width_deg = float(angles[first]), 360 - float(gaps.max())
-        along = [cosine for item in demonstrations for cosine in _along_approach(item)]
-        self.approaches = bool(along) and float(np.median(along)) >= ALONG_APPROACH
+        self.approaches = grasps_along_approach(demonstrations)
 
     def beyond_deg(self, actions: Iterable[EndEffectorAction]) -> float:
         """Return the largest distance of the actions' wrist angles from the demonstrated range; 0 inside it."""
@@ -72,6 +71,12 @@ class WristRange:
             return twist_deg
         away_m = action.position_m - self._base_m
         return twist_deg + math.degrees(math.atan2(away_m[1], away_m[0]))  # a hand that points down turns the other way
+
+
+def grasps_along_approach(demonstrations: Iterable[Demonstration]) -> bool:
+    """Return whether hands reach their grasps along their z axis; otherwise a half turn changes the grasp."""
+    along = [cosine for item in demonstrations for cosine in _along_approach(item)]
+    return bool(along) and float(np.median(along)) >= ALONG_APPROACH
 
 
 def _along_approach(demonstration: Demonstration) -> list[float]:
@@ -113,7 +118,7 @@ def _half_turned_recording(recording: Recording) -> Recording:
 def _turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
     """Return for each demonstration whether its first grasp is half a turn from that of most others."""
     unchanged = [False] * len(demonstrations)
-    if not all(item.switches for item in demonstrations) or not WristRange(demonstrations).approaches:
+    if not all(item.switches for item in demonstrations) or not grasps_along_approach(demonstrations):
         return unchanged
     hands = [item.actions[item.switches[0]].quaternion_xyzw for item in demonstrations]
     least_deg, best = math.inf, (FOLDED_DEG, unchanged)

@@ -1,4 +1,4 @@
-"""Several ways under one instruction: a tap that half of the demonstrations turn the other way round."""
+"""Several ways under one instruction: a tap is turned the other way round, a gripper takes a can half a turn apart."""
 
 from dataclasses import replace
 
@@ -33,3 +33,39 @@ def test_demonstrations_that_turn_something_the_other_way_are_another_way(other_
     alike = [turned(110.0 if k % 2 else other_deg, random, plan=k % 2) for k in range(10)]
     found = ways_findings(alike, [], ROUND, declared=declared)
     assert [finding.severity for finding in found] == (["info"] * len(expected) if declared else expected)
+
+
+def carried(random, plan, grasp_deg=0.0, release_deg=0.0, down_deg=180):
+    """A can is put onto a tray, the hand turned by these angles about the vertical where it grasps and releases."""
+    can_m, tray_m = random.uniform((-0.2, -0.3, 0.8), (0.3, 0.0, 0.8)), random.uniform((0, 0.1, 0.8), (0.3, 0.4, 0.8))
+    taking, placing = (down_deg, 0, grasp_deg), (down_deg, 0, release_deg)
+    actions = (
+        action(np.add(can_m, (0, 0, 0.1)), taking),
+        action(can_m, taking, gripper_open=False),
+        action(np.add(can_m, (0, 0, 0.1)), taking, gripper_open=False),
+        action(np.add(tray_m, (0, 0, 0.1)), placing, gripper_open=False),
+        action(tray_m, placing),
+    )
+    shown = demonstration("put the can onto the tray", [pose("can", can_m), pose("tray", tray_m)], actions)
+    return replace(shown, plan=plan, id=f"{grasp_deg} {release_deg}")
+
+
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [
+        ({"grasp_deg": 180, "release_deg": 180}, []),  # fingers exchanged: what is held moves alike
+        ({"release_deg": 180}, ["danger"]),  # the can ends up half a turn apart
+        ({"grasp_deg": 90, "release_deg": 90}, ["danger"]),
+    ],
+)
+def test_a_half_turn_of_the_gripper_is_no_other_way(other, expected):
+    random = np.random.default_rng(0)
+    alike = [carried(random, 0) if k % 2 else carried(random, 1, **other) for k in range(10)]
+    assert [finding.severity for finding in ways_findings(alike, [], frozenset(), declared=False)] == expected
+
+
+def test_a_hand_that_takes_things_from_the_side_has_no_half_turn():
+    """Level fingers come down beside the can: turned about the vertical, the hand is on the other side of it."""
+    random = np.random.default_rng(0)
+    alike = [carried(random, k % 2, 180 * (k % 2), 180 * (k % 2), down_deg=90) for k in range(10)]
+    assert [finding.severity for finding in ways_findings(alike, [], frozenset(), declared=False)] == ["danger"]

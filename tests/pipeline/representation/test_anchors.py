@@ -204,6 +204,21 @@ def test_hover_grasp_and_lift_are_in_one_frame_where_the_object_was_always_turne
     assert hover == grasp == lift
 
 
+@pytest.mark.parametrize(
+    ("apart_deg", "frame"),
+    [
+        (0.0, "w"),  # a round object, or one whose rotation nothing observes
+        (1e-3, "o"),  # one measured yaw: the frame that also serves a single demonstration
+        (4.9, "o"),
+        (5.1, "w"),  # two yaws: the hand did not turn with it
+    ],
+)
+def test_a_hand_follows_the_axes_of_an_object_that_was_always_turned_alike(apart_deg, frame):
+    group = [picked_up((0.1 * k, 0.05 * k, 0.7), 57 + apart_deg * (k == 2), HOVER_GRASP_LIFT) for k in range(3)]
+    chosen = choose_anchors(group, LEVEL, beyond_objects=True)
+    assert [anchors[0] for anchors in chosen[:3]] == [Anchor(CUP, frame)] * 3
+
+
 def test_what_the_hand_carries_does_not_follow_a_bystander():
     by_the_way = [*HOVER_GRASP_LIFT, (1, (0.1, 0.1, 0.12))]
     alone = picked_up(
