@@ -9,11 +9,12 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
 from app.pipeline.findings.hand import RecordedHand, path_findings
-from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
+from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.turning import turning_findings
 from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
@@ -109,7 +110,7 @@ class Taught:
             known = (
                 *self._of_forms(form),
                 *scattered,
-                *turning_findings(self.support, asked),
+                *turning_findings(self.support, asked, self.round_objects),
                 *dropped,
                 *objects_order_findings(self.demonstrations),
             )

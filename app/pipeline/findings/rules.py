@@ -137,6 +137,7 @@ FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", war
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 OBJECT_W_FIRST = Rule("w-first", "share of the demonstrations", danger=0.15)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
+MISREAD = Rule("yaw-misread", "of the hand's rotations from their mean", "degrees", danger=8.0)
 
 GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")
 STRAYING = Rule("straying-action", info=ALWAYS)

@@ -1,0 +1,72 @@
+"""Hands that turn with an object only if its rotations mean something else, and those that act beside it."""
+
+import numpy as np
+import pytest
+
+from app.pipeline.findings.turning import turning_findings
+from app.pipeline.plans.support import Support
+from tests.pipeline.scenes import action, demonstration, pose
+
+TAKE, PUT = "pick up the bar", "put the bar beside the box"
+
+
+def found(group, symmetric=()):
+    return [item.code for item in turning_findings(Support.of([group]), group[0].order, frozenset(symmetric))]
+
+
+def takes(said_deg, number=10, noise_deg=1.0, most_deg=60.0):
+    """Hands that turn with a bar, whose yaw is said to be `said_deg(k, yaw)`."""
+    random, group = np.random.default_rng(0), []
+    for k in range(number):
+        at_m, yaw_deg = (*random.uniform(-0.2, 0.2, 2), 0.8), float(random.uniform(-most_deg, most_deg))
+        hand_deg = (180, 0, yaw_deg + random.normal(0, noise_deg))
+        rows = [action((*at_m[:2], z_m), hand_deg, gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
+        group.append(demonstration(TAKE, (pose("bar", at_m, said_deg(k, yaw_deg)),), rows))
+    return group
+
+
+MISREAD = {
+    "as it is": (lambda k, deg: deg, False),
+    "the wrong sign": (lambda k, deg: -deg, True),
+    "half of it": (lambda k, deg: deg / 2, True),
+    "twice": (lambda k, deg: 2 * deg, True),
+    "half a turn off in half": (lambda k, deg: deg + 180 * (k % 2), True),
+    "half a turn off in a third": (lambda k, deg: deg + 180 * (k % 3 == 0), True),
+    "another zero": (lambda k, deg: deg + 70, False),
+    "unknown": (lambda k, deg: 37.0 * k, False),  # nothing explains how the hand turns
+}
+
+
+@pytest.mark.parametrize("case", MISREAD)
+def test_a_yaw_that_means_something_else(case):
+    said_deg, is_misread = MISREAD[case]
+    assert found(takes(said_deg)) == ["yaw-misread"] * is_misread
+
+
+def test_a_yaw_of_a_symmetric_object_and_those_of_few_demonstrations_say_nothing():
+    wrong, _ = MISREAD["the wrong sign"]
+    assert found(takes(wrong), symmetric=["bar"]) == found(takes(wrong, number=4)) == []
+
+
+def test_hands_that_do_not_turn_with_an_object_may_be_turned_anyhow():
+    assert found(takes(lambda k, deg: -deg, noise_deg=30.0, most_deg=0.0)) == []
+
+
+@pytest.mark.parametrize(("shifted_m", "codes"), [(0.0, []), (0.12, ["beside-the-object"])])
+def test_what_is_put_beside_an_object_and_turned_as_it_is_belongs_there(shifted_m, codes):
+    """Unless the hand took it as far beside."""
+    random, group = np.random.default_rng(0), []
+    for _ in range(10):
+        bar_m, box_m = (np.array([*random.uniform(-0.2, 0.2, 2), 0.8]) for _ in range(2))
+        bar_deg, box_deg = random.uniform(-40, 40, 2).tolist()
+        aside_m = np.array([0, 1, 0])
+        taken_m, put_m = bar_m + shifted_m * aside_m, box_m + (0.13 + shifted_m) * aside_m
+        over_m = np.array([0, 0, 0.1])
+        rows = [
+            action(taken_m + over_m, (180, 0, bar_deg), gripper_open=True),
+            action(taken_m, (180, 0, bar_deg), gripper_open=False),
+            action(put_m + over_m, (180, 0, box_deg), gripper_open=False),
+            action(put_m, (180, 0, box_deg), gripper_open=True),
+        ]
+        group.append(demonstration(PUT, (pose("bar", bar_m, bar_deg), pose("box", box_m, box_deg)), rows))
+    assert found(group) == codes
