@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, rules
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, touching_rows
+from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client.types.arrays import Array
@@ -33,13 +33,17 @@ def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
     return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearer)])
 
 
+Rotations = Mapping[str, Mapping[str, Array]]
+"""(4,) by id of the demonstration and name of the object."""
+
 # What rotations of an object may mean instead of what they say; hands are then turned alike, seen from it
 READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
-    "turned the other way": _times(-1.0),
-    "turned twice as far": _times(2.0),
-    "turned half as far": _times(0.5),
-    "half a turn otherwise in some": _but_for_half_turns,
+    "were turned the other way": _times(-1.0),
+    "were turned twice as far": _times(2.0),
+    "were turned half as far": _times(0.5),
+    "were turned by half a turn more in some": _but_for_half_turns,
 }
+OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _times(1.0)}
 
 
 class Turning(NamedTuple):
@@ -48,6 +52,7 @@ class Turning(NamedTuple):
     Attributes:
         name: of the object, as it is asked for.
         hands, objects: N rotations in the demonstrations.
+        given: of the objects if a symmetry is declared for them: as they were before it was applied; else None.
         aside_m: (2,) the horizontal distance of the hand from the object along the world's axes.
         taken_aside_m: the same where the hand took what it lets go of here; None where it lets go of nothing.
     """
@@ -56,6 +61,7 @@ class Turning(NamedTuple):
     name: str
     hands: Rotation
     objects: Rotation
+    given: Rotation | None
     aside_m: Array
     taken_aside_m: Array | None
 
@@ -79,25 +85,34 @@ class Turning(NamedTuple):
         as_meant_deg = min(self._scatters_deg(Rotation.from_quat(np.roll(self.hands.as_quat(), -1, axis=1))))
         return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
 
-    def misread(self) -> tuple[float, str]:
-        """Return how far the hand scatters in the row's frame, and the reading by which it would not; else (0, "")."""
-        as_read_deg = float(np.median(self.row.off_deg))
-        scatters_deg = {text: _scatter_deg(read(self.objects, self.hands)) for text, read in READINGS.items()}
-        text = min(scatters_deg, key=scatters_deg.__getitem__)
-        return (as_read_deg, text) if scatters_deg[text] < MUCH_LESS * as_read_deg else (0.0, "")
+    def misread(self) -> tuple[float, str, str]:
+        """Return a doubt about how the object's rotations are read; (0, "", "") if there is none.
+
+        Returns:
+            The angle that more than a third of the hands are off in the row's frame; the reading by which they are not;
+            the object's name.
+        """
+        as_read_deg = of_a_way(self.row.off_deg)
+        readings, objects = (READINGS, self.objects) if self.given is None else (OF_SYMMETRIC, self.given)
+        as_meant_deg = {text: of_a_way(_off_deg(read(objects, self.hands))) for text, read in readings.items()}
+        text = min(as_meant_deg, key=as_meant_deg.__getitem__)
+        return (as_read_deg, text, self.name) if as_meant_deg[text] < MUCH_LESS * as_read_deg else (0.0, "", "")
 
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
         return _scatter_deg(self.objects.inv() * hands), _scatter_deg(hands)
 
 
-def turning_findings(support: Support, asked: Order, symmetric: frozenset[str]) -> Iterator[Finding]:
+def turning_findings(
+    support: Support, asked: Order, symmetric: frozenset[str] = frozenset(), given_xyzw: Rotations | None = None
+) -> Iterator[Finding]:
     """Yield at most one finding of each kind about the rows in which the hand acts on an object.
 
     Args:
         symmetric: objects with a declared yaw symmetry.
+        given_xyzw: their rotations before it was applied; None where they are not known.
     """
-    turning = list(_turning(support, asked))
+    turning = list(_turning(support, asked, symmetric, given_xyzw or {}))
     if not turning:
         return
     item = max(turning, key=Turning.beside_m)
@@ -114,33 +129,45 @@ def turning_findings(support: Support, asked: Order, symmetric: frozenset[str]) 
         f" quaternions it would turn as {item.name} does. They must be x y z w."
     )
     yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
-    misread = [(*each.misread(), each.name) for each in turning if each.name not in symmetric]
-    off_deg, reading, name = max(misread, default=(0.0, "", ""))
+    off_deg, reading, name = max(each.misread() for each in turning)
     message = (
-        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; it would turn with {name} if"
-        f" {name} were {reading}. Check how its quaternions are computed; if it looks the same after half a turn,"
-        " declare that (yaw_symmetry_deg)."
+        f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all would"
+        f" turn with {name} if {name} {reading}. Check the yaws, and what is declared of them."
     )
     yield from rules.MISREAD.findings(off_deg, message, f"objects[{name}]", {"off_deg": off_deg})
 
 
-def _turning(support: Support, asked: Order) -> Iterator[Turning]:
+def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[Turning]:
     for group, rows in support.alike(asked):
         taken_aside_m = None
         for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
-            names = [anchor.object_name for anchor in rows[k].anchors]
+            row, names = rows[k], [anchor.object_name for anchor in rows[k].anchors]
             if not all(names):
                 continue
             poses = [item.object(name) for item, name in zip(group, names, strict=True)]
-            aside_m = np.median(rows[k].positions_m - [pose.position_m for pose in poses], axis=0)[:2]
+            aside_m = np.median(row.positions_m - [pose.position_m for pose in poses], axis=0)[:2]
             turned = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
             if len(turned) == len(group):
-                name = asked_anchor(rows[k].anchors[0], group[0].order, asked).object_name
-                released_m = taken_aside_m if rows[k].gripper_open else None
-                yield Turning(rows[k], name, rows[k].hands, Rotation.from_quat(turned), aside_m, released_m)
-            if not rows[k].gripper_open:
+                own = zip(group, names, turned, strict=True)
+                given = [given_xyzw.get(item.id, {}).get(name, quaternion) for item, name, quaternion in own]
+                yield Turning(
+                    row,
+                    asked_anchor(row.anchors[0], group[0].order, asked).object_name,
+                    row.hands,
+                    Rotation.from_quat(turned),
+                    None if symmetric.isdisjoint(names) else Rotation.from_quat(given),
+                    aside_m,
+                    taken_aside_m if row.gripper_open else None,
+                )
+            if not row.gripper_open:
                 taken_aside_m = aside_m
 
 
 def _scatter_deg(rotations: Rotation) -> float:
-    return float(np.degrees(np.median((rotations.mean().inv() * rotations).magnitude())))
+    return float(np.median(_off_deg(rotations)))
+
+
+def _off_deg(rotations: Rotation) -> Array:
+    """Return (N,) angles from their mean."""
+    off: Array = np.degrees((rotations.mean().inv() * rotations).magnitude())
+    return off

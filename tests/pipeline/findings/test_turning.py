@@ -1,17 +1,20 @@
 """Hands that turn with an object only if its rotations mean something else, and those that act beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from app.pipeline.findings.turning import turning_findings
+from app.pipeline.geometry import canonical_pose
 from app.pipeline.plans.support import Support
-from tests.pipeline.scenes import action, demonstration, pose
+from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 TAKE, PUT = "pick up the bar", "put the bar beside the box"
 
 
-def found(group, symmetric=()):
-    return [item.code for item in turning_findings(Support.of([group]), group[0].order, frozenset(symmetric))]
+def found(group, symmetric=(), given=None):
+    return [item.code for item in turning_findings(Support.of([group]), group[0].order, frozenset(symmetric), given)]
 
 
 def takes(said_deg, number=10, noise_deg=1.0, most_deg=60.0):
@@ -46,6 +49,24 @@ def test_a_yaw_that_means_something_else(case):
 def test_a_yaw_of_a_symmetric_object_and_those_of_few_demonstrations_say_nothing():
     wrong, _ = MISREAD["the wrong sign"]
     assert found(takes(wrong), symmetric=["bar"]) == found(takes(wrong, number=4)) == []
+
+
+@pytest.mark.parametrize(("turns_deg", "is_misread"), [(360, True), (90, False)])
+def test_a_symmetry_that_the_hands_contradict(turns_deg, is_misread):
+    """Declared is 90 degrees. Hands that turn with a square object are the same after a quarter turn."""
+    folded_deg = lambda deg: (deg + turns_deg / 2) % turns_deg - turns_deg / 2  # noqa: E731
+    given_deg = {str(k): 47.0 * k for k in range(10)}
+    group = [
+        demonstration(
+            TAKE,
+            (canonical_pose(pose("bar", (0.03 * k, 0, 0.8), deg), 90),),
+            [action((0.03 * k, 0, z_m), (180, 0, folded_deg(deg)), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)],
+        )
+        for k, deg in enumerate(given_deg.values())
+    ]
+    group = [replace(item, id=id_) for item, id_ in zip(group, given_deg, strict=True)]
+    given = {id_: {"bar": rotated(0, 0, deg).as_quat()} for id_, deg in given_deg.items()}
+    assert found(group, ["bar"], given) == ["yaw-misread"] * is_misread
 
 
 def test_hands_that_do_not_turn_with_an_object_may_be_turned_anyhow():
