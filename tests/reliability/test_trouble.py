@@ -8,7 +8,6 @@ import pytest
 
 from tests.reliability.service import QUESTION, serving, upload_files
 
-
 STREAM = {"Accept": "text/event-stream"}
 
 
