@@ -130,7 +130,7 @@ class Taught:
         """
         if not self.several_ways and any(item.id not in shown_ids for item in self.usual):
             for part in parts:
-                yield from answer_findings(self.support, part, actions)
+                yield from answer_findings(self.support, part, actions, self.round_objects)
 
     def followed(self, asked: Order) -> frozenset[str]:
         """Return the objects that rows of the requested motion are relative to."""

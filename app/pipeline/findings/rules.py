@@ -123,6 +123,7 @@ SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are severa
 EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
 ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)
 TURNED_IN_TWO = Rule("scattered-demonstrations", "between two turns of the hand where it acts", "degrees", danger=20.0)
+TURNED_ANYHOW = Rule("scattered-demonstrations", "0 where the object never turns, else 1", warning=0.0, danger=1.0)
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)

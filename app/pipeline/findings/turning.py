@@ -1,6 +1,6 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from roboprompt_client.types.arrays import Array
 
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
+ANYHOW_DEG = 15.0  # noise of pose estimators turns hands by less
 MUCH_LESS = 1 / 3
 HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
 
@@ -55,6 +56,7 @@ class Turning(NamedTuple):
         given: of the objects if a symmetry is declared for them: as they were before it was applied; else None.
         aside_m: (2,) the horizontal distance of the hand from the object along the world's axes.
         taken_aside_m: the same where the hand took what it lets go of here; None where it lets go of nothing.
+        takes: whether the hand closes here.
     """
 
     row: PlanRow
@@ -64,6 +66,7 @@ class Turning(NamedTuple):
     given: Rotation | None
     aside_m: Array
     taken_aside_m: Array | None
+    takes: bool
 
     def beside_m(self) -> float:
         """Return how far beside the object the hand acts, if it turns with the object and its place does not; else 0.
@@ -98,6 +101,10 @@ class Turning(NamedTuple):
         text = min(as_meant_deg, key=as_meant_deg.__getitem__)
         return (as_read_deg, text, self.name) if as_meant_deg[text] < MUCH_LESS * as_read_deg else (0.0, "", "")
 
+    def anyhow_deg(self) -> float:
+        """Return the angle that more than a third of the hands are off where they take something without symmetry."""
+        return of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
+
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
         return _scatter_deg(self.objects.inv() * hands), _scatter_deg(hands)
@@ -129,12 +136,28 @@ def turning_findings(
         f" quaternions it would turn as {item.name} does. They must be x y z w."
     )
     yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
+    yield from _misread_findings(turning)
+
+
+def _misread_findings(turning: Sequence[Turning]) -> Iterator[Finding]:
+    """Yield a finding if hands are not turned as the rotations of objects say, whether or not it is known why."""
     off_deg, reading, name = max(each.misread() for each in turning)
     message = (
         f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all would"
         f" turn with {name} if {name} {reading}. Check the yaws, and what is declared of them."
     )
-    yield from rules.MISREAD.findings(off_deg, message, f"objects[{name}]", {"off_deg": off_deg})
+    if misread := rules.MISREAD.findings(off_deg, message, f"objects[{name}]", {"off_deg": off_deg}):
+        yield from misread
+        return
+    item = max(turning, key=Turning.anyhow_deg)
+    if (off_deg := item.anyhow_deg()) >= ANYHOW_DEG:
+        message = (
+            f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
+            f" others, with {item.name} as with the world: its rotations do not say how. Check them; if it looks the"
+            " same from every side, declare that (yaw_symmetry_deg 0)."
+        )
+        varies = float(_scatter_deg(item.objects) > TURNS_DEG)
+        yield rules.TURNED_ANYHOW.finding(message, f"objects[{item.name}]", {"off_deg": off_deg}, value=varies)
 
 
 def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[Turning]:
@@ -158,6 +181,7 @@ def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xy
                     None if symmetric.isdisjoint(names) else Rotation.from_quat(given),
                     aside_m,
                     taken_aside_m if row.gripper_open else None,
+                    takes=k > 0 and rows[k - 1].gripper_open and not row.gripper_open,
                 )
             if not row.gripper_open:
                 taken_aside_m = aside_m
