@@ -96,8 +96,8 @@ def from_shown_m(support: Support, other: Demonstration, round_objects: frozense
     A demonstration that gets there on another path has distance 0, and so has one that does more besides.
 
     Args:
-        round_objects: if not None, the gripper must switch as often as in the plan, the end of the plan counts, and so
-            do rotations of the hand (10 degrees as 1 cm), but for those at these objects.
+        round_objects: if not None, the gripper must switch as often as in the plan, the end counts if something is held
+            there, and so do rotations of the hand (10 degrees as 1 cm), but for those at these objects.
     """
     plans = support.alike(other.order)
     if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
@@ -109,7 +109,8 @@ def from_shown_m(support: Support, other: Demonstration, round_objects: frozense
         if round_objects is None:
             found_m.append(_missed_m(acting, other))
         elif _states(row.gripper_open for row in rows) == _way(other):
-            found_m.append(_missed_m([*acting, (plan[-1].action, rows[-1])], other, round_objects))
+            holds = any(row.gripper_open for row in rows) and not rows[-1].gripper_open
+            found_m.append(_missed_m([*acting, (plan[-1].action, rows[-1])] if holds else acting, other, round_objects))
         else:
             found_m.append(NEVER_M)
     return min(found_m, default=0.0)
