@@ -130,7 +130,7 @@ class Taught:
         """
         if not self.several_ways and any(item.id not in shown_ids for item in self.usual):
             for part in parts:
-                yield from answer_findings(self.support, part, actions, self.round_objects)
+                yield from answer_findings(self.support, part, actions, self.round_objects if len(parts) == 1 else None)
 
     def followed(self, asked: Order) -> frozenset[str]:
         """Return the objects that rows of the requested motion are relative to."""

@@ -18,7 +18,7 @@ from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
-from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
+from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.plans.turn import half_turned
 from app.pipeline.representation.anchors import M_PER_RAD
@@ -69,7 +69,7 @@ def elsewhere_findings(
 
 
 def answer_findings(
-    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str]
+    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str] | None
 ) -> Iterator[Finding]:
     """Yield a finding if an answer does what no plan of the task does, because the prompt shows only outliers.
 
@@ -77,11 +77,14 @@ def answer_findings(
         support: the plans of all demonstrations of the task.
         asked: one part of the instruction.
         actions: the answer to all parts.
-        round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count.
+        round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count; None where the
+            answer is to several parts, of which only places are compared.
     """
     answer = Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start)
-    turned = replace(answer, actions=tuple(map(half_turned, actions)))  # grasps alike, if it is so throughout
-    off_m = min(from_shown_m(support, item, round_objects) for item in (answer, turned))
+    off_m = from_shown_m(support, answer, round_objects)
+    if off_m > TWO_WAYS_M:  # a gripper that is half turned throughout grasps alike
+        turned = replace(answer, actions=tuple(map(half_turned, actions)))
+        off_m = min(off_m, from_shown_m(support, turned, round_objects))
     if off_m > TWO_WAYS_M:
         message = (
             "The demonstrations in the prompt act elsewhere, turn the hand or use the gripper differently, than most of"
@@ -96,8 +99,8 @@ def from_shown_m(support: Support, other: Demonstration, round_objects: frozense
     A demonstration that gets there on another path has distance 0, and so has one that does more besides.
 
     Args:
-        round_objects: if not None, the gripper must switch as often as in the plan, the end counts if something is held
-            there, and so do rotations of the hand (10 degrees as 1 cm), but for those at these objects.
+        round_objects: if not None, the gripper must switch as often as in the plan, the end counts if the hand takes
+            something last, and so do rotations of the hand (10 degrees as 1 cm), but for those at these objects.
     """
     plans = support.alike(other.order)
     if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
@@ -109,8 +112,9 @@ def from_shown_m(support: Support, other: Demonstration, round_objects: frozense
         if round_objects is None:
             found_m.append(_missed_m(acting, other))
         elif _states(row.gripper_open for row in rows) == _way(other):
-            holds = any(row.gripper_open for row in rows) and not rows[-1].gripper_open
-            found_m.append(_missed_m([*acting, (plan[-1].action, rows[-1])] if holds else acting, other, round_objects))
+            last = touching_rows(rows)[-1]
+            takes = last > 0 and rows[last - 1].gripper_open and not rows[last].gripper_open
+            found_m.append(_missed_m([*acting, (plan[-1].action, rows[-1])] if takes else acting, other, round_objects))
         else:
             found_m.append(NEVER_M)
     return min(found_m, default=0.0)
