@@ -10,7 +10,6 @@ from tests.attack.hostile_sequences import SEQUENCES, Attack, moves_wrongly
 # this list.
 WRONG = {
     "peg_with_a_key_said_to_be_square": "a person declares it, and demonstrations within 40 degrees agree",
-    "socket_said_to_be_round": "a person declares it",
 }
 
 

@@ -15,7 +15,6 @@ from roboprompt_client.types.arrays import Array
 
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
-ANYHOW_DEG = 15.0  # noise of pose estimators turns hands by less
 MUCH_LESS = 1 / 3
 HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
 
@@ -150,14 +149,14 @@ def _misread_findings(turning: Sequence[Turning]) -> Iterator[Finding]:
         yield from misread
         return
     item = max(turning, key=Turning.anyhow_deg)
-    if (off_deg := item.anyhow_deg()) >= ANYHOW_DEG:
-        message = (
-            f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
-            f" others, with {item.name} as with the world: its rotations do not say how. Check them; if it looks the"
-            " same from every side, declare that (yaw_symmetry_deg 0)."
-        )
-        varies = float(_scatter_deg(item.objects) > TURNS_DEG)
-        yield rules.TURNED_ANYHOW.finding(message, f"objects[{item.name}]", {"off_deg": off_deg}, value=varies)
+    off_deg = item.anyhow_deg()
+    message = (
+        f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
+        f" others, seen from {item.name} and in the world: its rotations do not say how. Check them; if it looks the"
+        " same from every side, declare that (yaw_symmetry_deg 0)."
+    )
+    rule = rules.TURNED_ANYHOW if _scatter_deg(item.objects) > TURNS_DEG else rules.NEVER_TURNED
+    yield from rule.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
 
 
 def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[Turning]:
