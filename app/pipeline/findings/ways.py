@@ -87,14 +87,15 @@ def _distinct_ways(ways: Sequence[Group], round_objects: frozenset[str]) -> list
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
     if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG or not all(map(_is_aligned, (one, other))):
         return False
-    ways = [_acting_only(one), _acting_only(other)]
-    both = [*ways[0], *ways[1]]
+    first, second = _acting_only(one), _acting_only(other)
+    both = [*first, *second]
     if len({tuple(action.gripper_open for action in demonstration.actions) for demonstration in both}) > 1:
         return False
     rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
-    one_place = all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows)
-    each = zip(*map(plan_rows, ways), strict=True)
-    return one_place and not any(_turned_apart(*pair, round_objects) for pair in each)
+    each = zip(plan_rows(first), plan_rows(second), strict=True)
+    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows) and not any(
+        _turned_apart(row, beside, round_objects) for row, beside in each
+    )
 
 
 def _is_aligned(group: Group) -> bool:
