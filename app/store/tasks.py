@@ -124,6 +124,11 @@ def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None
     connection.execute(update(_TASKS).where(_TASKS.c.name == name).values(grown))
 
 
+def rewrite(connection: Connection, name: str) -> None:
+    """Write the task's row as it is: fails where nothing can be written."""
+    connection.execute(update(_TASKS).where(_TASKS.c.name == name).values(name=_TASKS.c.name))
+
+
 def require_version(connection: Connection, name: str, version: int) -> None:
     """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
 

@@ -11,30 +11,36 @@ from scipy.spatial.transform import Rotation
 
 from roboprompt_client.types.trajectory import Trajectory
 from tests.attack.cell import UP, Cell, Thing
-from tests.attack.hostile_sequences import SEQUENCES, moves_wrongly, sequence
+from tests.attack.hostile_sequences import SEQUENCES, frames, moves_wrongly, sequence
 from tests.attack.hostile_skills import DOWN, RATE_HZ, flowing
 
 TABLE_M = 0.78
 START = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+INCHES = 1 / 0.0254
+QUESTIONS = 3
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Where things are: (3,) m and degrees about the vertical by name; other rotations by `hands`."""
+    """Where things are: (3,) m and degrees about the vertical by name."""
 
     places: dict
     yaws: dict
 
-    def moved(self, *names, by_m=(0.0, 0.0, 0.0), turn_deg=0.0):
-        """With these things, or all, elsewhere."""
+    def moved(self, *names, by_m=(0.0, 0.0, 0.0), turn_deg=0.0, change=None):
+        """With these things, or all, elsewhere; `change` is of their places."""
         names = names or tuple(self.places)
-        places = {n: p + np.array(by_m) if n in names else p for n, p in self.places.items()}
-        yaws = {n: y + turn_deg if n in names else y for n, y in self.yaws.items()}
-        return Scene(places, yaws)
+        change = change or (lambda place: place + np.array(by_m))
+        places = {n: change(p) if n in names else p for n, p in self.places.items()}
+        return Scene(places, {n: y + turn_deg if n in names else y for n, y in self.yaws.items()})
 
     def hand(self, name):
         """Of fingers that point down and close across a thing."""
         return Rotation.from_euler("z", self.yaws[name], degrees=True) * DOWN
+
+    def seen_from(self, name, offset_m):
+        """A place in the axes of a thing."""
+        return self.places[name] + Rotation.from_euler("z", self.yaws[name], degrees=True).apply(offset_m)
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class Demo:
 
     words: str
     scene: Scene
-    trajectory: Trajectory
+    trajectory: Trajectory | None
     quaternions: dict = field(default_factory=dict)  # of objects, where a yaw does not say it
     widths: np.ndarray | None = None
 
@@ -90,15 +96,11 @@ class Skill:
     def right(self, scene, tool_m=(0.0, 0.0, 0.0)):
         """Of actions, whose point of the hand is `tool_m` from the fingertips in the hand's axes."""
 
-        def judged(actions):
-            moved = [{**each, "position": _fingertips(each, tool_m)} for each in actions]
-            return bool(self.done(self.cell(scene).carry_out(moved), scene))
+        def fingertips(action):
+            hand = Rotation.from_quat(action["quaternion_xyzw"])
+            return {**action, "position": np.array(action["position"]) - hand.apply(tool_m)}
 
-        return judged
-
-
-def _fingertips(action, tool_m):
-    return np.array(action["position"]) - Rotation.from_quat(action["quaternion_xyzw"]).apply(tool_m)
+        return lambda actions: bool(self.done(self.cell(scene).carry_out([*map(fingertips, actions)]), scene))
 
 
 # Skills
@@ -113,7 +115,7 @@ def over(place, height_m=0.1):
     return place + height_m * UP
 
 
-def _take(name, lift_m=0.2):
+def take(name, lift_m=0.2):
     def stops(scene):
         place, hand = scene.places[name], scene.hand(name)
         return [(over(place), hand, 1), (place, hand, 0), (over(place, lift_m), hand, 0)]
@@ -121,34 +123,23 @@ def _take(name, lift_m=0.2):
     return stops
 
 
-def _press(*names):
+def press(*names):
+    places = lambda scene: [scene.places[name] for name in names]  # noqa: E731
+    return lambda scene: [(at, DOWN, 0) for p in places(scene) for at in (over(p), p, over(p))]
+
+
+def put(name, goal, offset=(0.0, 0.0, 0.05), *, aligned=True, turns_with=True):
+    """Takes a thing, and lets go of it at the goal (offset along its axes, or the world's), turned as the goal is."""
+
     def stops(scene):
-        hand, listed = DOWN, []
-        for name in names:
-            place = scene.places[name]
-            listed += [(over(place), hand, 0), (place, hand, 0), (over(place), hand, 0)]
-        return listed
+        hand = scene.hand(goal if aligned else name)
+        to = scene.seen_from(goal, offset) if turns_with else scene.places[goal] + offset
+        return [*take(name)(scene), (over(to, 0.15), hand, 0), (to, hand, 1), (over(to), hand, 1)]
 
     return stops
 
 
-def _put(name, goal, offset=(0.0, 0.0, 0.05), *, aligned=True, turns_with=True):
-    """Takes a thing, and lets go of it at the goal (offset along its axes), turned as the goal is."""
-
-    def stops(scene):
-        hand = scene.hand(goal) if aligned else scene.hand(name)
-        to = goal_of(scene, goal, offset, turns_with)
-        return [*_take(name)(scene), (over(to, 0.15), hand, 0), (to, hand, 1), (over(to), hand, 1)]
-
-    return stops
-
-
-def goal_of(scene, goal, offset, turns_with=True):
-    turn = Rotation.from_euler("z", scene.yaws[goal] if turns_with else 0.0, degrees=True)
-    return scene.places[goal] + turn.apply(offset)
-
-
-def _turn(name, degrees=90):
+def turn(name, degrees=90):
     def stops(scene):
         place, hand = scene.places[name], scene.hand(name)
         turned = [Rotation.from_euler("z", step, degrees=True) * hand for step in np.linspace(0, degrees, 4)]
@@ -158,76 +149,59 @@ def _turn(name, degrees=90):
     return stops
 
 
-def _push(name, by_m=0.12):
+def push(name, by_m=0.12):
     def stops(scene):
-        place = scene.places[name]
-        behind, ahead = (place + np.array([x, 0.0, 0.0]) for x in (-0.08, by_m - 0.08))
+        behind, ahead = (scene.places[name] + np.array([x, 0.0, 0.0]) for x in (-0.08, by_m - 0.08))
         return [(over(behind), DOWN, 0), (behind, DOWN, 0), (ahead, DOWN, 0), (over(ahead), DOWN, 0)]
 
     return stops
 
 
-CUBE, PLATE = "red cube", "plate"
-TAKE = Skill(f"pick up the {CUBE}", (CUBE, "bowl"), _take(CUBE), lambda c, s: c.took(CUBE))
-BAR = Skill("pick up the bar", ("bar", "bowl"), _take("bar"), lambda c, s: c.took("bar"), long=("bar",))
-PRESS = Skill("press the bell", ("bell", "lamp"), _press("bell"), lambda c, s: c.pressed("bell"))
-BOTH = Skill(
-    "press both buttons",
-    ("green button", "white button"),
-    _press("green button", "white button"),
-    lambda c, s: c.pressed("green button", "white button"),
-)
-PUT = Skill(
-    f"put the {CUBE} on the {PLATE}",
-    (CUBE, PLATE),
-    _put(CUBE, PLATE),
-    lambda c, s: c.put(CUBE, over(s.places[PLATE], 0.05)),
-)
-FIXED = replace(PUT, fixed=(PLATE,))
-AWAY = Skill(
-    f"put the {CUBE} away",
-    (CUBE, "bin"),
-    _put(CUBE, "bin"),
-    lambda c, s: c.put(CUBE, over(s.places["bin"], 0.05)),
-    fixed=("bin",),
-)
+def _puts(name, goal, offset=(0.0, 0.0, 0.05), words="put the {} on the {}", **how):
+    """A skill, and how its thing should lie."""
+    at = (lambda s: s.seen_from(goal, offset)) if how.get("turns_with", True) else (lambda s: s.places[goal] + offset)
+    lies = lambda c, s: c.put(name, at(s))  # noqa: E731
+    return Skill(words.format(name, goal), (name, goal), put(name, goal, offset, **how), lies)
+
+
+CUBE, PLATE, ASIDE = "red cube", "plate", (0.0, 0.13, 0.0)
+LEFT_OF = "put the {} beside the {}"
+PUT = _puts(CUBE, PLATE)
 INSERT = Skill(
     "insert the peg into the socket",
     ("peg", "socket"),
-    _put("peg", "socket", (0.0, 0.0, 0.02)),
+    put("peg", "socket", (0.0, 0.0, 0.02)),
     lambda c, s: c.put("peg", over(s.places["socket"], 0.02), s.yaws["socket"], 0.015),
     long=("peg",),
 )
-_BESIDE = (0.0, 0.13, 0.0)
-BESIDE = Skill(
-    f"put the {CUBE} beside the box",
-    (CUBE, "box"),
-    _put(CUBE, "box", _BESIDE, aligned=False, turns_with=False),
-    lambda c, s: c.put(CUBE, goal_of(s, "box", _BESIDE, turns_with=False)),
-)
-TURN = Skill("turn the knob", ("knob", "lamp"), _turn("knob"), lambda c, s: abs(c.turned_deg - 90) < 15, long=("knob",))
-PUSH = Skill(
-    "push the block forward",
-    ("block", "lamp"),
-    _push("block"),
-    lambda c, s: c.visited([s.places["block"] - [0.08, 0, 0], s.places["block"] + [0.04, 0, 0]]),
-)
+BUTTONS = ("green button", "white button")
 SKILLS = {
-    "take": TAKE,
-    "bar": BAR,
-    "press": PRESS,
-    "both": BOTH,
+    "take": Skill(f"pick up the {CUBE}", (CUBE, "bowl"), take(CUBE), lambda c, s: c.took(CUBE)),
+    "bar": Skill("pick up the bar", ("bar", "bowl"), take("bar"), lambda c, s: c.took("bar"), long=("bar",)),
+    "press": Skill("press the bell", ("bell", "lamp"), press("bell"), lambda c, s: c.pressed("bell")),
+    "both": Skill("press both buttons", BUTTONS, press(*BUTTONS), lambda c, s: c.pressed(*BUTTONS)),
     "put": PUT,
-    "fixed": FIXED,
-    "away": AWAY,
+    "fixed": replace(PUT, fixed=(PLATE,)),
+    "away": replace(_puts(CUBE, "bin", words="put the {} away"), fixed=("bin",)),
     "insert": INSERT,
-    "beside": BESIDE,
-    "turn": TURN,
-    "push": PUSH,
+    "beside": _puts(CUBE, "box", ASIDE, LEFT_OF, aligned=False, turns_with=False),
+    "parallel": _puts(CUBE, "box", ASIDE, LEFT_OF, turns_with=False),
+    "turn": Skill(
+        "turn the knob", ("knob", "lamp"), turn("knob"), lambda c, s: abs(c.turned_deg - 90) < 15, long=("knob",)
+    ),
+    "push": Skill(
+        "push the block forward",
+        ("block", "lamp"),
+        push("block"),
+        lambda c, s: c.visited([s.places["block"] - [0.08, 0, 0], s.places["block"] + [0.04, 0, 0]]),
+    ),
 }
+TAKE, BAR, PRESS, BOTH, FIXED, AWAY, BESIDE, TURN, PUSH = (
+    SKILLS[name] for name in ("take", "bar", "press", "both", "fixed", "away", "beside", "turn", "push")
+)
 
 
-# Mistakes
+# Mistakes: of a recording and its number
 
 
 def hand_changed(where):
@@ -270,17 +244,23 @@ def view(*by_m, turn_deg=0.0, scale=1.0, pivot=(0.8, 0.0, 1.5)):
     turn = Rotation.from_euler("z", turn_deg, degrees=True)
 
     def change(scene, _):
-        places = {n: pivot + scale * turn.apply(p - pivot) + (by_m or (0.0, 0.0, 0.0)) for n, p in scene.places.items()}
-        return Scene(places, {n: y + turn_deg for n, y in scene.yaws.items()})
+        elsewhere = lambda place: pivot + scale * turn.apply(place - pivot) + (by_m or (0.0, 0.0, 0.0))  # noqa: E731
+        return scene.moved(change=elsewhere, turn_deg=turn_deg)
 
     return seen(change)
 
 
-def turned_quaternions(change):
-    """The quaternions of objects are computed wrongly from their yaw in degrees."""
+def shifted(*names, **how):
+    """Some things are seen elsewhere than they are; see `Scene.moved`."""
+    return seen(lambda scene, _: scene.moved(*names, **how))
+
+
+def yaw_times(factor):
+    """The quaternions of objects are computed wrongly from their yaw."""
 
     def fault(demo, *_):
-        return replace(demo, quaternions={n: change(np.radians(y)) for n, y in demo.scene.yaws.items()})
+        half_rad = {n: factor * np.radians(y) / 2 for n, y in demo.scene.yaws.items()}
+        return replace(demo, quaternions={n: [0, 0, np.sin(r), np.cos(r)] for n, r in half_rad.items()})
 
     return fault
 
@@ -290,54 +270,28 @@ def clock(change):
     return lambda demo, *_: replace(demo, trajectory=change(demo.trajectory))
 
 
-def frames(t, kept):
-    return Trajectory(
-        t.joint_velocities_rad_s[kept], t.positions_m[kept], t.quaternions_xyzw[kept], t.gripper_open[kept]
-    )
+def first_switch(t):
+    return int(np.flatnonzero(np.diff(t.gripper_open))[0])
 
 
-def joined(first, second):
-    pairs = zip(
-        (first.joint_velocities_rad_s, first.positions_m, first.quaternions_xyzw, first.gripper_open),
-        (second.joint_velocities_rad_s, second.positions_m, second.quaternions_xyzw, second.gripper_open),
-        strict=True,
-    )
-    return Trajectory(*(np.concatenate(pair) for pair in pairs))
-
-
-def delayed(t, seconds):
+def delayed(seconds):
     """The gripper is recorded so much later than the hand."""
-    late = np.roll(t.gripper_open, round(RATE_HZ * seconds))
-    n = abs(round(RATE_HZ * seconds))
-    if seconds > 0:
-        late[:n] = t.gripper_open[0]
-    else:
-        late[-n:] = t.gripper_open[-1]
-    return replace(t, gripper_open=late)
+
+    def change(t):
+        n = round(RATE_HZ * seconds)
+        return replace(t, gripper_open=t.gripper_open[np.clip(np.arange(len(t)) - n, 0, len(t) - 1)])
+
+    return clock(change)
 
 
-def without_the_grasp(t):
-    """A second and a half round the first switch was lost."""
-    switch = int(np.flatnonzero(np.diff(t.gripper_open))[0])
-    return frames(t, np.r_[0 : max(1, switch - 15), switch + 15 : len(t)])
+twice = clock(lambda t: frames(t, np.tile(np.arange(len(t)), 2)))
+without_the_grasp = clock(lambda t: frames(t, np.r_[0 : max(1, first_switch(t) - 15), first_switch(t) + 15 : len(t)]))
+second_half_first = clock(lambda t: frames(t, np.roll(np.arange(len(t)), -(len(t) // 2))))
+ended_at_grasp = clock(lambda t: frames(t, slice(0, first_switch(t) + 5)))
+from_the_grasp_on = clock(lambda t: frames(t, slice(first_switch(t) + 1, None)))
 
 
-def chunks_exchanged(t):
-    """A ring buffer was written out from its middle."""
-    n = len(t) // 2
-    return frames(t, np.r_[n : len(t), 0:n])
-
-
-def ended_at_grasp(t):
-    switch = int(np.flatnonzero(np.diff(t.gripper_open))[0])
-    return frames(t, slice(0, switch + 5))
-
-
-def from_the_grasp_on(t):
-    switch = int(np.flatnonzero(np.diff(t.gripper_open))[0])
-    return frames(t, slice(switch + 1, None))
-
-
+@clock
 def slipped(t):
     """Open for three frames on the way."""
     is_open = t.gripper_open.copy()
@@ -352,19 +306,31 @@ def widths(of):
     return lambda demo, k: replace(demo, widths=of(demo.trajectory.gripper_open, k))
 
 
-def shows(skill):
+def shows(stops):
     """Another motion under the same words."""
-    return lambda demo, *_: replace(
-        demo, trajectory=recorded(skill.stops(demo.scene) if isinstance(skill, Skill) else skill(demo.scene))
-    )
+    return lambda demo, *_: replace(demo, trajectory=recorded(stops(demo.scene)))
 
 
 def after(demo, *_):
     """Objects as they are after the motion: what was carried is at the goal."""
-    cell = PUT.cell(demo.scene).carry_out(
-        [{"position": p, "quaternion_xyzw": r.as_quat(), "gripper_open": o} for p, r, o in PUT.stops(demo.scene)]
-    )
-    return replace(demo, scene=Scene({n: t.place for n, t in cell.things.items()}, demo.scene.yaws))
+    return replace(demo, scene=demo.scene.moved(CUBE, change=lambda _: over(demo.scene.places[PLATE], 0.05)))
+
+
+def in_inches(demo, *_):
+    """Everything."""
+    return replace(frame(scale=INCHES)(demo), scene=demo.scene.moved(change=lambda place: INCHES * place))
+
+
+def stale(which):
+    """The plate's pose is that of the recording before, in some."""
+    last = {}
+
+    def fault(demo, k):
+        before = last.get("at", demo.scene.places[PLATE])
+        last["at"] = demo.scene.places[PLATE]
+        return replace(demo, scene=demo.scene.moved(PLATE, change=lambda _: before)) if which(k) else demo
+
+    return fault
 
 
 # Asking
@@ -384,10 +350,6 @@ def last_four(k):
 
 def third(k):
     return k % 3 == 2
-
-
-CONTROLS: list[str] = []
-QUESTIONS = 3
 
 
 def told(a, demo):
@@ -427,19 +389,24 @@ def things(scene, quaternions=None):
 
 def case(
     name,
-    what,
     skill,
     fault=lambda demo, k: demo,
     wrong=half,
     *,
     number=10,
-    asked=None,
-    true=None,
+    asked=lambda scene: scene,
+    true=lambda scene: scene,
     arm=START,
     settings=None,
+    shown=(),
     judge=None,
 ):
-    """A sequence: `fault` in the recordings that are `wrong`, and a scene that is seen `asked` and is `true`."""
+    """A sequence: `fault` in the recordings that are `wrong`, and a scene that is seen `asked` and is `true`.
+
+    Args:
+        shown: the numbers of the recordings that the request names; all without any.
+        judge: of a scene, instead of the skill's.
+    """
 
     def tried(a):
         a.random = np.random.default_rng(sum(map(ord, name)))
@@ -448,336 +415,166 @@ def case(
         for k in range(number):
             demo = skill.demo(skill.draw(a))
             told(a, fault(demo, k) if wrong(k) else demo)
+        asks = {"model": "nearest", "task": a.task, "instruction": skill.words}
+        asks |= {"end_effector": arm} if arm else {}
+        asks |= {"episode_ids": [a.episodes()[k] for k in shown]} if shown else {}
         for _ in range(QUESTIONS):
             scene = skill.draw(a)
-            seen_as, scene = (asked(scene) if asked else scene), (true(scene) if true else scene)
-            asks = {"model": "nearest", "task": a.task, "instruction": skill.words, "objects": things(seen_as)}
-            answer = a.http.post("/predict", json={**asks, **({"end_effector": arm} if arm else {})})
-            judged = judge(scene) if judge else skill.right(scene)
+            answer = a.http.post("/predict", json={**asks, "objects": things(asked(scene))})
+            judged = (judge or skill.right)(true(scene))
             if moves_wrongly(answer, judged):
                 break
         return answer, judged
 
-    return sequence(tried, name, what)
+    return sequence(tried, name, name.replace("_", " "))
 
 
+def in_half_and_all(name, skill, fault, **more):
+    """Two sequences."""
+    case(f"{name}_in_half", skill, fault, **more)
+    case(f"{name}_in_all", skill, fault, every, **more)
+
+
+def really(name, skill, *names, seen_too=True, **how):
+    """Nothing is wrong with the recordings; in the question things are elsewhere than shown."""
+    moved = lambda scene: scene.moved(*names, **how)  # noqa: E731
+    case(name, skill, asked=moved, true=moved if seen_too else lambda scene: scene)
+
+
+CONTROLS = [f"right_{name}" for name in SKILLS]
 for _name, _skill in SKILLS.items():
-    case(f"right_{_name}", "Nothing is wrong.", _skill)
-    CONTROLS.append(f"right_{_name}")
+    case(f"right_{_name}", _skill)
 
-FLANGE = tool(0.0, 0.0, -0.1)
-CAMERA_ARM = tool(0.04, 0.0, -0.06)
+# Another point or frame of the hand, or another base
 for _skill_name in ("take", "put", "insert", "press"):
-    case(f"two_tool_centers_{_skill_name}", "Half report the flange.", SKILLS[_skill_name], FLANGE)
-case("three_tool_centers", "0, 3 and 6 cm up.", PUT, lambda d, k: tool(0, 0, -0.03 * (k % 3))(d), every)
-case("tool_center_aside_in_half", "A bracket: the hand's point lies aside and up.", BAR, CAMERA_ARM)
-case(
-    "tool_center_aside_in_all",
-    "The same in all, and the arm says it so too.",
-    BAR,
-    CAMERA_ARM,
-    every,
-    arm={"position": [0.14, 0.0, 1.26], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]},
-    judge=lambda s: BAR.right(s, (0.04, 0.0, -0.06)),
-)
-case("tool_center_aside_in_all_but_the_question", "The arm's own point is asked.", BAR, CAMERA_ARM, every)
-case("flange_turned_45_in_half", "The flange's x axis is 45 degrees from the fingers'.", BAR, tool(turn_deg=45))
-case("flange_turned_45_in_all", "The arm that is asked says its fingers.", BAR, tool(turn_deg=45), every)
-case("flange_turned_90_in_half", "A quarter turn about the approach.", BAR, tool(turn_deg=90))
-case("flange_turned_20_in_half", "A little about the approach.", INSERT, tool(turn_deg=20))
-case("tool_points_along_x_in_half", "The approach is x in half.", PUT, tool(turn_deg=90, axis="y"))
-case("hand_conjugated_in_half", "Rotations of the base in the hand.", BAR, hand_changed(lambda p, r: (p, r.inv())))
-case("hand_conjugated_in_all", "The same in all.", BAR, hand_changed(lambda p, r: (p, r.inv())), every)
-case("left_handed_world_in_half", "y points the other way in half.", PUT, mirrored)
-case("left_handed_world_in_all", "The same in all.", PUT, mirrored, every)
-case("base_turned_180_in_half", "A second arm across the table.", PUT, frame(0.8, 0, 0, turn_deg=180))
-case("base_turned_5_in_half", "The arm was mounted a little turned.", PUT, frame(turn_deg=5))
-case("base_turned_12_in_all", "The same in all.", PUT, frame(turn_deg=12), every)
-case("base_4_cm_beside_in_last_four", "The arm was moved between days.", PUT, frame(0.0, 0.04, 0.0), last_four)
-case(
-    "camera_bumped_6_cm", "After six recordings all things are seen 6 cm beside.", PUT, view(0.06, 0.0, 0.0), last_four
-)
-case("camera_turned_8_deg", "After six recordings.", INSERT, view(turn_deg=8), last_four)
-case("camera_drifts", "1 cm more each recording.", PUT, seen(lambda s, k: s.moved(by_m=(0.01 * k, 0, 0))), every)
-case("camera_bumped_before_the_question", "5 cm up and aside.", PUT, asked=lambda s: s.moved(by_m=(0.04, 0, 0.03)))
-case("depth_10_percent_long_in_half", "A depth scale.", PUT, view(scale=1.1))
-case(
-    "depth_10_percent_long_in_all",
-    "The same in all, and in the question.",
-    PUT,
-    view(scale=1.1),
-    every,
-    asked=lambda s: view(scale=1.1)(Demo("", s, None), 0).scene,
-)
-case(
-    "lower_table_said_the_same",
-    "Things on a table 8 cm lower are said to be on the other one.",
-    PUT,
-    lambda d, k: frame(0, 0, -0.08)(d),
-)
-case(
-    "lower_table_said_rightly",
-    "Half on a lower table; asked is a third one.",
-    PUT,
-    lambda d, k: seen(lambda s, _: s.moved(by_m=(0, 0, -0.08)))(frame(0, 0, -0.08)(d), k),
-    asked=lambda s: s.moved(by_m=(0, 0, 0.12)),
-    true=lambda s: s.moved(by_m=(0, 0, 0.12)),
-)
-case(
-    "taller_cube_of_one_name",
-    "From the seventh on the cube's center is 5 cm above where it is taken.",
-    TAKE,
-    seen(lambda s, k: s.moved(CUBE, by_m=(0, 0, 0.05))),
-    last_four,
-)
-case(
-    "taller_cube_in_the_question",
-    "Its center is 4 cm above where it must be taken.",
-    TAKE,
-    asked=lambda s: s.moved(CUBE, by_m=(0, 0, 0.04)),
-)
-case(
-    "origin_at_the_rim_in_half",
-    "Another model of the plate: its origin is 8 cm along its x.",
-    PUT,
-    seen(lambda s, k: replace(s, places={**s.places, PLATE: goal_of(s, PLATE, (0.08, 0, 0))})),
-)
-case(
-    "model_turned_30_in_half",
-    "Another model of the peg, whose yaw is 30 degrees more.",
-    INSERT,
-    seen(lambda s, k: s.moved("peg", turn_deg=30)),
-)
-case(
-    "model_turned_180_in_half",
-    "A flip of the socket's yaw.",
-    INSERT,
-    seen(lambda s, k: s.moved("socket", turn_deg=180)),
-)
-case(
-    "doubled_yaw_in_half",
-    "The whole angle in a quaternion.",
-    BAR,
-    turned_quaternions(lambda r: [0, 0, np.sin(r), np.cos(r)]),
-)
-case(
-    "negative_yaw_in_all",
-    "World in object instead of object in world.",
-    BAR,
-    turned_quaternions(lambda r: [0, 0, -np.sin(r / 2), np.cos(r / 2)]),
-    every,
-)
-case(
-    "yaw_in_radians_read_as_degrees_in_half",
-    "All objects seem hardly turned.",
-    BAR,
-    turned_quaternions(lambda r: [0, 0, np.sin(np.radians(r) / 2), np.cos(np.radians(r) / 2)]),
-)
-case(
-    "finger_travel_in_half",
-    "Half tell the way of one finger, above a bound that is set for two.",
-    PUT,
-    widths(lambda o, k: np.where(o, 0.04 if half(k) else 0.08, 0.005)),
-    every,
-    settings={"gripper_open_above_m": 0.06},
-)
-case(
-    "width_in_another_unit_half_way",
-    "Centimeters are decimeters in half.",
-    PUT,
-    widths(lambda o, k: np.where(o, 0.008 if half(k) else 0.08, 0.0)),
-    every,
-    settings={"gripper_open_above_m": 0.04},
-)
-case(
-    "thick_thing_and_noisy_width",
-    "Fingers close by 4 mm, and the width has 2 mm of noise.",
-    TAKE,
-    widths(lambda o, k: np.where(o, 0.08, 0.076) + np.random.default_rng(k).normal(0, 0.002, len(o))),
-    every,
-)
-case("gripper_late_in_half", "0.7 s late.", TAKE, clock(lambda t: delayed(t, 0.7)))
-case("gripper_late_in_all", "The fingers seem to close on the way up.", TAKE, clock(lambda t: delayed(t, 0.8)), every)
-case("gripper_early_in_all", "They seem to close on the way down.", TAKE, clock(lambda t: delayed(t, -0.5)), every)
-case(
-    "gripper_late_in_all_of_a_put",
-    "They seem to close and open on the way up.",
-    PUT,
-    clock(lambda t: delayed(t, 0.8)),
-    every,
-)
-case("slipped_in_half", "The thing was lost on the way, and nobody looked.", PUT, clock(slipped))
-case("slipped_in_all", "The same in all.", PUT, clock(slipped), every)
-case("time_runs_twice_in_half", "The whole file is in it twice.", PUT, clock(lambda t: joined(t, t)))
-case("time_runs_twice_in_all", "The same in all.", PRESS, clock(lambda t: joined(t, t)), every)
-case("without_the_grasp_in_half", "1.5 s round the grasp were lost.", PUT, clock(without_the_grasp))
-case("without_the_grasp_in_all", "The same in all.", TAKE, clock(without_the_grasp), every)
-case("ring_buffer_in_half", "Second half first.", PUT, clock(chunks_exchanged))
-case("ring_buffer_in_all", "The same in all.", PRESS, clock(chunks_exchanged), every)
-case("ended_at_the_grasp_in_half", "Half without a lift.", TAKE, clock(ended_at_grasp))
-case("ended_at_the_grasp_in_a_third", "A third without a lift.", TAKE, clock(ended_at_grasp), third)
-case("in_the_hand_from_the_start", "Recorded from the grasp on.", PUT, clock(from_the_grasp_on), every)
-case("in_the_hand_from_the_start_in_half", "The same in half.", PUT, clock(from_the_grasp_on))
-case("things_as_they_are_afterwards", "The last frame's poses in all.", PUT, after, every)
-case("things_as_they_are_afterwards_in_half", "In half.", PUT, after)
+    case(f"two_tool_centers_{_skill_name}", SKILLS[_skill_name], tool(0.0, 0.0, -0.1))
+case("three_tool_centers", PUT, lambda d, k: tool(0, 0, -0.03 * (k % 3))(d), every)
+BRACKET_M = (0.04, 0.0, -0.06)
+AT_BRACKET = {"position": [0.14, 0.0, 1.26], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+case("tool_center_aside_in_half", BAR, tool(*BRACKET_M))
+case("tool_center_aside_in_all", BAR, tool(*BRACKET_M), every, arm=AT_BRACKET, judge=lambda s: BAR.right(s, BRACKET_M))
+case("tool_center_aside_in_all_but_the_question", BAR, tool(*BRACKET_M), every)
+in_half_and_all("flange_turned_45", BAR, tool(turn_deg=45))
+case("flange_turned_90_in_half", BAR, tool(turn_deg=90))
+case("flange_turned_20_in_half", INSERT, tool(turn_deg=20))
+case("tool_points_along_x_in_half", PUT, tool(turn_deg=90, axis="y"))
+in_half_and_all("hand_conjugated", BAR, hand_changed(lambda p, r: (p, r.inv())))
+in_half_and_all("left_handed_world", PUT, mirrored)
+case("base_turned_180_in_half", PUT, frame(0.8, 0, 0, turn_deg=180))
+case("base_turned_5_in_half", PUT, frame(turn_deg=5))
+case("base_turned_12_in_all", PUT, frame(turn_deg=12), every)
+case("base_4_cm_beside_in_last_four", PUT, frame(0.0, 0.04, 0.0), last_four)
+case("parallel_and_the_hand_12_cm_beside_in_all", SKILLS["parallel"], frame(0.0, 0.12, 0.0), every)
 
+# Cameras, tables, models of objects, and yaws
+case("camera_bumped_6_cm", PUT, view(0.06, 0.0, 0.0), last_four)
+case("camera_turned_8_deg", INSERT, view(turn_deg=8), last_four)
+case("camera_drifts", PUT, seen(lambda s, k: s.moved(by_m=(0.01 * k, 0, 0))), every)
+really("camera_bumped_before_the_question", PUT, by_m=(0.04, 0, 0.03), seen_too=False)
+case("depth_10_percent_long_in_half", PUT, view(scale=1.1))
+LONG = view(scale=1.1)
+case("depth_10_percent_long_in_all", PUT, LONG, every, asked=lambda s: LONG(Demo("", s, None), 0).scene)
+case("lower_table_said_the_same", PUT, frame(0, 0, -0.08))
+_third_table = lambda s: s.moved(by_m=(0, 0, 0.12))  # noqa: E731
+_lower = lambda d, k: shifted(by_m=(0, 0, -0.08))(frame(0, 0, -0.08)(d), k)  # noqa: E731
+case("lower_table_said_rightly", PUT, _lower, asked=_third_table, true=_third_table)
+case("taller_cube_of_one_name", TAKE, shifted(CUBE, by_m=(0, 0, 0.05)), last_four)
+really("taller_cube_in_the_question", TAKE, CUBE, by_m=(0, 0, 0.04), seen_too=False)
+_at_rim = seen(lambda s, k: s.moved(PLATE, change=lambda _: s.seen_from(PLATE, (0.08, 0, 0))))
+case("origin_at_the_rim_in_half", PUT, _at_rim)
+for _degrees, _thing in ((30, "peg"), (90, "peg"), (180, "socket")):
+    case(f"model_turned_{_degrees}_in_half", INSERT, shifted(_thing, turn_deg=_degrees))
+in_half_and_all("doubled_yaw", BAR, yaw_times(2.0))
+case("halved_yaw_in_all", BAR, yaw_times(0.5), every)
+case("negative_yaw_in_all", BAR, yaw_times(-1.0), every)
+case("yaw_in_radians_read_as_degrees_in_half", BAR, yaw_times(np.pi / 180))
+_random_yaw = seen(lambda s, k: s.moved("bar", turn_deg=float(np.random.default_rng(k).uniform(-60, 60))))
+case("yaw_of_chance_in_all", BAR, _random_yaw, every)
 
-def _stale(skill, *names, which=every):
-    """The pose of some things is that of the recording before."""
+# The gripper and the clock
+_finger = widths(lambda o, k: np.where(o, 0.04 if half(k) else 0.08, 0.005))
+case("finger_travel_in_half", PUT, _finger, every, settings={"gripper_open_above_m": 0.06})
+_unit = widths(lambda o, k: np.where(o, 0.008 if half(k) else 0.08, 0.0))
+case("width_in_another_unit_half_way", PUT, _unit, every, settings={"gripper_open_above_m": 0.04})
+_noisy = widths(lambda o, k: np.where(o, 0.08, 0.076) + np.random.default_rng(k).normal(0, 0.002, len(o)))
+case("thick_thing_and_noisy_width", TAKE, _noisy, every)
+case("gripper_late_in_half", TAKE, delayed(0.7))
+case("gripper_late_in_all", TAKE, delayed(0.8), every)
+case("gripper_early_in_all", TAKE, delayed(-0.5), every)
+case("gripper_late_in_all_of_a_put", PUT, delayed(0.8), every)
+in_half_and_all("slipped", PUT, slipped)
+case("time_runs_twice_in_half", PUT, twice)
+case("time_runs_twice_in_all", PRESS, twice, every)
+case("without_the_grasp_in_half", PUT, without_the_grasp)
+case("without_the_grasp_in_all", TAKE, without_the_grasp, every)
+case("ring_buffer_in_half", PUT, second_half_first)
+case("ring_buffer_in_all", PRESS, second_half_first, every)
+case("ended_at_the_grasp_in_half", TAKE, ended_at_grasp)
+case("ended_at_the_grasp_in_a_third", TAKE, ended_at_grasp, third)
+case("in_the_hand_from_the_start", PUT, from_the_grasp_on, every)
+case("in_the_hand_from_the_start_in_half", PUT, from_the_grasp_on)
 
-    def tried_name(kind):
-        last = {}
+# Poses of another moment, and of what never moved
+case("things_as_they_are_afterwards", PUT, after, every)
+case("things_as_they_are_afterwards_in_half", PUT, after)
+for _which, _said in ((every, "all"), (half, "half"), (third, "a_third")):
+    case(f"goal_stale_in_{_said}", PUT, stale(_which), every)
+really("goal_never_moved", FIXED, PLATE, by_m=(-0.2, 0.05, 0))
+really("bin_never_moved", AWAY, "bin", by_m=(-0.2, 0.05, 0))
+really("bin_never_moved_4_cm", AWAY, "bin", by_m=(-0.04, 0, 0))
+really("socket_never_turned", replace(INSERT, fixed=("socket",)), "socket", turn_deg=40)
+_on_the_plate = lambda s: s.moved(CUBE, change=lambda _: over(s.places[PLATE], 0.05))  # noqa: E731
+case("already_there", PUT, asked=_on_the_plate, judge=lambda s: lambda actions: False)
 
-        def fault(demo, k):
-            before = last.get("scene", demo.scene)
-            last["scene"] = demo.scene
-            if not which(k):
-                return demo
-            places = {n: before.places[n] if n in names else p for n, p in demo.scene.places.items()}
-            return replace(demo, scene=Scene(places, demo.scene.yaws))
+# What a person declares, and does
+really("peg_with_a_key_seen_a_quarter_turned", INSERT, "peg", turn_deg=90, seen_too=False)
+_key = lambda s: s.moved("peg", turn_deg=80)  # noqa: E731
+_square = {"yaw_symmetry_deg": {"peg": 90}}
+case("peg_with_a_key_said_to_be_square", INSERT, settings=_square, asked=_key, true=_key)
+case("socket_said_to_be_round", INSERT, settings={"yaw_symmetry_deg": {"socket": 0}})
+case("long_bar_said_to_be_square", replace(BAR, most_deg=90.0), settings={"yaw_symmetry_deg": {"bar": 90}})
+for _degrees in (60, 25):
+    _otherwise = shows(lambda s, by=_degrees: INSERT.stops(s.moved("socket", turn_deg=by)))
+    case(f"peg_inserted_{_degrees}_degrees_otherwise_in_half", INSERT, _otherwise)
+_half_turned = shows(lambda s: [*INSERT.stops(s)[:3], *INSERT.stops(s.moved("socket", turn_deg=180))[3:]])
+case("released_half_a_turn_otherwise_in_half", INSERT, _half_turned, settings={"gripper_symmetry_deg": 180})
+_other_side, _in_front = (
+    shows(put(CUBE, "box", at, aligned=False, turns_with=False)) for at in ((0.0, -0.13, 0.0), (-0.13, 0.0, 0.0))
+)
+case("operator_across_the_table", BESIDE, _other_side)
+case("beside_in_the_other_axis_in_half", BESIDE, _in_front)
+case("order_of_two_buttons", BOTH, shows(press(*BUTTONS[::-1])))
+case("order_of_two_buttons_in_a_third", BOTH, shows(press(*BUTTONS[::-1])), third)
+case("one_of_two_buttons_in_half", BOTH, shows(press("green button")))
+case("clockwise_in_half", TURN, shows(turn("knob", -90)))
+case("half_as_far_in_half", TURN, shows(turn("knob", 45)))
+case("twice_as_far_in_half", TURN, shows(turn("knob", 180)))
+case("a_pick_is_pushed_in_half", TAKE, shows(push(CUBE)))
+case("pushed_by_less_in_half", PUSH, shows(push("block", 0.06)))
+case("pushed_the_other_way_in_half", PUSH, shows(push("block", -0.12)))
 
-        return fault
+# Units and axes
+case("hand_in_inches_in_half", TAKE, frame(scale=INCHES))
+case("all_in_inches_in_half", TAKE, in_inches)
+case("all_in_inches", TAKE, in_inches, every)
+for _unit_name, _scale in (("inches", INCHES), ("feet", 3.28)):
+    case(f"question_in_{_unit_name}", TAKE, asked=lambda s, by=_scale: s.moved(change=lambda place: by * place))
+case("objects_above_the_table_in_half", PUT, shifted(by_m=(0, 0, -TABLE_M)))
+really("objects_above_the_table_in_the_question", PUT, by_m=(0, 0, -TABLE_M), seen_too=False)
+case("x_and_y_exchanged_in_half", PUT, shifted(change=lambda place: place[[1, 0, 2]]))
+really("x_and_y_exchanged_in_the_question", PUT, change=lambda place: place[[1, 0, 2]], seen_too=False)
 
-    return tried_name("stale")
-
-
-case("goal_stale_in_all", "The plate's pose is the last recording's.", PUT, _stale(PUT, PLATE), every)
-case("goal_stale_in_half", "The same in half.", PUT, _stale(PUT, PLATE, which=half), every)
-case("goal_stale_in_a_third", "The same in a third.", PUT, _stale(PUT, PLATE, which=third), every)
-case(
-    "goal_never_moved",
-    "The plate was always in one place, and is asked 20 cm beside.",
-    FIXED,
-    asked=lambda s: s.moved(PLATE, by_m=(-0.2, 0.05, 0)),
-    true=lambda s: s.moved(PLATE, by_m=(-0.2, 0.05, 0)),
-)
-case(
-    "bin_never_moved",
-    "The same with a bin that no word names.",
-    AWAY,
-    asked=lambda s: s.moved("bin", by_m=(-0.2, 0.05, 0)),
-    true=lambda s: s.moved("bin", by_m=(-0.2, 0.05, 0)),
-)
-case(
-    "bin_never_moved_4_cm",
-    "4 cm beside.",
-    AWAY,
-    asked=lambda s: s.moved("bin", by_m=(-0.04, 0, 0)),
-    true=lambda s: s.moved("bin", by_m=(-0.04, 0, 0)),
-)
-SOCKET = replace(INSERT, fixed=("socket",))
-case(
-    "socket_never_turned",
-    "It is turned by 40 degrees in the question.",
-    SOCKET,
-    asked=lambda s: s.moved("socket", turn_deg=40),
-    true=lambda s: s.moved("socket", turn_deg=40),
-)
-case(
-    "peg_with_a_key_seen_a_quarter_turned",
-    "The estimator takes a face for the next one.",
-    INSERT,
-    asked=lambda s: s.moved("peg", turn_deg=90),
-)
-case(
-    "peg_with_a_key_said_to_be_square",
-    "`yaw_symmetry_deg` 90; the key is turned.",
-    INSERT,
-    settings={"yaw_symmetry_deg": {"peg": 90}},
-    asked=lambda s: s.moved("peg", turn_deg=80),
-    true=lambda s: s.moved("peg", turn_deg=80),
-)
-case(
-    "socket_said_to_be_round",
-    "`yaw_symmetry_deg` 0 of a socket with a key.",
-    INSERT,
-    settings={"yaw_symmetry_deg": {"socket": 0}},
-)
-TURNED = lambda s: _put("peg", "socket", (0, 0, 0.02))(s.moved("socket", turn_deg=60))  # noqa: E731
-case("peg_inserted_60_degrees_otherwise_in_half", "The key is elsewhere in half.", INSERT, shows(TURNED))
-case(
-    "peg_inserted_25_degrees_otherwise_in_half",
-    "A little elsewhere in half.",
-    INSERT,
-    shows(lambda s: _put("peg", "socket", (0, 0, 0.02))(s.moved("socket", turn_deg=25))),
-)
-case(
-    "operator_across_the_table",
-    "To the left of the box, as each of two operators sees it.",
-    BESIDE,
-    shows(_put(CUBE, "box", (0.0, -0.13, 0.0), aligned=False, turns_with=False)),
-)
-case(
-    "beside_in_the_other_axis_in_half",
-    "In front of it in half.",
-    BESIDE,
-    shows(_put(CUBE, "box", (-0.13, 0.0, 0.0), aligned=False, turns_with=False)),
-)
-case("order_of_two_buttons", "White first in half.", BOTH, shows(_press("white button", "green button")))
-case(
-    "order_of_two_buttons_in_a_third",
-    "White first in a third.",
-    BOTH,
-    shows(_press("white button", "green button")),
-    third,
-)
-case("one_of_two_buttons_in_half", "The second one is left out in half.", BOTH, shows(_press("green button")))
-case("clockwise_in_half", "The knob is turned the other way in half.", TURN, shows(_turn("knob", -90)))
-case("half_as_far_in_half", "Turned by 45 degrees in half.", TURN, shows(_turn("knob", 45)))
-case("twice_as_far_in_half", "Turned by 180 degrees in half.", TURN, shows(_turn("knob", 180)))
-case("a_pick_is_pushed_in_half", "Push under the same words.", TAKE, shows(_push(CUBE)))
-case("pushed_by_less_in_half", "A push of 6 cm instead of 12.", PUSH, shows(_push("block", 0.06)))
-case("pushed_the_other_way_in_half", "Towards the robot.", PUSH, shows(_push("block", -0.12)))
-INCHES = 1 / 0.0254
-
-
-def in_inches(demo, *_):
-    """Everything."""
-    scene = Scene({n: INCHES * p for n, p in demo.scene.places.items()}, demo.scene.yaws)
-    return replace(frame(scale=INCHES)(demo), scene=scene)
-
-
-case("hand_in_inches_in_half", "Objects are in meters.", TAKE, frame(scale=INCHES))
-case("all_in_inches_in_half", "Hand and objects.", TAKE, in_inches)
-case("all_in_inches", "Hand and objects in all, the question in meters.", TAKE, in_inches, every)
-case(
-    "question_in_inches",
-    "Taught in meters.",
-    TAKE,
-    asked=lambda s: Scene({n: INCHES * p for n, p in s.places.items()}, s.yaws),
-)
-case(
-    "question_in_feet",
-    "Taught in meters.",
-    TAKE,
-    asked=lambda s: Scene({n: 3.28 * p for n, p in s.places.items()}, s.yaws),
-)
-case(
-    "objects_above_the_table_in_half",
-    "z from the table in half.",
-    PUT,
-    seen(lambda s, k: s.moved(by_m=(0, 0, -TABLE_M))),
-)
-case(
-    "objects_above_the_table_in_the_question", "z from the table.", PUT, asked=lambda s: s.moved(by_m=(0, 0, -TABLE_M))
-)
-case(
-    "x_and_y_exchanged_in_half",
-    "Of objects.",
-    PUT,
-    seen(lambda s, k: replace(s, places={n: p[[1, 0, 2]] for n, p in s.places.items()})),
-)
-case(
-    "x_and_y_exchanged_in_the_question",
-    "Of objects.",
-    PUT,
-    asked=lambda s: replace(s, places={n: p[[1, 0, 2]] for n, p in s.places.items()}),
-)
-case(
-    "already_there",
-    "The cube lies on the plate.",
-    PUT,
-    asked=lambda s: replace(s, places={**s.places, CUBE: over(s.places[PLATE], 0.05)}),
-    judge=lambda s: lambda actions: False,
-)
+# A prompt that shows the odd one of ten alone, or keyframes that are none
+ODD = {
+    "turned_90": (BAR, tool(turn_deg=90)),
+    "turned_back": (TURN, shows(turn("knob", -90))),
+    "turned_half_as_far": (TURN, shows(turn("knob", 45))),
+    "ended": (TAKE, ended_at_grasp),
+    "slipped": (PUT, slipped),
+    "pushed_by_less": (PUSH, shows(push("block", 0.06))),
+    "in_the_other_order": (BOTH, shows(press(*BUTTONS[::-1]))),
+}
+for _name, (_skill, _fault) in ODD.items():
+    case(f"shown_is_the_odd_one_{_name}", _skill, _fault, lambda k: k == 3, shown=(3,))
+case("keyframes_far_apart", PUT, settings={"keyframes": {"rule": "uniform", "interval": 50}})
 CELLS = [tried for tried in SEQUENCES if tried.__module__ == __name__]

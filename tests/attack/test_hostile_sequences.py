@@ -9,10 +9,7 @@ from tests.attack.hostile_sequences import SEQUENCES, Attack, moves_wrongly
 # What still moves a robot wrongly with status 200 and no danger, with the reason; a sequence that no longer does leaves
 # this list.
 WRONG = {
-    "model_turned_180_in_half": "poses could tell: the hand turns with the socket, but for half turns",
-    "negative_yaw_in_all": "poses could tell: the hand turns against the bar",
     "peg_with_a_key_said_to_be_square": "a person declares it, and demonstrations within 40 degrees agree",
-    "socket_said_to_be_round": "a person declares it",
 }
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from tests.reliability.service import QUESTION, serving, upload_files
 
+STREAM = {"Accept": "text/event-stream"}
+
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
@@ -22,8 +24,8 @@ def upload(service, number):
     return httpx.post(f"{service.url}/episodes", files=upload_files(number), timeout=60)
 
 
-def predict(service):
-    return httpx.post(f"{service.url}/predict", json=QUESTION, timeout=60)
+def predict(service, headers=None):
+    return httpx.post(f"{service.url}/predict", json=QUESTION, headers=headers, timeout=60)
 
 
 def assert_refused(answer, words):
@@ -45,6 +47,7 @@ def test_files_cannot_grow(service):
     try:
         assert_refused(upload(service, 1), "blob storage: File too large: free space on the service's disk")
         assert_refused(predict(service), "database")
+        assert_refused(predict(service, STREAM), "database")  # before any action
         assert httpx.get(f"{service.url}/episodes").json() == before
         assert httpx.get(f"{service.url}/healthz").is_success
     finally:

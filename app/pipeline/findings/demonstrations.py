@@ -9,11 +9,12 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
 from app.pipeline.findings.hand import RecordedHand, path_findings
-from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
+from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.turning import Rotations, turning_findings
 from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
@@ -34,6 +35,7 @@ class Taught:
         several_ways: whether the task's setting `ways` is `several`.
         hands: the hand in each recording; empty where it is not known.
         round_objects: objects with a declared yaw symmetry.
+        given_xyzw: rotations of objects with a declared yaw symmetry before it was applied; None where not known.
         compared: objects with both a given pose and one found in images.
     """
 
@@ -41,6 +43,7 @@ class Taught:
     several_ways: bool = False
     hands: tuple[RecordedHand, ...] = ()
     round_objects: frozenset[str] = frozenset()
+    given_xyzw: Rotations | None = None
     compared: tuple[Compared, ...] = ()
     _restricted: dict[frozenset[str], "Taught"] = field(default_factory=dict, init=False, repr=False)
     _known: dict[tuple[str, int, tuple[str, ...]], tuple[Finding, ...]] = field(
@@ -109,7 +112,7 @@ class Taught:
             known = (
                 *self._of_forms(form),
                 *scattered,
-                *turning_findings(self.support, asked),
+                *turning_findings(self.support, asked, self.round_objects, self.given_xyzw),
                 *dropped,
                 *objects_order_findings(self.demonstrations),
             )
@@ -127,7 +130,7 @@ class Taught:
         """
         if not self.several_ways and any(item.id not in shown_ids for item in self.usual):
             for part in parts:
-                yield from answer_findings(self.support, part, actions)
+                yield from answer_findings(self.support, part, actions, self.round_objects if len(parts) == 1 else None)
 
     def followed(self, asked: Order) -> frozenset[str]:
         """Return the objects that rows of the requested motion are relative to."""

@@ -3,8 +3,9 @@
 A prompt leaves out a rare plan and shows the robust center of each row, so that the answer does not follow them.
 """
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, permutations
 
@@ -17,8 +18,11 @@ from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
-from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
+from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import Support
+from app.pipeline.plans.turn import half_turned
+from app.pipeline.representation.anchors import M_PER_RAD
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
 SCATTERS = 2.0  # within so many times a row's median scatter, a demonstration acts at the same place
@@ -64,43 +68,74 @@ def elsewhere_findings(
     yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
-def answer_findings(support: Support, asked: Query, actions: Sequence[EndEffectorAction]) -> Iterator[Finding]:
-    """Yield a finding if an answer acts where no plan of the task does, because the prompt shows only outliers.
+def answer_findings(
+    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str] | None
+) -> Iterator[Finding]:
+    """Yield a finding if an answer does what no plan of the task does, because the prompt shows only outliers.
 
     Args:
         support: the plans of all demonstrations of the task.
         asked: one part of the instruction.
         actions: the answer to all parts.
+        round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count; None where the
+            answer is to several parts, of which only places are compared.
     """
-    off_m = from_shown_m(support, Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start))
+    answer = Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start)
+    off_m = from_shown_m(support, answer, round_objects)
+    if off_m > TWO_WAYS_M:  # a gripper that is half turned throughout grasps alike
+        turned = replace(answer, actions=tuple(map(half_turned, actions)))
+        off_m = min(off_m, from_shown_m(support, turned, round_objects))
     if off_m > TWO_WAYS_M:
         message = (
-            "The demonstrations in the prompt act elsewhere, or use the gripper differently, than most of the task's,"
-            " and the answer follows them. Choose other demonstrations, or delete the wrong ones."
+            "The demonstrations in the prompt act elsewhere, turn the hand or use the gripper differently, than most of"
+            " the task's, and the answer follows them. Choose other demonstrations, or delete the wrong ones."
         )
         yield ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
 
 
-def from_shown_m(support: Support, other: Demonstration) -> float:
+def from_shown_m(support: Support, other: Demonstration, round_objects: frozenset[str] | None = None) -> float:
     """Return how far a demonstration is from where the nearest plan would act in its scene, less the plan's scatter.
 
-    A demonstration that gets there on another path, or does more besides, has distance 0.
+    A demonstration that gets there on another path has distance 0, and so has one that does more besides.
+
+    Args:
+        round_objects: if not None, the gripper must switch as often as in the plan, the end counts if the hand takes
+            something last, and so do rotations of the hand (10 degrees as 1 cm), but for those at these objects.
     """
     plans = support.alike(other.order)
     if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
         return 0.0  # which rows the instruction asks for is then unknown
     placed = support.placed(other) or ()
-    both = zip((rows for _, rows in plans), placed, strict=False)
-    acts = ([(plan[k].action, rows[k]) for k in acting_rows(rows)] for rows, plan in both)
-    return min((_missed_m(acted, other) for acted in acts), default=0.0)
+    found_m = []
+    for (_, rows), plan in zip(plans, placed, strict=False):
+        acting = [(plan[k].action, rows[k]) for k in acting_rows(rows)]
+        if round_objects is None:
+            found_m.append(_missed_m(acting, other))
+        elif _states(row.gripper_open for row in rows) == _way(other):
+            last = touching_rows(rows)[-1]
+            takes = last > 0 and rows[last - 1].gripper_open and not rows[last].gripper_open
+            found_m.append(_missed_m([*acting, (plan[-1].action, rows[-1])] if takes else acting, other, round_objects))
+        else:
+            found_m.append(NEVER_M)
+    return min(found_m, default=0.0)
 
 
-def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: Demonstration) -> float:
+def _missed_m(
+    acts: Sequence[tuple[EndEffectorAction, PlanRow]],
+    demonstration: Demonstration,
+    round_objects: frozenset[str] | None = None,
+) -> float:
     """Return the largest distance of an act from the nearest action with the same gripper state, in their order."""
+    hands = np.array([action.quaternion_xyzw for action in demonstration.actions])
     best_m = np.zeros(len(demonstration.actions))  # for the acts so far, the last one at this action or earlier
     for act, row in acts:
-        off_m = [off_from_m(act.position_m, act.gripper_open, action) for action in demonstration.actions]
-        best_m = np.minimum.accumulate(np.maximum(best_m, np.array(off_m) - SCATTERS * row.scatter_m))
+        off_m = np.array([off_from_m(act.position_m, act.gripper_open, action) for action in demonstration.actions])
+        off_m = off_m - SCATTERS * row.scatter_m
+        if round_objects is not None and row.anchors[0].object_name not in round_objects:
+            within_rad = math.radians(SCATTERS * float(np.median(row.off_deg)))
+            turned_rad = quaternions.angles_rad(hands, act.quaternion_xyzw) - within_rad
+            off_m = np.maximum(off_m, M_PER_RAD * turned_rad)
+        best_m = np.minimum.accumulate(np.maximum(best_m, off_m))
     return float(best_m[-1]) if len(best_m) else NEVER_M
 
 
@@ -182,5 +217,10 @@ def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iter
 
 
 def _way(shown: Demonstration) -> tuple[bool, ...]:
-    states = [state for state, _ in groupby(action.gripper_open for action in shown.actions)]
+    return _states(action.gripper_open for action in shown.actions)
+
+
+def _states(are_open: Iterable[bool]) -> tuple[bool, ...]:
+    """Return the successive states of the gripper; it is open before."""
+    states = [state for state, _ in groupby(are_open)]
     return tuple(states if states[:1] == [True] else [True, *states])

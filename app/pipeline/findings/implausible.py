@@ -1,34 +1,24 @@
 """What no recorded hand can have done, or not with these words: all recordings may agree on it and be wrong.
 
 A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off, a
-hand in another frame than the objects, quaternions with w first.
+hand that is far from all objects.
 """
 
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.ends import PRESSING, PUTTING, TAKING, backwards_findings, end_faults
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, touching_rows
-from app.pipeline.plans.support import Support
-from app.pipeline.representation.anchors import asked_anchor
-from roboprompt_client.types.arrays import Array
 
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
-MIN_TURNED = 5  # demonstrations that show how hands turn with objects
-TURNS_DEG = 8.0  # what turns by less has hardly been turned
-MUCH_LESS = 1 / 3
 
 UNHELD = (
     "the hand starts closed and empty, and opens at an object: is gripper_open inverted, or what it holds not listed?"
@@ -115,74 +105,3 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
-
-
-class Turning(NamedTuple):
-    """A row in which the hand acts on an object whose rotations are known.
-
-    Attributes:
-        name: of the object, as it is asked for.
-        hands_xyzw, objects_xyzw: (N, 4) in the demonstrations.
-    """
-
-    row: PlanRow
-    name: str
-    hands_xyzw: Array
-    objects_xyzw: Array
-
-    def beside_m(self) -> float:
-        """How far beside the object the hand acts, where it turns with the object and its place does not; else 0."""
-        with_object_deg, with_world_deg = self._scatters_deg(self.hands_xyzw)
-        turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
-        is_beside = turns_with_it and not self.row.anchors[0].place_turns
-        return float(np.linalg.norm(self.row.center_m[:2])) if is_beside else 0.0
-
-    def astray_deg(self) -> float:
-        """How far the hand scatters about object and world, where it would about neither if w came first; else 0."""
-        as_read_deg = min(self._scatters_deg(self.hands_xyzw))
-        as_meant_deg = min(self._scatters_deg(np.roll(self.hands_xyzw, -1, axis=1)))
-        return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
-
-    def _scatters_deg(self, hands_xyzw: Array) -> tuple[float, float]:
-        """How far rotations of the hand scatter, seen from the object and seen from the world."""
-        hands, objects = Rotation.from_quat(hands_xyzw), Rotation.from_quat(self.objects_xyzw)
-        return _scatter_deg(objects.inv() * hands), _scatter_deg(hands)
-
-
-def turning_findings(support: Support, asked: Order) -> Iterator[Finding]:
-    """At most one doubt of each kind about the rows in which the hand acts on an object."""
-    turning = list(_turning(support, asked))
-    if not turning:
-        return
-    item = max(turning, key=Turning.beside_m)
-    far_m = item.beside_m()
-    message = (
-        f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has it,"
-        " however it is turned: are hand and objects in one frame?"
-    )
-    yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
-    item = max(turning, key=Turning.astray_deg)
-    off_deg = item.astray_deg()
-    message = (
-        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
-        f" quaternions it would turn as {item.name} does. They must be x y z w."
-    )
-    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
-
-
-def _turning(support: Support, asked: Order) -> Iterator[Turning]:
-    for group, rows in support.alike(asked):
-        for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
-            names = [anchor.object_name for anchor in rows[k].anchors]
-            if not all(names):
-                continue
-            turned = [d.object(name).quaternion_xyzw for d, name in zip(group, names, strict=True)]
-            objects_xyzw = [turn for turn in turned if turn is not None]
-            if len(objects_xyzw) == len(group):
-                hands_xyzw = np.array([demonstration.actions[k].quaternion_xyzw for demonstration in group])
-                name = asked_anchor(rows[k].anchors[0], group[0].order, asked).object_name
-                yield Turning(rows[k], name, hands_xyzw, np.array(objects_xyzw))
-
-
-def _scatter_deg(rotations: Rotation) -> float:
-    return float(np.degrees(np.median((rotations.mean().inv() * rotations).magnitude())))

@@ -123,6 +123,8 @@ SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are severa
 EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
 ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)
 TURNED_IN_TWO = Rule("scattered-demonstrations", "between two turns of the hand where it acts", "degrees", danger=20.0)
+TURNED_ANYHOW = Rule("scattered-demonstrations", "that a third are off, where it takes things", "degrees", danger=15.0)
+NEVER_TURNED = Rule("scattered-demonstrations", "the same, of what seems never to turn", "degrees", warning=15.0)
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)
@@ -137,6 +139,7 @@ FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", war
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 OBJECT_W_FIRST = Rule("w-first", "share of the demonstrations", danger=0.15)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
+MISREAD = Rule("yaw-misread", "of the hand's rotations from their mean", "degrees", danger=8.0)
 
 GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")
 STRAYING = Rule("straying-action", info=ALWAYS)

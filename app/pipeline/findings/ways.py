@@ -13,13 +13,15 @@ from app.pipeline.findings.rules import CONTRADICTING, SEVERAL_WAYS
 from app.pipeline.plans import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
+from app.pipeline.plans.rows import WAY_SHARE, PlanRow, acting_rows, plan_rows
 from app.pipeline.plans.turn import grasps_along_approach, half_turned
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 IN_PLACE_M = 0.03  # a hand that moves less than this between two actions only turns
+TURNED_APART_DEG = 40.0  # between hands of two ways, as between those of two plans
+SCATTERS = 2.0  # times the median within a way, that two ways must be apart
 TWISTS_DEG = 60.0  # a larger difference of the turns is another way; correct demonstrations differ by up to 9
 
 
@@ -98,13 +100,30 @@ def _half_turned(group: Group) -> Group:
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG:
+    if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG or not all(map(_is_aligned, (one, other))):
         return False
-    both = [*_acting_only(one), *_acting_only(other)]
+    first, second = _acting_only(one), _acting_only(other)
+    both = [*first, *second]
     if len({tuple(action.gripper_open for action in demonstration.actions) for demonstration in both}) > 1:
         return False
     rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
-    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows)
+    each = zip(plan_rows(first), plan_rows(second), strict=True)
+    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows) and not any(
+        _turned_apart(row, beside, round_objects) for row, beside in each
+    )
+
+
+def _is_aligned(group: Group) -> bool:
+    return len({len(demonstration.actions) for demonstration in group}) == 1
+
+
+def _turned_apart(one: PlanRow, other: PlanRow, round_objects: frozenset[str]) -> bool:
+    """Return whether two ways turn the hand otherwise, seen from one frame of each; both together may have another."""
+    if one.anchors[0] != other.anchors[0] or one.anchors[0].object_name in round_objects:
+        return False
+    turn_deg = np.degrees((one.mean_rotation.inv() * other.mean_rotation).magnitude())
+    within_deg = max(float(np.median(row.off_deg)) for row in (one, other))
+    return bool(turn_deg > max(TURNED_APART_DEG, SCATTERS * within_deg))
 
 
 def _acting_only(group: Group) -> list[Demonstration]:

@@ -80,7 +80,7 @@ class PlanRow:
     @cached_property
     def way_off_m(self) -> float:
         """The distance from the center that more than a third of the demonstrations exceed, as in two ways."""
-        return _of_a_way(self.off_m)
+        return of_a_way(self.off_m)
 
     @property
     def unturned(self) -> "PlanRow":
@@ -110,7 +110,7 @@ class PlanRow:
         return off
 
 
-def _of_a_way(off: Array) -> float:
+def of_a_way(off: Array) -> float:
     """Return the distance that more than a third of the distances (N,) reach."""
     return float(np.sort(off)[-1 - int(WAY_SHARE * len(off))])
 
@@ -200,7 +200,7 @@ def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
 def turn_off_deg(plan: Sequence[PlanRow], k: int) -> float:
     """Return how much the turn to row `k` differs from the median in more than a third of the demonstrations."""
     turned_deg = _turned_deg(plan[k - 1], plan[k])
-    return _of_a_way(np.abs(turned_deg - np.median(turned_deg)))
+    return of_a_way(np.abs(turned_deg - np.median(turned_deg)))
 
 
 def _turned_deg(one: PlanRow, other: PlanRow) -> Array:

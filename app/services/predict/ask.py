@@ -124,8 +124,11 @@ class PredictActions:
         """Yield each action (and, if requested, pieces of text) once it is complete, then the prediction, recorded.
 
         Raises:
+            StoreUnavailableError: before the first action, if nothing can be recorded.
             as `complete`.
         """
+        if self._record is not None:
+            await self._record.require_writable(question.request.task)
         motion = MotionCheck(self._current, question)
         async with self._asked(question) as reply, aclosing(reply.stream()) as arriving:
             async for item in arriving:

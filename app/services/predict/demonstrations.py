@@ -11,6 +11,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.turning import Rotations
 from app.pipeline.plans import Recording, agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
 from app.pipeline.plans.turn import folded
@@ -79,6 +80,19 @@ def read_compared(
             map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
         )
     )
+
+
+def read_rotations(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> Rotations:
+    """Return the rotations of objects with a declared yaw symmetry, as they were before it was applied."""
+    records = episodes.demonstrations_by_id(connection, task, ids) if settings.yaw_symmetry_deg else ()
+    return {
+        record.id: {
+            pose.name: pose.quaternion_xyzw
+            for pose in record.demonstration().objects
+            if pose.name in settings.yaw_symmetry_deg and pose.quaternion_xyzw is not None
+        }
+        for record in records
+    }
 
 
 def recordings_of(

@@ -15,7 +15,7 @@ from app.services.predict.motion_check import MotionCheck
 from app.services.predict.question import Question
 from app.services.predict.reply import Reply
 from app.services.scene_images import put_images
-from app.store import predictions
+from app.store import predictions, tasks
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import ObjectRecord
@@ -52,6 +52,18 @@ class PredictionRecorder:
     def __init__(self, store: Store, metrics: Metrics) -> None:
         self._store = store
         self._metrics = metrics
+
+    async def require_writable(self, task: str) -> None:
+        """Write the task's row as it is; raises StoreUnavailableError, as on a full disk.
+
+        The actions of a stream are carried out before the prediction is recorded.
+        """
+
+        def write() -> None:
+            with self._store.write() as connection:
+                tasks.rewrite(connection, task)
+
+        await anyio.to_thread.run_sync(write)
 
     async def answered(self, reply: Reply, motion: MotionCheck) -> Prediction:
         """Store a reply whose actions are answered, and count it.

@@ -15,6 +15,7 @@ from app.services.predict.demonstrations import (
     hands_of,
     in_all,
     read_compared,
+    read_rotations,
     recordings_of,
 )
 from app.services.predict.request import PredictOptions
@@ -187,5 +188,6 @@ class TaskReading:
             several_ways=settings.ways == "several",
             hands=known.hands,
             round_objects=frozenset(settings.yaw_symmetry_deg),
+            given_xyzw=read_rotations(self._connection, self.record.name, ids, settings),
             compared=read_compared(self._connection, self.record.name, ids, settings),
         )

@@ -1,0 +1,196 @@
+"""Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.findings import Finding, rules
+from app.pipeline.order.order import Order
+from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
+from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import asked_anchor
+from roboprompt_client.types.arrays import Array
+
+MIN_TURNED = 5  # demonstrations that show how hands turn with objects
+TURNS_DEG = 8.0  # what turns by less has hardly been turned
+MUCH_LESS = 1 / 3
+HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
+
+
+def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
+    """Return the hands as seen from objects that are turned by so many times what their rotations say."""
+    return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
+
+
+def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
+    """Return the hands as seen from objects, each turned by 180 degrees where that is nearer to the first one's."""
+    seen = objects.inv() * hands
+    turned = [turn * seen for turn in HALF_TURNS]
+    first = seen[0]
+    nearer = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
+    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearer)])
+
+
+Rotations = Mapping[str, Mapping[str, Array]]
+"""(4,) by id of the demonstration and name of the object."""
+
+# What rotations of an object may mean instead of what they say; hands are then turned alike, seen from it
+READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
+    "were turned the other way": _times(-1.0),
+    "were turned twice as far": _times(2.0),
+    "were turned half as far": _times(0.5),
+    "were turned by half a turn more in some": _but_for_half_turns,
+}
+OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _times(1.0)}
+
+
+class Turning(NamedTuple):
+    """A row in which the hand acts on an object whose rotations are known.
+
+    Attributes:
+        name: of the object, as it is asked for.
+        hands, objects: N rotations in the demonstrations.
+        given: of the objects if a symmetry is declared for them: as they were before it was applied; else None.
+        aside_m: (2,) the horizontal distance of the hand from the object along the world's axes.
+        taken_aside_m: the same where the hand took what it lets go of here; None where it lets go of nothing.
+        takes: whether the hand closes here.
+    """
+
+    row: PlanRow
+    name: str
+    hands: Rotation
+    objects: Rotation
+    given: Rotation | None
+    aside_m: Array
+    taken_aside_m: Array | None
+    takes: bool
+
+    def beside_m(self) -> float:
+        """Return how far beside the object the hand acts, if it turns with the object and its place does not; else 0.
+
+        What is let go of may belong there. In another frame the hand would have taken it as far beside.
+        """
+        with_object_deg, with_world_deg = self._scatters_deg(self.hands)
+        turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
+        far_m = float(np.linalg.norm(self.row.center_m[:2]))
+        if not turns_with_it or self.row.anchors[0].place_turns:
+            return 0.0
+        if self.taken_aside_m is None:
+            return far_m
+        return far_m if float(np.linalg.norm(self.aside_m - self.taken_aside_m)) < far_m / 2 else 0.0
+
+    def astray_deg(self) -> float:
+        """Return how far the hand scatters about object and world, if it would not with w first; else 0."""
+        as_read_deg = min(self._scatters_deg(self.hands))
+        as_meant_deg = min(self._scatters_deg(Rotation.from_quat(np.roll(self.hands.as_quat(), -1, axis=1))))
+        return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
+
+    def misread(self) -> tuple[float, str, str]:
+        """Return a doubt about how the object's rotations are read; (0, "", "") if there is none.
+
+        Returns:
+            The angle that more than a third of the hands are off in the row's frame; the reading by which they are not;
+            the object's name.
+        """
+        as_read_deg = of_a_way(self.row.off_deg)
+        readings, objects = (READINGS, self.objects) if self.given is None else (OF_SYMMETRIC, self.given)
+        as_meant_deg = {text: of_a_way(_off_deg(read(objects, self.hands))) for text, read in readings.items()}
+        text = min(as_meant_deg, key=as_meant_deg.__getitem__)
+        return (as_read_deg, text, self.name) if as_meant_deg[text] < MUCH_LESS * as_read_deg else (0.0, "", "")
+
+    def anyhow_deg(self) -> float:
+        """Return the angle that more than a third of the hands are off where they take something without symmetry."""
+        return of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
+
+    def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
+        """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
+        return _scatter_deg(self.objects.inv() * hands), _scatter_deg(hands)
+
+
+def turning_findings(
+    support: Support, asked: Order, symmetric: frozenset[str] = frozenset(), given_xyzw: Rotations | None = None
+) -> Iterator[Finding]:
+    """Yield at most one finding of each kind about the rows in which the hand acts on an object.
+
+    Args:
+        symmetric: objects with a declared yaw symmetry.
+        given_xyzw: their rotations before it was applied; None where they are not known.
+    """
+    turning = list(_turning(support, asked, symmetric, given_xyzw or {}))
+    if not turning:
+        return
+    item = max(turning, key=Turning.beside_m)
+    far_m = item.beside_m()
+    message = (
+        f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has it,"
+        " however it is turned: are hand and objects in one frame?"
+    )
+    yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
+    item = max(turning, key=Turning.astray_deg)
+    off_deg = item.astray_deg()
+    message = (
+        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
+        f" quaternions it would turn as {item.name} does. They must be x y z w."
+    )
+    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
+    yield from _misread_findings(turning)
+
+
+def _misread_findings(turning: Sequence[Turning]) -> Iterator[Finding]:
+    """Yield a finding if hands are not turned as the rotations of objects say, whether or not it is known why."""
+    off_deg, reading, name = max(each.misread() for each in turning)
+    message = (
+        f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all would"
+        f" turn with {name} if {name} {reading}. Check the yaws, and what is declared of them."
+    )
+    if misread := rules.MISREAD.findings(off_deg, message, f"objects[{name}]", {"off_deg": off_deg}):
+        yield from misread
+        return
+    item = max(turning, key=Turning.anyhow_deg)
+    off_deg = item.anyhow_deg()
+    message = (
+        f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
+        f" others, seen from {item.name} and in the world: its rotations do not say how. Check them; if it looks the"
+        " same from every side, declare that (yaw_symmetry_deg 0)."
+    )
+    rule = rules.TURNED_ANYHOW if _scatter_deg(item.objects) > TURNS_DEG else rules.NEVER_TURNED
+    yield from rule.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
+
+
+def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[Turning]:
+    for group, rows in support.alike(asked):
+        taken_aside_m = None
+        for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
+            row, names = rows[k], [anchor.object_name for anchor in rows[k].anchors]
+            if not all(names):
+                continue
+            poses = [item.object(name) for item, name in zip(group, names, strict=True)]
+            aside_m = np.median(row.positions_m - [pose.position_m for pose in poses], axis=0)[:2]
+            turned = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
+            if len(turned) == len(group):
+                own = zip(group, names, turned, strict=True)
+                given = [given_xyzw.get(item.id, {}).get(name, quaternion) for item, name, quaternion in own]
+                yield Turning(
+                    row,
+                    asked_anchor(row.anchors[0], group[0].order, asked).object_name,
+                    row.hands,
+                    Rotation.from_quat(turned),
+                    None if symmetric.isdisjoint(names) else Rotation.from_quat(given),
+                    aside_m,
+                    taken_aside_m if row.gripper_open else None,
+                    takes=k > 0 and rows[k - 1].gripper_open and not row.gripper_open,
+                )
+            if not row.gripper_open:
+                taken_aside_m = aside_m
+
+
+def _scatter_deg(rotations: Rotation) -> float:
+    return float(np.median(_off_deg(rotations)))
+
+
+def _off_deg(rotations: Rotation) -> Array:
+    """Return (N,) angles from their mean."""
+    off: Array = np.degrees((rotations.mean().inv() * rotations).magnitude())
+    return off

@@ -1,0 +1,102 @@
+"""Hands that turn with an object only if its rotations mean something else, and those that act beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.pipeline.findings.turning import turning_findings
+from app.pipeline.geometry import canonical_pose
+from app.pipeline.plans.support import Support
+from tests.pipeline.scenes import action, demonstration, pose, rotated
+
+TAKE, PUT = "pick up the bar", "put the bar beside the box"
+
+
+def found(group, symmetric=(), given=None):
+    return [item.code for item in turning_findings(Support.of([group]), group[0].order, frozenset(symmetric), given)]
+
+
+def takes(said_deg, number=10, noise_deg=1.0, most_deg=60.0):
+    """Hands that turn with a bar, whose yaw is said to be `said_deg(k, yaw)`."""
+    random, group = np.random.default_rng(0), []
+    for k in range(number):
+        at_m, yaw_deg = (*random.uniform(-0.2, 0.2, 2), 0.8), float(random.uniform(-most_deg, most_deg))
+        hand_deg = (180, 0, yaw_deg + random.normal(0, noise_deg))
+        rows = [action((*at_m[:2], z_m), hand_deg, gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
+        group.append(demonstration(TAKE, (pose("bar", at_m, said_deg(k, yaw_deg)),), rows))
+    return group
+
+
+MISREAD = {
+    "as it is": (lambda k, deg: deg, []),
+    "the wrong sign": (lambda k, deg: -deg, ["yaw-misread"]),
+    "half of it": (lambda k, deg: deg / 2, ["yaw-misread"]),
+    "twice": (lambda k, deg: 2 * deg, ["yaw-misread"]),
+    "half a turn off in half": (lambda k, deg: deg + 180 * (k % 2), ["yaw-misread"]),
+    "half a turn off in a third": (lambda k, deg: deg + 180 * (k % 3 == 0), ["yaw-misread"]),
+    "another zero": (lambda k, deg: deg + 70, []),
+    "by chance": (lambda k, deg: 37.0 * k, ["scattered-demonstrations"]),
+    "never turned": (lambda k, deg: 0.0, ["scattered-demonstrations"]),
+}
+
+
+@pytest.mark.parametrize("case", MISREAD)
+def test_a_yaw_that_means_something_else(case):
+    said_deg, codes = MISREAD[case]
+    assert found(takes(said_deg)) == codes
+
+
+def test_what_never_turns_may_be_round():
+    group = takes(lambda k, deg: 0.0)
+    (item,) = turning_findings(Support.of([group]), group[0].order)
+    assert item.severity == "warning"
+
+
+def test_a_yaw_of_a_symmetric_object_and_those_of_few_demonstrations_say_nothing():
+    wrong, _ = MISREAD["the wrong sign"]
+    assert found(takes(wrong), symmetric=["bar"]) == found(takes(wrong, number=4)) == []
+
+
+@pytest.mark.parametrize(("turns_deg", "is_misread"), [(360, True), (90, False)])
+def test_a_symmetry_that_the_hands_contradict(turns_deg, is_misread):
+    """Declared is 90 degrees. Hands that turn with a square object are the same after a quarter turn."""
+    folded_deg = lambda deg: (deg + turns_deg / 2) % turns_deg - turns_deg / 2  # noqa: E731
+    given_deg = {str(k): 47.0 * k for k in range(10)}
+    group = [
+        demonstration(
+            TAKE,
+            (canonical_pose(pose("bar", (0.03 * k, 0, 0.8), deg), 90),),
+            [action((0.03 * k, 0, z_m), (180, 0, folded_deg(deg)), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)],
+        )
+        for k, deg in enumerate(given_deg.values())
+    ]
+    group = [replace(item, id=id_) for item, id_ in zip(group, given_deg, strict=True)]
+    given = {id_: {"bar": rotated(0, 0, deg).as_quat()} for id_, deg in given_deg.items()}
+    assert found(group, ["bar"], given) == ["yaw-misread"] * is_misread
+
+
+def test_hands_that_push_may_be_turned_anyhow():
+    group = takes(lambda k, deg: 37.0 * k)
+    pushes = [replace(item, actions=tuple(replace(a, gripper_open=False) for a in item.actions)) for item in group]
+    assert found(pushes) == []
+
+
+@pytest.mark.parametrize(("shifted_m", "codes"), [(0.0, []), (0.12, ["beside-the-object"])])
+def test_what_is_put_beside_an_object_and_turned_as_it_is_belongs_there(shifted_m, codes):
+    """Unless the hand took it as far beside."""
+    random, group = np.random.default_rng(0), []
+    for _ in range(10):
+        bar_m, box_m = (np.array([*random.uniform(-0.2, 0.2, 2), 0.8]) for _ in range(2))
+        bar_deg, box_deg = random.uniform(-40, 40, 2).tolist()
+        aside_m = np.array([0, 1, 0])
+        taken_m, put_m = bar_m + shifted_m * aside_m, box_m + (0.13 + shifted_m) * aside_m
+        over_m = np.array([0, 0, 0.1])
+        rows = [
+            action(taken_m + over_m, (180, 0, bar_deg), gripper_open=True),
+            action(taken_m, (180, 0, bar_deg), gripper_open=False),
+            action(put_m + over_m, (180, 0, box_deg), gripper_open=False),
+            action(put_m, (180, 0, box_deg), gripper_open=True),
+        ]
+        group.append(demonstration(PUT, (pose("bar", bar_m, bar_deg), pose("box", box_m, box_deg)), rows))
+    assert found(group) == codes
