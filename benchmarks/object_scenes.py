@@ -29,20 +29,7 @@ NUM_CLUTTER = 8
 GLOSS, GLOSS_EXPONENT = 0.9, 40
 CLOTH_M = 0.004
 TABLE, ROOM = (0.62, 0.55, 0.45), (0.8, 0.85, 0.9)
-CLUTTER_COLORS = (
-    "red",
-    "green",
-    "blue",
-    "yellow",
-    "white",
-    "grey",
-    "black",
-    "wood",
-    "purple",
-    "orange",
-    "cyan",
-    "pink",
-)
+CLUTTER_COLORS = tuple(COLORS)
 
 
 @dataclass

@@ -120,6 +120,16 @@ def test_another_brightness_changes_little(gain):
     np.testing.assert_allclose(pose.position_m[:2], ALL["jar"][:2], atol=0.005)
 
 
+@pytest.mark.parametrize("table_rgb", [(0.2, 0.45, 0.3), (0.95, 0.9, 0.93), (0.15, 0.2, 0.5)])
+def test_on_another_table_it_is_found_and_nothing_else_is(table_rgb):
+    where, without = layout(**ALL), layout(**{name: place for name, place in ALL.items() if name != "carton"})
+    where.table_rgb = without.table_rgb = table_rgb
+    for name in ("jar", "carton"):
+        np.testing.assert_allclose(estimate(name, where).position_m[:2], ALL[name][:2], atol=0.01)
+    with pytest.raises(ObjectNotVisibleError):
+        estimate("carton", without)
+
+
 def test_a_pose_that_is_less_certain_than_wanted_is_refused():
     with pytest.raises(UncertainPoseError, match=r"confidence 0\.\d+ is below 1"):
         estimate("carton", layout(**ALL), min_confidence=1.0)
@@ -250,6 +260,10 @@ def test_a_refusal_names_what_is_wrong_with_the_images():
     ]
     with pytest.raises(ObjectNotVisibleError, match=r"front has no depth for \d+ % of the pixels of its colors"):
         RegisteredPoses().estimate([query("jar")], shiny)
+    bumped = views[1].camera.camera_to_world + np.outer((0, 0, 1, 0), (0, 0, 0, 0.02))
+    raised = replace(views[1], camera=replace(views[1].camera, camera_to_world=bumped))
+    with pytest.raises((ObjectNotVisibleError, UncertainPoseError), match=r"left sees the table \+\d\d mm off.*bumped"):
+        RegisteredPoses().estimate([query("carton")], [views[0], raised, views[2]])
     few = [
         replace(view, depth_m=np.where(np.random.default_rng(0).random(view.depth_m.shape) < 0.7, 0, view.depth_m))
         for view in views

@@ -11,7 +11,7 @@ from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
 from benchmarks.object_scenes import sample
 from roboprompt_client.errors import InvalidInputError
-from tests.perception.registered.rooms import frames, layout, taught, view
+from tests.perception.registered.rooms import PLACES, frames, layout, taught, view
 
 
 def without_mask(labeled):
@@ -25,6 +25,13 @@ def test_views_merge_and_say_how_well():
     assert learned.template.scores[0] > 0.85
     size_m = np.ptp(learned.template.points_m, axis=0)
     np.testing.assert_allclose(np.sort(size_m), (0.04, 0.065, 0.105), atol=0.012)
+
+
+def test_views_on_two_tables_merge():
+    where = layout(carton=PLACES[1])
+    where.table_rgb = (0.2, 0.3, 0.6)
+    views = [view("carton", 0), LabeledView(frames(where, 1, of=("carton", 0)))]
+    assert sorted(learn("carton", views, None).merged) == [0, 1]
 
 
 def test_the_origin_is_in_the_middle():
