@@ -1,11 +1,10 @@
 """How well the estimator `cuboid` finds objects in rendered scenes with a depth camera's noise.
 
 Object models are learned from the masks and poses of a few scenes, as from demonstrations; other scenes are the test,
-each camera alone and both together. Run: ``python -m benchmarks.poses [--scenes 60] [--json]``.
+each camera alone and both together. Run: ``python -m benchmarks.poses [--scenes 60]``.
 """
 
 import argparse
-import json
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -143,39 +142,22 @@ def _stands(query: ObjectQuery, refused: str) -> bool:
 
 
 def main() -> None:
-    """Print the table, and with --json one JSON object as the last line."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60, help="test scenes of each task")
     parser.add_argument("--learn", type=int, default=6, help="scenes of each task that models are learned from")
     parser.add_argument("--tasks", nargs="+", default=TASKS, choices=TASKS)
-    parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
-    console, document = Console(width=140), {"scenes": arguments.scenes, "poses": [], "cpu_ms_per_image": {}}
-    columns = (
-        "objects",
-        "cameras",
-        "asked",
-        "cm",
-        "p95",
-        "degrees",
-        "p95",
-        "missed/1000",
-        "wrong/1000",
-        "flagged",
-    )
+    console = Console(width=140)
+    columns = ["objects", "cameras", "asked", "cm", "p95", "degrees", "p95", "missed/1000", "wrong/1000", "flagged"]
     table = Table(*columns, title="cuboid: errors of learned models, 640x480, depth sigma 2 mm z^2")
     for task in arguments.tasks:
         tallies, times_ms = measure(task, arguments.learn, arguments.scenes)
-        document["cpu_ms_per_image"][task] = {"mean": np.mean(times_ms), "p95": np.percentile(times_ms, 95)}
         for (kind, view), tally in sorted(tallies.items()):
             values = tally.summary()
-            document["poses"].append({"objects": kind, "cameras": view, **values})
             table.add_row(kind, view, f"{values['asked']:.0f}", *_cells(values), f"{values['wrong_with_a_reason']:.0f}")
+        console.print(f"{task}: {np.mean(times_ms):.1f} ms CPU an image, p95 {np.percentile(times_ms, 95):.1f}")
     console.print(table)
-    for task, times in document["cpu_ms_per_image"].items():
-        console.print(f"{task}: {times['mean']:.1f} ms CPU an image, p95 {times['p95']:.1f}")
-    if arguments.json:
-        print(json.dumps(document))  # noqa: T201 - what --json is for
 
 
 def _cells(values: dict[str, float]) -> list[str]:
