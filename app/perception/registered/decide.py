@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.perception.frame_checks import are_swapped
 from app.perception.registered.candidates import SAME_LAB, candidates
 from app.perception.registered.geometry import Index, angle_deg
 from app.perception.registered.hypotheses import Hypothesis, hypotheses
@@ -26,7 +27,7 @@ LIES_SCORE, LIES_BETTER = 0.6, 0.1  # least score of a lying pose, and least gai
 SEEN_SHARE = 0.12  # a camera sees the object if it sees this share of the side that faces it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
 WELL_SEEN = 0.5  # share of the facing side that one camera sees where another one should see it, too
-SWAPPED_OFF = 0.03  # least change of the table's red and blue shares; shadows and lamps change them less
+OTHER_TABLE_RGB = 25.0  # of 255
 STEP_PX = 4  # stride of the pixels that are checked for missing depth
 MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without depth, to be reported
 
@@ -128,11 +129,13 @@ def _check(
             message = f"it seems to lie on its side, and is found upright only{causes(template, lit)}"
             raise UncertainPoseError(name, message, "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score:.2f}"
+        if best.color < 1:
+            message += ", as it has its shape in other colors, or much brighter or darker"
         remedy = "it upright on the table, uncovered; or labeled views in this light and from this side"
         message += f" (of its facing side agree: {seen}){causes(template, lit)}"
-        blind = [camera for camera, share in shares.items() if share < SEEN_SHARE]
+        blind = [camera for camera, share in shares.items() if share < max(shares.values()) / 2]
         if blind and max(shares.values()) > WELL_SEEN:
-            message += f"; {' and '.join(blind)} would see something else there: is camera_to_world right?"
+            message += f"; {' and '.join(blind)}: hidden there, or camera_to_world is off"
         raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
@@ -168,12 +171,11 @@ def causes(template: Template, lit: LitScene) -> str:
     """Return likely faults of images in which an object was not found, as the end of a message; may be empty."""
     notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
     notes += [_bumped(view, lit.scene) for view in lit.scene.views]
-    taught, seen = (rgb / max(rgb.sum(), 1.0) for rgb in (template.table_rgb, lit.scene.table.rgb))
-    off, off_swapped = np.linalg.norm(seen - taught), np.linalg.norm(seen[::-1] - taught)
-    if off > SWAPPED_OFF and off_swapped < off / 2:
+    taught_rgb, table = template.table_rgb, lit.scene.table
+    if are_swapped(taught_rgb, table.rgb):
         notes.append("the table has its taught color if red and blue change places: BGR images?")
-    elif off > SWAPPED_OFF:
-        notes.append("the table has another color than in its labeled views")
+    elif np.abs(taught_rgb - table.rgb).max() > OTHER_TABLE_RGB:
+        notes.append("the table looks otherwise than in its labeled views")
     return "".join(f"; {note}" for note in notes if note)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from app.perception.frame_checks import check_cameras, check_level
+from app.perception.frame_checks import are_swapped, check_cameras, check_level
 from app.perception.registered.geometry import Bools, Index, normals_of, thinned
 from app.perception.registered.view import FARTHEST_M, RgbImage, View
 from roboprompt_client.errors import InvalidInputError
@@ -161,9 +161,11 @@ class Scene:
         If the table has another color now, either the light or the table has changed: one scene for each that may be.
         """
         gain = np.maximum(table_rgb, DARKEST_RGB) / np.maximum(self.table.rgb, DARKEST_RGB)
-        change = np.exp(np.abs(np.log(gain)).max())
-        gains = [gain] if change < MAX_BRIGHTNESS and gain.max() / gain.min() < MAX_TINT else []
-        return [self._times(item) for item in ([*gains, np.ones(3)] if change > SAME_TABLE else [gain])]
+        change, tint = np.exp(np.abs(np.log(gain)).max()), gain.max() / gain.min()
+        may_be_light = change < MAX_BRIGHTNESS and tint < MAX_TINT
+        may_be_table = change > SAME_TABLE and not are_swapped(table_rgb, self.table.rgb)
+        gains = [gain] * (may_be_light or not may_be_table) + [np.ones(3)] * may_be_table
+        return [self._times(item) for item in gains]
 
     def _times(self, gain: Array) -> "LitScene":
         brighter = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)[None]

@@ -10,9 +10,9 @@ from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.request import PredictRequest
-from app.services.scene_images import with_templates
+from app.services.scene_images import check_colors, with_templates
 from app.services.task_settings import TaskSettings
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
@@ -57,13 +57,15 @@ def look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> Se
     """Estimate poses from the request's images, outside of a transaction: a pose server may take seconds.
 
     Raises:
-        as `observed`; NotFoundError for an unknown task.
+        as `check_colors` and `observed`; NotFoundError for an unknown task.
     """
     with timed("read"), store.read() as connection:
         task = tasks.get(connection, request.task)
+        newest = episodes.list_page(connection, request.task, limit=1).items
     settings = TaskSettings.model_validate(task.settings)
     pose_servers.check(settings.object_models)
     with timed("poses"):
+        check_colors(store.blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
         return Seen(task, observed(request, task, settings, store.blobs))
 
 
