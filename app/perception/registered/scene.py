@@ -162,8 +162,8 @@ class Scene:
         """
         gain = np.maximum(table_rgb, DARKEST_RGB) / np.maximum(self.table.rgb, DARKEST_RGB)
         change, tint = np.exp(np.abs(np.log(gain)).max()), gain.max() / gain.min()
-        may_be_light = change < MAX_BRIGHTNESS and tint < MAX_TINT
-        may_be_table = change > SAME_TABLE and not are_swapped(table_rgb, self.table.rgb)
+        may_be_light = bool(change < MAX_BRIGHTNESS and tint < MAX_TINT)
+        may_be_table = bool(change > SAME_TABLE and not are_swapped(table_rgb, self.table.rgb))
         gains = [gain] * (may_be_light or not may_be_table) + [np.ones(3)] * may_be_table
         return [self._times(item) for item in gains]
 
