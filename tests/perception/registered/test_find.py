@@ -63,11 +63,11 @@ def test_an_absent_object_is_refused_with_the_score_and_what_each_camera_sees():
     assert caught.value.name == "carton"
 
 
-@pytest.mark.parametrize("change", [np.diag([0.5, 0.5, 0.5]), np.diag([0.8, 1, 1.25]), np.roll(np.eye(3), 1, axis=0)])
+@pytest.mark.parametrize("change", [np.diag([0.5, 0.5, 0.5]), np.diag([0.8, 1, 1.25])])
 def test_its_shape_in_other_colors_is_another_object(change):
     template = taught("brick").template
     asked = replace(query("brick"), template=replace(template, rgb=np.clip(template.rgb @ change, 0, 255)))
-    with pytest.raises(ObjectNotVisibleError, match=r"other colors, or much brighter|that has its colors"):
+    with pytest.raises(ObjectNotVisibleError, match="in other colors, or much brighter"):
         RegisteredPoses().estimate([asked], frames(layout(**ALL)))
 
 
