@@ -19,13 +19,13 @@ from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.model import CuboidModel
+from app.pipeline.errors import NoPoseError
 from app.pipeline.geometry import canonical_pose
 from app.sim.demonstrate import view_scene
 from app.sim.outcomes import SceneView
 from app.sim.tasks.cubes import HALF_SIZE_M
 from app.sim.world import TABLE_TOP_M
 from benchmarks.camera_noise import as_a_camera_sees_it
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
@@ -128,17 +128,15 @@ def _found(queries: Sequence[ObjectQuery], view: Sequence[RgbdFrame]) -> dict[st
     """All poses; where one is refused the others are asked for without it."""
     try:
         return {pose.name: pose for pose in CuboidPoses().estimate(queries, view)}
-    except InvalidInputError as error:
-        kept = [query for query in queries if f"[{query.name}]" not in error.field and _stands(query, error.field)]
+    except NoPoseError as error:
+        kept = [query for query in queries if error.name not in _needed(query)]
         return _found(kept, view) if kept else {}
 
 
-def _stands(query: ObjectQuery, refused: str) -> bool:
-    """Whether an object can be found without the refused one."""
-    model = query.model
-    assert isinstance(model, CuboidModel)
-    others = {model.away_from, model.rank.nearest_to if model.rank else None}
-    return all(f"[{other}]" not in refused for other in others)
+def _needed(query: ObjectQuery) -> set[str | None]:
+    """The object, and those by which it is chosen."""
+    assert isinstance(query.model, CuboidModel)
+    return {query.name, query.model.away_from, query.model.rank.nearest_to if query.model.rank else None}
 
 
 def main() -> None:

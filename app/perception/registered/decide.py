@@ -126,7 +126,7 @@ def _check(
     least_score = max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
     if best.value < least_score:
         if hypotheses(template, lit, parts[0], fallen=True)[0].value > max(LIES_SCORE, best.value + LIES_BETTER):
-            message = f"it seems to lie on its side, and is found upright only{causes(template, lit)}"
+            message = f"it seems to lie on its side, or to be absent: it is found upright only{causes(template, lit)}"
             raise UncertainPoseError(name, message, "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score:.2f}"
         if best.color < 1:

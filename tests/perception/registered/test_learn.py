@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from app.perception.object_model import ObjectModelError
-from app.perception.registered import symmetry
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.marks import Marks, masks_from_marks, outlines, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
@@ -92,13 +91,6 @@ def test_what_looks_otherwise_when_turned_is_not_taught_as_symmetric():
     for number in (1, 2):
         with pytest.raises(ObjectModelError, match=r"turned by 180 degrees it looks otherwise|differs from itself"):
             learn("mug", [view("mug", k) for k in range(number)], 180.0)
-
-
-def test_noise_of_the_first_view_is_no_asymmetry(monkeypatch):
-    answers = iter([False])
-    turned = symmetry.looks_alike_turned
-    monkeypatch.setattr("app.perception.registered.learn.looks_alike_turned", lambda *a: next(answers, turned(*a)))
-    assert len(learn("brick", [view("brick", 0), view("brick", 1)], 180.0).merged) == 2
 
 
 def test_a_handle_that_the_first_view_hides_is_no_symmetry():
