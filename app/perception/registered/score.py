@@ -75,7 +75,7 @@ def same_color(template: Template, lit: LitScene, index: Index, pose: Poses) -> 
     seen, taught = lit.lab[index[near]], template.lab[partners[near]]
     bright, taught_bright = (lab[:, :1] / LIGHTNESS + DARK for lab in (seen, taught))
     lightness = abs(float(np.median(np.log(bright / taught_bright))))
-    chroma = MIDDLE * np.linalg.norm(np.median(seen[:, 1:] / bright - taught[:, 1:] / taught_bright, axis=0))
+    chroma = MIDDLE * float(np.linalg.norm(np.median(seen[:, 1:] / bright - taught[:, 1:] / taught_bright, axis=0)))
     return float(np.clip(2 - max(lightness / SAME_LIGHTNESS, chroma / SAME_CHROMA), 0, 1))
 
 
