@@ -18,6 +18,7 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX, BASELINE_M = 640, 480, 600.0, 0.05
+SIZE_PX = HEIGHT_PX, WIDTH_PX
 AREA_M = np.array([0.23, 0.18])  # half sizes of where objects stand, around the origin
 GAP_M = 0.008  # least distance between two objects' circles
 AWAY_M = np.array([0.0, 0.0, -3.0])  # where bodies wait that are not in the scene
@@ -29,20 +30,7 @@ NUM_CLUTTER = 8
 GLOSS, GLOSS_EXPONENT = 0.9, 40
 CLOTH_M = 0.004
 TABLE, ROOM = (0.62, 0.55, 0.45), (0.8, 0.85, 0.9)
-CLUTTER_COLORS = (
-    "red",
-    "green",
-    "blue",
-    "yellow",
-    "white",
-    "grey",
-    "black",
-    "wood",
-    "purple",
-    "orange",
-    "cyan",
-    "pink",
-)
+CLUTTER_COLORS = tuple(COLORS)
 
 
 @dataclass
@@ -60,7 +48,6 @@ class Layout:
     poses: dict[tuple[str, int], Array] = field(default_factory=dict)
     clutter: list[tuple[int, Array, str, Array, float]] = field(default_factory=list)
     light: tuple[Array, Array] = (np.array([-0.25, 0.2, -1.0]), np.ones(3))
-    hidden: bool = False
     table_rgb: tuple[float, ...] = TABLE
     has_gloss: bool = False
 
@@ -68,7 +55,7 @@ class Layout:
 class Room:
     """One model with two of every object, clutter, and three cameras; rays are cast, so that no OpenGL is needed."""
 
-    def __init__(self, seed: int = 0, names: Sequence[str] = tuple(THINGS), *, reduce_by: int = 1) -> None:
+    def __init__(self, seed: int = 0, names: Sequence[str] = tuple(THINGS)) -> None:
         spec = mujoco.MjSpec()
         table = spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.7, 0.7, 0.02])
         table.pos, table.rgba = [0, 0, -0.02], [*TABLE, 1]
@@ -84,9 +71,8 @@ class Room:
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         rng = np.random.default_rng(seed)
-        self.cameras = tuple(_camera(name, *place, reduce_by) for name, place in CAMERAS.items())
+        self.cameras = tuple(_camera(name, *place) for name, place in CAMERAS.items())
         self.calibrated = tuple(_miscalibrated(camera, rng) for camera in self.cameras)
-        self._size_px = (HEIGHT_PX // reduce_by, WIDTH_PX // reduce_by)
 
     def place(self, layout: Layout) -> None:
         """Move everything to where the layout says."""
@@ -107,7 +93,7 @@ class Room:
     def shoot(self, layout: Layout, number: int, of: tuple[str, int] | None = None) -> RgbdFrame:
         """A perfect image of camera `number`, with its true calibration; mask 1 where the object `of` is."""
         camera = self.cameras[number]
-        columns, rows = np.meshgrid(np.arange(self._size_px[1]), np.arange(self._size_px[0]))
+        columns, rows = np.meshgrid(np.arange(WIDTH_PX), np.arange(HEIGHT_PX))
         x, y = (columns.ravel() - camera.cx_px) / camera.fx_px, (rows.ravel() - camera.cy_px) / camera.fy_px
         rays = np.column_stack([x, y, np.ones_like(x)]) @ camera.camera_to_world[:3, :3].T
         geoms, depth_m, normals = self._cast(camera.camera_to_world[:3, 3], rays)
@@ -119,9 +105,9 @@ class Room:
         depth = np.where(hit, depth_m, 0).astype(np.float32)
         return RgbdFrame(
             camera,
-            rgb.reshape(*self._size_px, 3),
-            depth.reshape(self._size_px),
-            mask.reshape(self._size_px).astype(np.int32),
+            rgb.reshape(*SIZE_PX, 3),
+            depth.reshape(SIZE_PX),
+            mask.reshape(SIZE_PX).astype(np.int32),
         )
 
     def _cast(self, eye_m: Array, rays: Array) -> tuple[Array, Array, Array]:
@@ -167,14 +153,13 @@ class Room:
         return tuple(replace(_as_d435(shot, rng), camera=self.calibrated[n]) for n, shot in enumerate(shots))
 
 
-def _camera(name: str, azimuth_deg: float, elevation_deg: float, far_m: float, reduce_by: int) -> Camera:
+def _camera(name: str, azimuth_deg: float, elevation_deg: float, far_m: float) -> Camera:
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
     eye = far_m * np.array(
         [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
     )
     pose = camera_to_world(CameraPlacement(tuple(eye), (0, 0, 0), 43.6))
-    focal = FOCAL_PX / reduce_by
-    return Camera(name, focal, focal, (WIDTH_PX / reduce_by - 1) / 2, (HEIGHT_PX / reduce_by - 1) / 2, pose)
+    return Camera(name, FOCAL_PX, FOCAL_PX, (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2, pose)
 
 
 def _miscalibrated(camera: Camera, rng: np.random.Generator) -> Camera:
@@ -235,7 +220,7 @@ def sample(
         hide: put something before each target, as the camera `front` sees it.
     """
     for _ in range(50):
-        layout, taken = Layout(hidden=hide), list[tuple[Array, float]]()
+        layout, taken = Layout(), list[tuple[Array, float]]()
         try:
             for name, number in sorted(targets, key=lambda item: -THINGS[item[0]].radius_m):
                 place = _free_place(rng, taken, THINGS[name].radius_m)

@@ -1,11 +1,10 @@
 """How well the estimator `registered` finds objects in simulated scenes with a depth camera's noise.
 
 Templates are taught from three labeled views each; other scenes are the test. Run:
-``python -m benchmarks.objects [--scenes 40] [--conditions clean,clutter] [--cameras 3] [--objects mug,jar] [--json]``.
+``python -m benchmarks.objects [--scenes 40] [--conditions clean,clutter] [--cameras 3] [--objects mug,jar] [--why]``.
 """
 
 import argparse
-import json
 import sys
 import time
 from collections import Counter, defaultdict
@@ -32,19 +31,9 @@ from roboprompt_client.types.poses import ObjectPose
 
 WRONG_M, WRONG_DEG = 0.02, 20.0  # a pose that is further off is no pose of the object
 NUM_VIEWS = 3
-CONDITIONS = (
-    "clean",
-    "noise",
-    "clutter",
-    "hidden",
-    "light",
-    "absent",
-    "two alike",
-    "table",
-    "gloss",
-    "cloth",
-    "touching",
-)
+CHANGES = ("table", "gloss", "cloth", "touching")  # of the surroundings of one object alone
+CONDITIONS = ("clean", "noise", "clutter", "hidden", "light", "absent", "two alike", *CHANGES)
+COLUMNS = ("asked", "found", "refused", "wrong", "mm_median", "mm_p95", "deg_median", "deg_p95", "seconds")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +56,8 @@ class Tally:
 
     def row(self) -> dict[str, float]:
         """Counts, mm, degrees and seconds."""
-        asked = len(self.errors_m) + self.refused.total() + len(self.wrong)
-        values = {
-            "asked": asked,
-            "found": len(self.errors_m),
-            "refused": self.refused.total(),
-            "wrong": len(self.wrong),
-        }
+        found, refused, wrong = len(self.errors_m), self.refused.total(), len(self.wrong)
+        values = {"asked": found + refused + wrong, "found": found, "refused": refused, "wrong": wrong}
         for name, errors in (("mm", 1000 * np.array(self.errors_m)), ("deg", np.array(self.errors_deg))):
             if len(errors):
                 values |= {f"{name}_median": float(np.median(errors)), f"{name}_p95": float(np.percentile(errors, 95))}
@@ -113,7 +97,7 @@ def scenes_of(
                     yield sample(rng, [(name, 0), (name, 1), *_others(rng, [name], 1)], num_clutter=2), [name]
                 case "hidden":
                     yield sample(rng, [(name, 0), *_others(rng, [name], 1)], num_clutter=2, hide=True), [name]
-                case "table" | "gloss" | "cloth" | "touching":
+                case _ if condition in CHANGES:
                     alone = sample(rng, [(name, 0)], num_clutter=0)
                     yield changed(alone, name, condition, rng), [name]
                 case _:
@@ -174,7 +158,6 @@ def main() -> int:
     parser.add_argument("--cameras", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--why", action="store_true")
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     room, templates = Room(options.seed), {}
@@ -183,29 +166,17 @@ def main() -> int:
             templates[name] = taught(room, name, np.random.default_rng((options.seed, 99, number)), options.cameras)
         except ObjectModelError as error:
             print(f"not taught: {error}", file=sys.stderr)  # noqa: T201
-    results = {}
     for condition in options.conditions.split(","):
         tallies = ask(room, templates, condition, options.scenes, options.seed, options.cameras)
-        results[condition] = {name: tally.row() for name, tally in tallies.items()}
         if options.why:
             for name, tally in tallies.items():
                 for reason in (*(f"WRONG {item}" for item in tally.wrong), *tally.refused):
                     print(f"{condition}, {name}: {reason}", file=sys.stderr)  # noqa: T201
-        if not options.json:
-            _print(condition, results[condition])
-    if options.json:
-        print(json.dumps(results, indent=1))  # noqa: T201
+        table = Table("object", *COLUMNS, title=condition)
+        for name, row in ((name, tally.row()) for name, tally in tallies.items()):
+            table.add_row(name, *(f"{row[column]:.4g}" if column in row else "" for column in COLUMNS))
+        Console(width=120).print(table)
     return 0
-
-
-def _print(condition: str, rows: Mapping[str, Mapping[str, float]]) -> None:
-    table = Table(title=condition)
-    columns = ("asked", "found", "refused", "wrong", "mm_median", "mm_p95", "deg_median", "deg_p95", "seconds")
-    for column in ("object", *columns):
-        table.add_column(column)
-    for name, row in rows.items():
-        table.add_row(name, *(f"{row[column]:.4g}" if column in row else "" for column in columns))
-    Console(width=120).print(table)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,10 @@
 """How well the estimator `cuboid` finds objects in rendered scenes with a depth camera's noise.
 
 Object models are learned from the masks and poses of a few scenes, as from demonstrations; other scenes are the test,
-each camera alone and both together. Run: ``python -m benchmarks.poses [--scenes 60] [--json]``.
+each camera alone and both together. Run: ``python -m benchmarks.poses [--scenes 60]``.
 """
 
 import argparse
-import json
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -20,13 +19,13 @@ from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.model import CuboidModel
+from app.pipeline.errors import NoPoseError
 from app.pipeline.geometry import canonical_pose
 from app.sim.demonstrate import view_scene
 from app.sim.outcomes import SceneView
 from app.sim.tasks.cubes import HALF_SIZE_M
 from app.sim.world import TABLE_TOP_M
 from benchmarks.camera_noise import as_a_camera_sees_it
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
@@ -129,53 +128,34 @@ def _found(queries: Sequence[ObjectQuery], view: Sequence[RgbdFrame]) -> dict[st
     """All poses; where one is refused the others are asked for without it."""
     try:
         return {pose.name: pose for pose in CuboidPoses().estimate(queries, view)}
-    except InvalidInputError as error:
-        kept = [query for query in queries if f"[{query.name}]" not in error.field and _stands(query, error.field)]
+    except NoPoseError as error:
+        kept = [query for query in queries if error.name not in _needed(query)]
         return _found(kept, view) if kept else {}
 
 
-def _stands(query: ObjectQuery, refused: str) -> bool:
-    """Whether an object can be found without the refused one."""
-    model = query.model
-    assert isinstance(model, CuboidModel)
-    others = {model.away_from, model.rank.nearest_to if model.rank else None}
-    return all(f"[{other}]" not in refused for other in others)
+def _needed(query: ObjectQuery) -> set[str | None]:
+    """The object, and those by which it is chosen."""
+    assert isinstance(query.model, CuboidModel)
+    return {query.name, query.model.away_from, query.model.rank.nearest_to if query.model.rank else None}
 
 
 def main() -> None:
-    """Print the table, and with --json one JSON object as the last line."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60, help="test scenes of each task")
     parser.add_argument("--learn", type=int, default=6, help="scenes of each task that models are learned from")
     parser.add_argument("--tasks", nargs="+", default=TASKS, choices=TASKS)
-    parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
-    console, document = Console(width=140), {"scenes": arguments.scenes, "poses": [], "cpu_ms_per_image": {}}
-    columns = (
-        "objects",
-        "cameras",
-        "asked",
-        "cm",
-        "p95",
-        "degrees",
-        "p95",
-        "missed/1000",
-        "wrong/1000",
-        "flagged",
-    )
+    console = Console(width=140)
+    columns = ["objects", "cameras", "asked", "cm", "p95", "degrees", "p95", "missed/1000", "wrong/1000", "flagged"]
     table = Table(*columns, title="cuboid: errors of learned models, 640x480, depth sigma 2 mm z^2")
     for task in arguments.tasks:
         tallies, times_ms = measure(task, arguments.learn, arguments.scenes)
-        document["cpu_ms_per_image"][task] = {"mean": np.mean(times_ms), "p95": np.percentile(times_ms, 95)}
         for (kind, view), tally in sorted(tallies.items()):
             values = tally.summary()
-            document["poses"].append({"objects": kind, "cameras": view, **values})
             table.add_row(kind, view, f"{values['asked']:.0f}", *_cells(values), f"{values['wrong_with_a_reason']:.0f}")
+        console.print(f"{task}: {np.mean(times_ms):.1f} ms CPU an image, p95 {np.percentile(times_ms, 95):.1f}")
     console.print(table)
-    for task, times in document["cpu_ms_per_image"].items():
-        console.print(f"{task}: {times['mean']:.1f} ms CPU an image, p95 {times['p95']:.1f}")
-    if arguments.json:
-        print(json.dumps(document))  # noqa: T201 - what --json is for
 
 
 def _cells(values: dict[str, float]) -> list[str]:

@@ -9,11 +9,14 @@ import numpy as np
 
 from roboprompt_client.cameras.table import find_flat_surface
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # bounds of the median depth of a robot's workspace
 MAX_BELOW_M = 4.0  # largest height of a camera above table or floor; a depth scale ten times too large exceeds it
 DEPTH_UNITS = "meters in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimeters"
+# Red's and blue's shares change places: by at least the first in all, and to within this part of the change.
+LEAST_SWAP, MIRRORED = 0.03, 0.25  # shadows and lamps change shares less
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
 
 
@@ -76,3 +79,10 @@ def check_level(frame: RgbdFrame) -> None:
         message = f"would tilt the largest flat surface that {name} sees by {surface.tilt_deg:.0f} degrees"
         remedy = "pose and intrinsics of the camera that took the image, in a world whose z is up; images not swapped"
         raise InvalidInputError(field, message, remedy)
+
+
+def are_swapped(usual_rgb: Array, rgb: Array) -> bool:
+    """Return whether a color (3,) is the usual one with red and blue exchanged, at any brightness."""
+    usual, seen = (color / max(float(color.sum()), 1.0) for color in (usual_rgb, rgb))
+    off, off_swapped = np.linalg.norm(seen - usual), np.linalg.norm(seen[::-1] - usual)
+    return bool(off > LEAST_SWAP and off_swapped < MIRRORED * off)

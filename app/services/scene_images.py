@@ -1,11 +1,15 @@
 """What perception needs of the store: images as they came and as frames, templates, and what was found, drawn over."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 import cv2
+import numpy as np
+import numpy.typing as npt
 
 from app.perception.base import ObjectQuery
-from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame
+from app.perception.frame_checks import are_swapped
+from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
 from app.perception.object_model import ObjectModelError
 from app.perception.overlay import draw_overlay
 from app.perception.registered.estimator import TaughtQuery
@@ -19,9 +23,12 @@ from app.store.errors import CorruptDataError, NotFoundError
 from app.store.store import Store
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
 MAX_TEMPLATES = 16  # in memory, some MB each
+MAX_COLORS, MEAN_STEP_PX = 256, 4
+_mean_rgb: Cache[str, Array] = Cache(MAX_COLORS)
 _decoded: Cache[str, Template] = Cache(MAX_TEMPLATES)  # of any store: a digest names the same bytes everywhere
 
 
@@ -65,6 +72,33 @@ def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
     digests = (record.rgb_digest, record.depth_digest, record.mask_digest)
     images = ImageBytes(*(None if digest is None else blobs.read(digest) for digest in digests))
     return decode_frame(record.camera(), images, STORED_PIXELS)
+
+
+def check_colors(blobs: BlobStore, usual: Iterable[CameraRecord], frames: Iterable[RgbdFrame]) -> None:
+    """Refuse color images that have red and blue exchanged, by the images that the same cameras took before.
+
+    Raises:
+        InvalidInputError: naming rgb_NAME.
+        CorruptDataError, StoreUnavailableError: if a stored image cannot be read.
+    """
+    digests = {record.name: record.rgb_digest for record in usual}
+    for frame in frames:
+        field, digest = f"rgb_{frame.camera.name}", digests.get(frame.camera.name)
+        if digest is None or frame.rgb is None:
+            continue
+        if are_swapped(_mean_rgb.get_or_make(digest, partial(_stored_mean, blobs, digest)), _mean(frame.rgb)):
+            message = "looks like the newest episode's image with red and blue exchanged: BGR instead of RGB?"
+            raise InvalidInputError(field, message, "RGB, as in that episode; if that is wrong, delete it")
+
+
+def _stored_mean(blobs: BlobStore, digest: str) -> Array:
+    return _mean(decode_rgb("rgb", blobs.read(digest), STORED_PIXELS))
+
+
+def _mean(rgb: npt.NDArray[np.uint8]) -> Array:
+    """Return the mean color (3,) of an image (H, W, 3)."""
+    mean: Array = rgb[::MEAN_STEP_PX, ::MEAN_STEP_PX].mean(axis=(0, 1))
+    return mean
 
 
 def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:

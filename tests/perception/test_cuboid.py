@@ -176,23 +176,6 @@ def test_one_camera_that_does_not_see_it_is_no_obstacle_but_all_are():
     assert caught.value.field == "objects[block]"
 
 
-@pytest.mark.parametrize(
-    ("spoil", "field", "message"),
-    [
-        (lambda frame: replace(frame, depth_m=None), "depth_front", "is missing"),
-        (lambda frame: replace(frame, rgb=None), "rgb_front", "is missing"),
-        (lambda frame: replace(frame, depth_m=0 * frame.depth_m), "depth_front", "0 (unknown) everywhere"),
-        (lambda frame: replace(frame, depth_m=1000 * frame.depth_m), "depth_front", "scale is wrong"),
-        (lambda frame: replace(frame, depth_m=frame.depth_m / 1000), "depth_front", "scale is wrong"),
-    ],
-)
-def test_bad_images_are_refused_for_what_is_wrong_with_them(spoil, field, message):
-    with pytest.raises(InvalidInputError) as caught:
-        estimate([spoil(shoot([cube("red", 0, 0)]))], block=model())
-    assert caught.value.field == field
-    assert message in caught.value.message
-
-
 def test_depth_of_a_slightly_wrong_scale_is_no_pose():
     frame = shoot([cube("red", 0, 0, 0.3)])
     with pytest.raises(UncertainPoseError):

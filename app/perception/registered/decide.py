@@ -1,17 +1,21 @@
 """The decision between a pose and a refusal, from the hypotheses in every part of the scene."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.perception.frame_checks import are_swapped
 from app.perception.registered.candidates import SAME_LAB, candidates
 from app.perception.registered.geometry import Index, angle_deg
 from app.perception.registered.hypotheses import Hypothesis, hypotheses
-from app.perception.registered.scene import LitScene
+from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import shares_seen
 from app.perception.registered.template import Template
+from app.perception.registered.view import View
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from roboprompt_client.cameras.table import MAX_OFF_M, OTHER_M, find_flat_surface
+from roboprompt_client.types.camera import RgbdFrame
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
@@ -22,7 +26,8 @@ OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found obje
 LIES_SCORE, LIES_BETTER = 0.6, 0.1  # least score of a lying pose, and least gain over upright ones
 SEEN_SHARE = 0.12  # a camera sees the object if it sees this share of the side that faces it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
-SWAPPED_OFF = 0.03  # least change of the table's red and blue shares; shadows and lamps change them less
+WELL_SEEN = 0.5  # share of the facing side that one camera sees where another one should see it, too
+OTHER_TABLE_RGB = 25.0  # of 255
 STEP_PX = 4  # stride of the pixels that are checked for missing depth
 MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without depth, to be reported
 
@@ -50,7 +55,7 @@ class Found:
         return seeing or (max(self.shares, key=self.shares.__getitem__),)
 
 
-def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None = None) -> Found:
+def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> Found:
     """Return the pose of the object `name`.
 
     Args:
@@ -60,6 +65,24 @@ def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None =
         ObjectNotVisibleError: if nothing has its colors and shape.
         UncertainPoseError: if too little of it is visible, it lies on its side, or another place matches, too.
     """
+    found, refusals = list[Found](), list[ObjectNotVisibleError]()
+    for lit in scene.in_lights_of(template.table_rgb):
+        try:
+            found.append(_find(name, template, lit, elsewhere))
+        except ObjectNotVisibleError as error:
+            refusals.append(error)
+    if not found:
+        raise refusals[0]
+    first, *others = sorted(found, key=lambda item: -item.best.value)
+    for other in others:
+        _check_alone(name, template, first.best, [other.best])
+        if angle_deg(first.best.rotation, other.best.rotation, template.yaw_symmetry_deg) > SAME_YAW_DEG:
+            first = replace(first, yaw_rivals=first.yaw_rivals + 1 + other.yaw_rivals)
+    return first
+
+
+def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> Found:
+    """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
     places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
     if not places:
@@ -103,10 +126,16 @@ def _check(
     least_score = max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
     if best.value < least_score:
         if hypotheses(template, lit, parts[0], fallen=True)[0].value > max(LIES_SCORE, best.value + LIES_BETTER):
-            raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
+            message = f"it seems to lie on its side, or to be absent: it is found upright only{causes(template, lit)}"
+            raise UncertainPoseError(name, message, "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score:.2f}"
+        if best.color < 1:
+            message += ", as it has its shape in other colors, or much brighter or darker"
         remedy = "it upright on the table, uncovered; or labeled views in this light and from this side"
         message += f" (of its facing side agree: {seen}){causes(template, lit)}"
+        blind = [camera for camera, share in shares.items() if share < max(shares.values()) / 2]
+        if blind and max(shares.values()) > WELL_SEEN:
+            message += f"; {' and '.join(blind)}: hidden there, or camera_to_world is off"
         raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
@@ -141,11 +170,21 @@ def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: In
 def causes(template: Template, lit: LitScene) -> str:
     """Return likely faults of images in which an object was not found, as the end of a message; may be empty."""
     notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
-    taught, seen = (rgb / max(rgb.sum(), 1.0) for rgb in (template.table_rgb, lit.scene.table.rgb))
-    off, off_swapped = np.linalg.norm(seen - taught), np.linalg.norm(seen[::-1] - taught)
-    if off > SWAPPED_OFF and off_swapped < off / 2:
+    notes += [_bumped(view, lit.scene) for view in lit.scene.views]
+    taught_rgb, table = template.table_rgb, lit.scene.table
+    if are_swapped(taught_rgb, table.rgb):
         notes.append("the table has its taught color if red and blue change places: BGR images?")
+    elif np.abs(taught_rgb - table.rgb).max() > OTHER_TABLE_RGB:
+        notes.append("the table looks otherwise than in its labeled views")
     return "".join(f"; {note}" for note in notes if note)
+
+
+def _bumped(view: View, scene: Scene) -> str:
+    surface = find_flat_surface(RgbdFrame(view.camera, None, view.depth_m))
+    off_m = 0.0 if surface is None else float(scene.table.height_m(surface.middle_m[None])[0])
+    if not MAX_OFF_M < abs(off_m) < OTHER_M:
+        return ""
+    return f"{view.camera.name} sees the table {1000 * off_m:+.0f} mm off: was the camera bumped?"
 
 
 def _without_depth(template: Template, lit: LitScene, number: int) -> str:

@@ -84,7 +84,7 @@ def _outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Ar
 
 
 def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, elsewhere: Index | None) -> ObjectPose:
-    found = find(name, template, scene.in_light_of(template.table_rgb), elsewhere)
+    found = find(name, template, scene, elsewhere)
     symmetry_deg = model.yaw_symmetry_deg
     unknown = "" if symmetry_deg == 0 else _why_no_yaw(found)
     if unknown and not model.yaw_may_be_unknown:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.registered.geometry import Index, Poses, about_z
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.score import score
+from app.perception.registered.score import same_color, score
 from app.perception.registered.template import LAB_AS_M, Template
 from roboprompt_client.types.arrays import Array
 
@@ -47,12 +47,14 @@ class Hypothesis:
     Attributes:
         pose: one pose.
         evidence: (E,), or None if the coarse score was hopeless.
+        color: 0..1, see `same_color`; a factor of `value`.
     """
 
     pose: Poses
     value: float
     support: float
     evidence: Array | None
+    color: float = 1.0
 
     @property
     def rotation(self) -> Array:
@@ -120,8 +122,12 @@ def hypotheses(
     if not fallen:
         poses = _at_height(template, lit, poses)
     final = score(template, lit, index[:MOST], poses, MOST)
-    order = np.argsort(-final.value)
-    return [Hypothesis(poses[[n]], float(final.value[n]), float(final.support[n]), final.evidence[n]) for n in order]
+    colors = np.array([same_color(template, lit, index[:MOST], poses[[n]]) for n in range(len(poses))])
+    values, order = final.value * colors, np.argsort(-final.value * colors)
+    return [
+        Hypothesis(poses[[n]], float(values[n]), float(final.support[n]), final.evidence[n], float(colors[n]))
+        for n in order
+    ]
 
 
 def _upright_starts(template: Template, scene: Scene, points_m: Array, yaws_deg: Array) -> Poses:

@@ -12,7 +12,7 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import MIN_SCORE, yaw_rivals
 from app.perception.registered.geometry import Index, thinned, unit
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
-from app.perception.registered.scene import Scene
+from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
@@ -99,7 +99,7 @@ def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *
     if symmetry_deg and not _look_alike_turned([seen[number] for number in best.merged], symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')
-    lit = root.scene.in_light_of(best.template.table_rgb)
+    lit = root.scene.in_lights_of(best.template.table_rgb)[0]
     if symmetry_deg is None and needs_yaw and looks_alike_all_around(best.template, lit, root.index):
         remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
         raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
@@ -112,10 +112,11 @@ def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
     The first view itself always fits better without rotation, by its own noise: it counts only if it fits with it.
     """
     template = _first(views[0], None)
-    yaws_deg = [views[0].yaw_deg or 0.0, *(_found(template, view, views[0])[0].yaw_deg for view in views[1:])]
+    poses = [(views[0].scene.in_lights_of(template.table_rgb)[0], views[0].yaw_deg or 0.0)]
+    poses += [(lit, found[0].yaw_deg) for lit, found in (_found(template, view, views[0]) for view in views[1:])]
     first, *others = (
-        looks_alike_turned(template, view.scene.in_light_of(template.table_rgb), view.index, yaw_deg, symmetry_deg)
-        for view, yaw_deg in zip(views, yaws_deg, strict=True)
+        looks_alike_turned(template, lit, view.index, yaw_deg, symmetry_deg)
+        for view, (lit, yaw_deg) in zip(views, poses, strict=True)
     )
     votes = [first, *others] if first else others
     return sum(votes) > len(votes) / 2
@@ -171,26 +172,30 @@ def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
     return Template(local_m, normals, scene.rgb[seen.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
 
 
-def _found(template: Template, seen: _Seen, root: _Seen) -> Sequence[Hypothesis]:
-    """Return poses of the template in a view, the best first; arrows of root and view limit the starting yaws."""
+def _found(template: Template, seen: _Seen, root: _Seen) -> tuple[LitScene, Sequence[Hypothesis]]:
+    """Return the light that fits best, and poses of the template in a view, the best first.
+
+    Arrows of root and view limit the starting yaws.
+    """
     has_arrows = seen.yaw_deg is not None and root.yaw_deg is not None
     yaws_deg = seen.yaw_deg + ARROW_ERROR_DEG if has_arrows else START_YAWS_DEG
-    return hypotheses(template, seen.scene.in_light_of(template.table_rgb), seen.index, yaws_deg)
+    lights = seen.scene.in_lights_of(template.table_rgb)
+    in_each = [(lit, hypotheses(template, lit, seen.index, yaws_deg)) for lit in lights]
+    return max(in_each, key=lambda item: item[1][0].value)
 
 
 def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
     """Return the template with a view's points added, or why the view does not fit."""
-    found = _found(template, seen, root)
+    lit, found = _found(template, seen, root)
     if found[0].value < MIN_SCORE:
         return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"
     if (seen.yaw_deg is None or root.yaw_deg is None) and (rivals := yaw_rivals(template, found)):
         return f"{len(rivals) + 1} yaws fit the other views: a yaw with each label would decide"
     scene, index, pose = seen.scene, seen.index, found[0].template_to_world
-    gain = template.table_rgb / np.maximum(scene.table.rgb, 1)
     local_m = (scene.points_m[index] - pose[:3, 3]) @ pose[:3, :3]
     points_m, rgb, normals = thinned(
         np.concatenate([template.points_m, local_m]),
-        np.concatenate([template.rgb, np.clip(scene.rgb[index] * gain, 0, 255)]),
+        np.concatenate([template.rgb, np.clip(scene.rgb[index] * lit.gain, 0, 255)]),
         np.concatenate([template.normals, scene.normals[index] @ pose[:3, :3]]),
     )
     free = (*template.free_views, *free_views(scene.views, pose, points_m, FREE_MARGIN_M))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from app.perception.frame_checks import check_cameras, check_level
+from app.perception.frame_checks import are_swapped, check_cameras, check_level
 from app.perception.registered.geometry import Bools, Index, normals_of, thinned
 from app.perception.registered.view import FARTHEST_M, RgbImage, View
 from roboprompt_client.errors import InvalidInputError
@@ -17,6 +17,9 @@ ABOVE_TABLE_M = (0.006, 0.6)
 POINTS_WIDTH_PX = 400  # images are subsampled to this width for points
 LIGHTNESS = 0.4  # its weight in color distances: shading changes it
 DARKEST_RGB = 5.0  # a darker table does not indicate the light
+# A table whose color has changed by less is the taught one in the same light; one whose color has changed by more, in
+# brightness or between two of red, green and blue, is another one: no lamp does that.
+SAME_TABLE, MAX_BRIGHTNESS, MAX_TINT = 1.05, 3.0, 1.5
 LAB_OFFSET, LAB_SCALE = np.array([0.0, 128, 128]), np.array([LIGHTNESS * 100 / 255, 1, 1])
 MAX_SAMPLES, NUM_TRIALS, NUM_REFINEMENTS = 4000, 60, 3
 FLAT_M = 0.005  # points nearer to the table's plane belong to it
@@ -152,12 +155,22 @@ class Scene:
         points_m, rgb, eyes_m = thinned(points_m[up], rgb[up], eyes_m[up])
         return cls(views, table, points_m, rgb, normals_of(points_m, eyes_m))
 
-    def in_light_of(self, table_rgb: Array) -> "LitScene":
-        """Return the scene with its colors scaled so that its table has the color (3,), 0..255."""
-        gain = table_rgb / np.maximum(self.table.rgb, DARKEST_RGB)
+    def in_lights_of(self, table_rgb: Array) -> "Sequence[LitScene]":
+        """Return the scene as it would look in the light in which a table had the color (3,), 0..255.
+
+        If the table has another color now, either the light or the table has changed: one scene for each that may be.
+        """
+        gain = np.maximum(table_rgb, DARKEST_RGB) / np.maximum(self.table.rgb, DARKEST_RGB)
+        change, tint = np.exp(np.abs(np.log(gain)).max()), gain.max() / gain.min()
+        may_be_light = bool(change < MAX_BRIGHTNESS and tint < MAX_TINT)
+        may_be_table = bool(change > SAME_TABLE and not are_swapped(table_rgb, self.table.rgb))
+        gains = [gain] * (may_be_light or not may_be_table) + [np.ones(3)] * may_be_table
+        return [self._times(item) for item in gains]
+
+    def _times(self, gain: Array) -> "LitScene":
         brighter = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)[None]
         images = (cv2.cvtColor(cv2.LUT(view.rgb, brighter), cv2.COLOR_RGB2LAB) for view in self.views)
-        return LitScene(self, tuple(np.asarray(image, np.uint8) for image in images), to_lab(self.rgb, gain))
+        return LitScene(self, gain, tuple(np.asarray(image, np.uint8) for image in images), to_lab(self.rgb, gain))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,11 +178,13 @@ class LitScene:
     """A scene, its colors scaled to the light of a template.
 
     Attributes:
+        gain: (3,) factor of red, green and blue.
         images: per view (H, W, 3) uint8 in OpenCV's Lab; see `lab_at`.
         lab: (N, 3) of the points.
     """
 
     scene: Scene
+    gain: Array
     images: tuple[RgbImage, ...]
     lab: Array
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses
-from app.perception.registered.scene import LitScene
+from app.perception.registered.scene import LIGHTNESS, LitScene
 from app.perception.registered.template import Template
 from roboprompt_client.types.arrays import Array
 
@@ -20,6 +20,11 @@ OTHER_COLOR = -0.7  # evidence of another color at the right place
 ALONG_SURFACE = 0.3  # weight of an offset along the surface, relative to one across it
 BESIDE_M = 0.05  # a point farther from the template belongs to another object
 UNSEEN = 0.3  # penalty of an unexplained point of the scene
+# Colors of one object differ from the taught ones by shading, which is another one on each side and changes lightness
+# and chroma together. A median beyond these is that of another object of the same shape.
+SAME_LIGHTNESS, SAME_CHROMA = 0.28, 8.0  # a ratio of lightness, as its logarithm; Lab units at middle lightness
+DARK, MIDDLE = 16.0, 66.0  # Lab units: lightness plus `DARK`, a and b grow alike with the light
+FEWEST_COLORS = 10  # points
 FACING = 0.2  # least cosine between a surface's normal and the ray to a camera that sees it
 
 
@@ -58,6 +63,20 @@ def score(template: Template, lit: LitScene, index: Index, poses: Poses, num_poi
     good = np.maximum(evidence, 0).sum(axis=1)
     bad = UNSEEN * is_unexplained.sum(axis=1) - np.minimum(evidence, 0).sum(axis=1)
     return Score(good / np.maximum(good + bad, 1), support, evidence)
+
+
+def same_color(template: Template, lit: LitScene, index: Index, pose: Poses) -> float:
+    """Return 1 if the points `index` that lie on the object in one pose have its colors in the median, less if not."""
+    places_m = pose.to_template(lit.scene.points_m[index])[0]
+    partners = template.closest(places_m)
+    near = np.linalg.norm(places_m - template.points_m[partners], axis=1) < NEAR_M
+    if near.sum() < FEWEST_COLORS:
+        return 1.0
+    seen, taught = lit.lab[index[near]], template.lab[partners[near]]
+    bright, taught_bright = (lab[:, :1] / LIGHTNESS + DARK for lab in (seen, taught))
+    lightness = abs(float(np.median(np.log(bright / taught_bright))))
+    chroma = MIDDLE * float(np.linalg.norm(np.median(seen[:, 1:] / bright - taught[:, 1:] / taught_bright, axis=0)))
+    return float(np.clip(2 - max(lightness / SAME_LIGHTNESS, chroma / SAME_CHROMA), 0, 1))
 
 
 def shares_seen(template: Template, lit: LitScene, poses: Poses) -> dict[str, float]:

@@ -15,9 +15,9 @@ from app.services.pose_servers import PoseServers
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import TaskCaches, TaskReading
-from app.services.scene_images import with_templates
+from app.services.scene_images import check_colors, with_templates
 from app.services.task_settings import TaskSettings
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
@@ -121,10 +121,12 @@ class KnownReader:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""
         with timed("read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
-        settings = TaskSettings.model_validate(task.settings)
+            newest = episodes.list_page(connection, request.task, limit=1).items
+        settings, blobs = TaskSettings.model_validate(task.settings), self._store.blobs
         self._pose_servers.check(settings.object_models)
         with timed("poses"):
-            return (task.settings, task.object_names), observed(request, task, settings, self._store.blobs)
+            check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
+            return (task.settings, task.object_names), observed(request, task, settings, blobs)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.

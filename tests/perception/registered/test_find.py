@@ -63,6 +63,14 @@ def test_an_absent_object_is_refused_with_the_score_and_what_each_camera_sees():
     assert caught.value.name == "carton"
 
 
+@pytest.mark.parametrize("change", [np.diag([0.5, 0.5, 0.5]), np.diag([0.8, 1, 1.25])])
+def test_its_shape_in_other_colors_is_another_object(change):
+    template = taught("brick").template
+    asked = replace(query("brick"), template=replace(template, rgb=np.clip(template.rgb @ change, 0, 255)))
+    with pytest.raises(ObjectNotVisibleError, match="in other colors, or much brighter"):
+        RegisteredPoses().estimate([asked], frames(layout(**ALL)))
+
+
 def test_nothing_of_its_colors_is_refused_by_the_cameras_names():
     with pytest.raises(ObjectNotVisibleError, match=r"front, left, right"):
         estimate("jar", layout())
@@ -118,6 +126,16 @@ def test_another_brightness_changes_little(gain):
     where.light = (where.light[0], np.full(3, gain))
     pose = estimate("jar", where)
     np.testing.assert_allclose(pose.position_m[:2], ALL["jar"][:2], atol=0.005)
+
+
+@pytest.mark.parametrize("table_rgb", [(0.2, 0.45, 0.3), (0.95, 0.9, 0.93), (0.15, 0.2, 0.5)])
+def test_on_another_table_it_is_found_and_nothing_else_is(table_rgb):
+    where, without = layout(**ALL), layout(**{name: place for name, place in ALL.items() if name != "carton"})
+    where.table_rgb = without.table_rgb = table_rgb
+    for name in ("jar", "carton"):
+        np.testing.assert_allclose(estimate(name, where).position_m[:2], ALL[name][:2], atol=0.01)
+    with pytest.raises(ObjectNotVisibleError):
+        estimate("carton", without)
 
 
 def test_a_pose_that_is_less_certain_than_wanted_is_refused():
@@ -250,6 +268,10 @@ def test_a_refusal_names_what_is_wrong_with_the_images():
     ]
     with pytest.raises(ObjectNotVisibleError, match=r"front has no depth for \d+ % of the pixels of its colors"):
         RegisteredPoses().estimate([query("jar")], shiny)
+    bumped = views[1].camera.camera_to_world + np.outer((0, 0, 1, 0), (0, 0, 0, 0.02))
+    raised = replace(views[1], camera=replace(views[1].camera, camera_to_world=bumped))
+    with pytest.raises((ObjectNotVisibleError, UncertainPoseError), match=r"left sees the table \+\d\d mm off.*bumped"):
+        RegisteredPoses().estimate([query("carton")], [views[0], raised, views[2]])
     few = [
         replace(view, depth_m=np.where(np.random.default_rng(0).random(view.depth_m.shape) < 0.7, 0, view.depth_m))
         for view in views
