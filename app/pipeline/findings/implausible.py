@@ -16,6 +16,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.ends import PRESSING, PUTTING, TAKING, backwards_findings, end_faults
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.quaternion_order import MISREADINGS
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, touching_rows
 from app.pipeline.plans.support import Support
@@ -137,11 +138,13 @@ class Turning(NamedTuple):
         is_beside = turns_with_it and not self.row.anchors[0].place_turns
         return float(np.linalg.norm(self.row.center_m[:2])) if is_beside else 0.0
 
-    def astray_deg(self) -> float:
-        """How far the hand scatters about object and world, where it would about neither if w came first; else 0."""
+    def astray(self) -> tuple[float, str]:
+        """How far the hand scatters about object and world, and as what quaternions it would hardly; else 0."""
         as_read_deg = min(self._scatters_deg(self.hands_xyzw))
-        as_meant_deg = min(self._scatters_deg(np.roll(self.hands_xyzw, -1, axis=1)))
-        return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
+        as_meant_deg, likely = min(
+            (min(self._scatters_deg(self.hands_xyzw[:, order] * signs)), name) for name, order, signs in MISREADINGS
+        )
+        return (as_read_deg, likely) if as_meant_deg < MUCH_LESS * as_read_deg else (0.0, "")
 
     def _scatters_deg(self, hands_xyzw: Array) -> tuple[float, float]:
         """How far rotations of the hand scatter, seen from the object and seen from the world."""
@@ -161,11 +164,11 @@ def turning_findings(support: Support, asked: Order) -> Iterator[Finding]:
         " however it is turned: are hand and objects in one frame?"
     )
     yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
-    item = max(turning, key=Turning.astray_deg)
-    off_deg = item.astray_deg()
+    item = max(turning, key=Turning.astray)
+    off_deg, likely = item.astray()
     message = (
-        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
-        f" quaternions it would turn as {item.name} does. They must be x y z w."
+        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; it would turn as"
+        f" {item.name} does if its quaternions were {likely}. They must be the hand's in the world frame, x y z w."
     )
     yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
 
