@@ -82,7 +82,7 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
 def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:
     """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
-        raise InvalidInputError("--robot", "cannot be recorded: it has no state()", "an arm of a cell's file")
+        raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
     find_in_pictures(robot, client, arguments.task, arguments.find)
     if isinstance(robot, Arm):
         robot.confirm_viewpoint = Person(robot).confirm_viewpoint
