@@ -145,7 +145,7 @@ def _run(client: RoboPromptClient, arguments: Namespace) -> int:
 
 
 def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | None, arguments: Namespace) -> int:
-    person = Person(robot)
+    person = Person(robot, client.url.rstrip("/"))
     find_in_pictures(robot, client, arguments.task, arguments.find)
     if isinstance(robot, Arm) and arguments.confirm:
         robot.confirm_viewpoint = person.confirm_viewpoint

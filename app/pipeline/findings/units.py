@@ -122,10 +122,15 @@ def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras:
             message = f"is {away_m:.4g} from the nearest place of the hand: likely {_likely(away_m)}, or another frame"
             raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame as the hand's")
     for camera in cameras:
+        field = f"cameras[{camera.name}].camera_to_world"
         away_m = float(np.linalg.norm(positions_m - camera.camera_to_world[:3, 3], axis=1).min())
         if away_m > MAX_CAMERA_M:
             message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
-            raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in meters")
+            raise InvalidInputError(field, message, "a translation in meters")
+        _, depths_m = camera.project([*positions_m, *(pose.position_m for pose in objects)])
+        if depths_m.max() < 0:
+            message = "puts the hand's whole way and all objects behind the camera: OpenGL's axes, or its inverse?"
+            raise InvalidInputError(field, message, "camera to world, OpenCV axes: x right, y down, z forward")
 
 
 def _check_tracks(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
