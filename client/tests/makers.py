@@ -35,6 +35,7 @@ class Body:
         self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
+        self.unplanned = 0  # motions that franky's planner fails to plan
         self._left = 0
 
     @property
@@ -125,6 +126,9 @@ def franky(body):
         def poll_motion(self):
             """Whether the motion has ended, whatever its docstring says."""
             answer(None)
+            if body.unplanned:
+                body.unplanned -= 1
+                raise RuntimeError("Motion planner failed with error code -111")
             return not body.poll()
 
         def join_motion(self, timeout):
@@ -158,7 +162,7 @@ def franky(body):
         Gripper=Gripper,
         RealtimeConfig=Named(Enforce=0, Ignore=1),
         Affine=lambda translation, quaternion: (translation, quaternion),
-        CartesianMotion=lambda target: target,
+        CartesianMotion=lambda target, relative_dynamics_factor: target,
         CartesianVelocityWaypoint=lambda twist, hold_target_duration=0: (*twist, hold_target_duration),
         CartesianVelocityWaypointMotion=lambda points: points,
         Twist=lambda velocity=(0, 0, 0), turning=(0, 0, 0): (tuple(velocity), tuple(turning)),
