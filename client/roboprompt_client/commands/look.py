@@ -154,18 +154,22 @@ def _viewpoints(arm: Arm) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def seeing_arm(cell: str | None) -> Iterator[Arm]:
-    """Open the arm of a cell's file with cameras, and close it at the end; it asks before it moves to a viewpoint.
+def asking_robot(name: str, *, asks: bool = True) -> Iterator[Robot]:
+    """Open a robot as `open_robot` does, and close it at the end; if it `asks`, an arm does before each viewpoint."""
+    with closing_robot(open_robot(name)) as robot:
+        if asks and isinstance(robot, Arm):
+            robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+        yield robot
 
-    Raises:
-        InvalidInputError: if the cell has no cameras.
-    """
+
+@contextmanager
+def seeing_arm(cell: str | None) -> Iterator[Arm]:
+    """Open the arm of a cell's file as `asking_robot` does; raises InvalidInputError if the cell has no cameras."""
     if cell is None:
         raise InvalidInputError("--robot", "is missing", CELL)
-    with closing_robot(open_robot(cell)) as robot:
+    with asking_robot(cell) as robot:
         if not isinstance(robot, Arm) or robot.cameras is None:
             raise InvalidInputError("--robot", f"{cell} has no cameras", CELL)
-        robot.confirm_viewpoint = Person(robot).confirm_viewpoint
         yield robot
 
 
