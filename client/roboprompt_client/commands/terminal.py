@@ -2,9 +2,11 @@
 
 import sys
 from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arms.preview import COLUMNS, Previewed
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Robot
@@ -44,6 +46,12 @@ def ask(question: str) -> str | None:
 def ask_yes(question: str) -> bool:
     """Return whether the person types y or yes."""
     return (ask(question) or "").lower() in YES
+
+
+def led_by_hand(arm: Arm) -> AbstractContextManager[None]:
+    """Return a context in which the arm yields to the person's hand, if it can and the person wants it."""
+    yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand? Hold it. [y/N] ")
+    return arm.guided() if yields else nullcontext()
 
 
 class Person:
