@@ -35,7 +35,7 @@ class Body:
         self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
-        self.unplanned = 0  # motions that franky's planner fails to plan
+        self.unplanned, self.error = 0, None  # motions that franky's planner fails to plan; raised until it is joined
         self._left = 0
 
     @property
@@ -126,12 +126,16 @@ def franky(body):
         def poll_motion(self):
             """Whether the motion has ended, whatever its docstring says."""
             answer(None)
+            if body.error is not None:
+                raise body.error
             if body.unplanned:
                 body.unplanned -= 1
-                raise RuntimeError("Motion planner failed with error code -111")
+                body.error = RuntimeError("Motion planner failed with error code -111")
+                raise body.error
             return not body.poll()
 
         def join_motion(self, timeout):
+            body.error = None
             return True
 
         def stop(self):

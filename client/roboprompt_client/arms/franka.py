@@ -132,7 +132,10 @@ class Franka:
                 # interrupt for itself.
                 ended = bool(self._robot.poll_motion())
         except MotionError as error:
-            if PLANNER_FAILED not in str(error) or not self._attempt():
+            if PLANNER_FAILED not in str(error):
+                raise
+            self._forget_error()
+            if not self._attempt():
                 raise
             ended = False
         if not ended:
@@ -191,10 +194,14 @@ class Franka:
                     self._gripper.stop()
 
     def recover(self) -> None:
-        with suppress(Exception):  # the error of the last motion was already raised
-            self._robot.join_motion(POLL_S)
+        self._forget_error()
         with self._errors("recovery"):
             self._robot.recover_from_errors()
+
+    def _forget_error(self) -> None:
+        """Let franky raise the error of the last motion, which was already raised, for the last time."""
+        with suppress(Exception):
+            self._robot.join_motion(POLL_S)
 
     def close(self) -> None:
         self._gripper = self._robot = None
