@@ -57,7 +57,7 @@ class SimulatedPanda:
 
     def observe(self) -> Observation:
         task, hand = self.task, self.hand
-        end_effector = Pose(tuple(hand.position_m.tolist()), tuple(hand.rotation.as_quat().tolist()))
+        end_effector = Pose(hand.position_m, hand.rotation.as_quat())
         if not self.cameras:
             return Observation(task.object_poses(), end_effector=end_effector)
         with open_renderer(task.model) as renderer:

@@ -157,7 +157,7 @@ def gripper_open(fingers: Floats) -> NDArray[np.bool_]:
 
 
 def _scene(task: str, seed: int, observation: Floats) -> SceneView:
-    hand = Pose(tuple(observation[HAND].tolist()), DOWNWARD_XYZW)
+    hand = Pose(observation[HAND], DOWNWARD_XYZW)
     objects = observed_objects(TASKS[task], observation)
     return SceneView(task, seed, TASKS[task].instruction, objects, (), {}, hand)
 

@@ -69,7 +69,7 @@ def recorded_by_people(folder: Path, task: str, number: int) -> RecordedDemonstr
         place_m: Floats = still[found] if found in still else data["object_positions"][names.index(found), settled]
         turned = (0, 0, 0, 1) if found in still else data["object_quaternions_xyzw"][names.index(found), settled]
         objects.append(ObjectPose(body.name, place_m + moved_m, np.asarray(turned, np.float64)))
-    hand = Pose(tuple(map(float, places_m[0])), tuple(map(float, turns[0])))
+    hand = Pose(places_m[0], turns[0])
     view = SceneView(task, number, TASKS[recorded.simulated].instruction, tuple(objects), (), {}, hand)
     frequency_hz = (len(times_s) - 1) / float(times_s[-1])
     return RecordedDemonstration(view, trajectory, frequency_hz, True, "")

@@ -101,7 +101,7 @@ def _scene(task: str, seed: int) -> Scene:
 
 
 def _view(task: str, seed: int, scene: Scene) -> SceneView:
-    hand = Pose(tuple(scene.hand_m.tolist()), tuple(scene.hand.as_quat().tolist()))
+    hand = Pose(scene.hand_m, scene.hand.as_quat())
     return SceneView(task, seed, scene.task.instruction, scene.objects(), (), {}, hand)
 
 

@@ -25,6 +25,7 @@ BASE = "-0.3 0 0.752"
 TAUGHT, ASKED = (0, 4, 8, 12), 16  # scenes, all with the red button asked for
 NEAR_M, TAPS_M = 0.004, 0.03
 PATIENCE_S = 180.0
+SHOWN_CHARS = 2000  # of what was said before, where a test fails
 MAX_LINES = 90
 POSE = re.compile(r"hand ([+-]\d\.\d+) ([+-]\d\.\d+) ([+-]\d\.\d+) m")
 AXES = ("ws", "ad", "rf")
@@ -57,7 +58,7 @@ class Person:
             command, stdin=terminal, stdout=terminal, stderr=terminal, cwd=self._folder, env=environment
         )
         os.close(terminal)
-        self._terminal, self._seen, self.said = person, 0, ""
+        self._terminal, self._seen, self.said, self._before = person, 0, "", ""
 
     def read(self, wait_s):
         """What has been printed since, at most after some time; False: the command has ended."""
@@ -72,8 +73,8 @@ class Person:
     def wait_for(self, text):
         end_s = time.monotonic() + PATIENCE_S
         while text not in self.said[self._seen :]:
-            assert self.read(1.0), self.said
-            assert time.monotonic() < end_s, (text, self.said)
+            assert self.read(1.0), self._before + self.said
+            assert time.monotonic() < end_s, (text, self._before + self.said)
         self._seen = self.said.index(text, self._seen) + len(text)
 
     def answer(self, question, line=""):
@@ -96,8 +97,9 @@ class Person:
         """With held keys, and with taps near the goal, by what the live line says."""
         end_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < end_s:
-            self.said, self._seen = "", 0
+            self._before, self.said, self._seen = (self._before + self.said)[-SHOWN_CHARS:], "", 0
             self.wait_for(" m")
+            assert "Enter to record" not in self.said, self._before + self.said  # an error has ended the recording
             if not (poses := POSE.findall(self.said)):
                 continue
             away_m = goal_m - np.array(poses[-1], float)

@@ -11,6 +11,7 @@ Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world f
 """
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
+from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.client import AsyncRoboPromptClient, RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
@@ -38,6 +39,7 @@ from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
 
 __all__ = [
+    "ArmState",
     "AsyncRoboPromptClient",
     "Box",
     "Camera",

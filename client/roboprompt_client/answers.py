@@ -3,7 +3,7 @@
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, get_args
 
 import httpx
@@ -55,8 +55,8 @@ class PredictedActions:
 
     id: str
     actions: tuple[EndEffectorAction, ...]
-    response: Mapping[str, Any]
-    anchors: tuple[ActionAnchor | None, ...] = ()
+    response: Mapping[str, Any] = field(repr=False)
+    anchors: tuple[ActionAnchor | None, ...] = field(default=(), repr=False)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.driver import Calibration
+from roboprompt_client.arms.driver import Calibration, Driver
 from roboprompt_client.arms.geometry import UrdfGeometry
 from roboprompt_client.arms.tolerance import Tolerance
 from roboprompt_client.cameras.rig import MountedCamera, Rig
@@ -107,13 +107,23 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitS
         how["observe_scene"]()  # and again at each observation
     made: Any = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
     if hasattr(made, "halt"):
+        _require_members("arm", made, Driver)
         opened.callback(made.close)
         return Arm(made, cameras=rig, **how)
     if ignored := [name for name in cell if name not in ("arm", "options")]:
         remedy = "a factory that returns a driver for Arm; a Robot has its own cameras, limits and objects"
         raise InvalidInputError(ignored[0], "is given, but `arm` returns a Robot", remedy)
+    _require_members("arm", made, Robot)
     robot: Robot = made
     return robot
+
+
+def _require_members(field: str, made: object, protocol: type) -> None:
+    """Raise InvalidInputError, naming `field`, if an object lacks members of a protocol."""
+    members = (*getattr(protocol, "__annotations__", ()), *(name for name in vars(protocol) if name[0] != "_"))
+    if missing := [name for name in members if not hasattr(made, name)]:
+        message = f"makes a {type(made).__name__}, which lacks {', '.join(missing)}"
+        raise InvalidInputError(field, message, f"a {protocol.__name__}: see {protocol.__module__}")
 
 
 def read_cell(path: Path) -> dict[str, Any]:
@@ -202,5 +212,5 @@ def viewpoints_from_json(document: object) -> tuple[Pose, ...]:
             pose = Calibration.from_json({"base_to_world": item})
         except InvalidInputError as error:
             raise InvalidInputError(f"viewpoints[{k}]", error.message, error.valid) from error
-        found.append(Pose(tuple(pose.position_m.tolist()), tuple(pose.quaternion_xyzw.tolist())))
+        found.append(Pose(pose.position_m, pose.quaternion_xyzw))
     return tuple(found)

@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any, get_args
 
 from roboprompt_client.answers import OnDanger
-from roboprompt_client.arms.arm import Arm
-from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
-from roboprompt_client.commands.look import add_find, add_look, find_in_pictures
+from roboprompt_client.commands.look import add_find, add_look, asking_robot, find_in_pictures
 from roboprompt_client.commands.record import add_record, offer_correction
 from roboprompt_client.commands.terminal import Person
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
@@ -130,9 +128,7 @@ def _predict(client: RoboPromptClient, arguments: Namespace) -> int:
 
 def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
     """Return what a robot sees now."""
-    with closing_robot(open_robot(arguments.robot)) as robot:
-        if isinstance(robot, Arm):
-            robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+    with asking_robot(arguments.robot) as robot:
         find_in_pictures(robot, client, arguments.task, arguments.find)
         return robot.observe()
 
@@ -140,15 +136,13 @@ def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
     client.ping()
     pinned = _pinned(arguments)
-    with closing_robot(open_robot(arguments.robot)) as robot:
+    with asking_robot(arguments.robot, asks=arguments.confirm) as robot:
         return _run_with(client, robot, pinned, arguments)
 
 
 def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | None, arguments: Namespace) -> int:
-    person = Person(robot)
+    person = Person(robot, client.url.rstrip("/"))
     find_in_pictures(robot, client, arguments.task, arguments.find)
-    if isinstance(robot, Arm) and arguments.confirm:
-        robot.confirm_viewpoint = person.confirm_viewpoint
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))

@@ -37,7 +37,7 @@ class ImaginaryArm:
 
     def observe(self) -> Observation:
         """Return the button's pose and the hand's."""
-        return Observation(button(self._button_m), end_effector=Pose(tuple(self._hand_m), tuple(DOWN_XYZW)))
+        return Observation(button(self._button_m), end_effector=Pose(self._hand_m, DOWN_XYZW))
 
     def execute(self, action: EndEffectorAction) -> None:
         """Take the action's pose."""

@@ -35,6 +35,7 @@ class Body:
         self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
+        self.unplanned, self.error = 0, None  # motions that franky's planner fails to plan; raised until it is joined
         self._left = 0
 
     @property
@@ -125,9 +126,16 @@ def franky(body):
         def poll_motion(self):
             """Whether the motion has ended, whatever its docstring says."""
             answer(None)
+            if body.error is not None:
+                raise body.error
+            if body.unplanned:
+                body.unplanned -= 1
+                body.error = RuntimeError("Motion planner failed with error code -111")
+                raise body.error
             return not body.poll()
 
         def join_motion(self, timeout):
+            body.error = None
             return True
 
         def stop(self):
@@ -158,7 +166,7 @@ def franky(body):
         Gripper=Gripper,
         RealtimeConfig=Named(Enforce=0, Ignore=1),
         Affine=lambda translation, quaternion: (translation, quaternion),
-        CartesianMotion=lambda target: target,
+        CartesianMotion=lambda target, relative_dynamics_factor: target,
         CartesianVelocityWaypoint=lambda twist, hold_target_duration=0: (*twist, hold_target_duration),
         CartesianVelocityWaypointMotion=lambda points: points,
         Twist=lambda velocity=(0, 0, 0), turning=(0, 0, 0): (tuple(velocity), tuple(turning)),

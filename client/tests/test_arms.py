@@ -230,6 +230,17 @@ def test_an_interrupt_while_it_is_steered_stops_the_arm(arm):
         arm.execute(to())
 
 
+def test_a_motion_that_franky_does_not_plan_is_tried_at_other_speeds(body, monkeypatch):
+    arm = Arm(MAKERS["franka"](body, monkeypatch))
+    body.unplanned = 2
+    arm.execute(to())
+    assert body.starts == 3
+    body.unplanned = 3
+    with pytest.raises(MotionError, match="Motion planner failed"):
+        arm.execute(to((0, 0, 0)))
+    assert body.starts == 6
+
+
 @pytest.fixture(params=["franka", "ur"])
 def feeling(request, body, monkeypatch):
     return MAKERS[request.param](body, monkeypatch)

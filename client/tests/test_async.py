@@ -102,22 +102,15 @@ def test_actions_come_one_by_one():
         (httpx.Response(200, content=EVENTS, headers=STREAM), ServiceUnreachableError, "ended before it was complete"),
         (httpx.Response(422, json={"title": "no", "detail": "no cube"}), ServiceProblemError, "no cube"),
         (httpx.Response(200, text="<p>a proxy</p>"), ServiceUnreachableError, "Content-Type"),
+        (httpx.ConnectError("refused"), ServiceUnreachableError, "POST http://robots/predict: refused"),
     ],
 )
 def test_a_stream_that_goes_wrong(answer, kind, message):
-    _, how = asked_of(lambda _: answer)
+    def give(_):
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    _, how = asked_of(give)
     with pytest.raises(kind, match=message):
         asyncio.run(_streamed(how))
-
-
-def test_a_service_that_is_away():
-    def refuse(request):
-        raise httpx.ConnectError("refused", request=request)
-
-    async def run():
-        _, how = asked_of(refuse)
-        async with AsyncRoboPromptClient(connection=httpx.AsyncClient(**how)) as client:
-            await client.get("/tasks")
-
-    with pytest.raises(ServiceUnreachableError, match="GET http://robots/tasks: refused"):
-        asyncio.run(run())

@@ -14,20 +14,27 @@ def arm(monkeypatch):
     return Arm(open_xarm(Body(), monkeypatch))
 
 
-def test_a_sound_arm_passes(arm):
-    results = {result.name: result.passed for result in ArmCheck(arm, moves=True).run()}
-    assert results["motion: up is +z"]
-    assert results["gripper: closes"]
-    assert results["stop"] is not False
-    assert False not in results.values()
+def check(monkeypatch, capsys, robot, *answers, **what):
+    """Whether the robot is sound, and what is printed."""
+    left = list(answers)
+    monkeypatch.setattr("builtins.input", lambda question: left.pop(0))
+    sound = ArmCheck(robot, **what).run()
+    assert not left
+    return sound, capsys.readouterr().out
 
 
-def test_without_leave_nothing_moves(arm):
+def test_a_sound_arm_passes(arm, monkeypatch, capsys):
+    sound, said = check(monkeypatch, capsys, arm, "y", moves=True)
+    assert sound
+    assert "ok    motion: up is +z" in said
+    assert "ok    gripper: closes" in said
+    assert "stop: " in said
+
+
+def test_without_leave_nothing_moves(arm, monkeypatch, capsys):
     before = arm.state().position_m
-    asked = []
-    ArmCheck(arm, moves=True, confirm=lambda question: asked.append(question)).run()
+    check(monkeypatch, capsys, arm, "n", moves=True)
     np.testing.assert_array_equal(arm.state().position_m, before)
-    assert len(asked) == 1
 
 
 class Upside:
@@ -48,20 +55,19 @@ class Upside:
         pass
 
 
-def test_an_adapter_with_the_wrong_frame_fails(arm):
-    failed = [outcome.name for outcome in ArmCheck(Upside(arm), moves=True).run() if outcome.passed is False]
-    assert failed
+def test_an_adapter_with_the_wrong_frame_fails(arm, monkeypatch, capsys):
+    sound, said = check(monkeypatch, capsys, Upside(arm), "y", moves=True)
+    assert (sound, "FAIL  " in said) == (False, True)
 
 
 @pytest.mark.parametrize(("off_m", "passed"), [((0.0, 0.0, 0.0), True), ((0.0, -0.012, 0.005), False)])
-def test_a_place_that_is_touched_says_how_far_off_the_arm_takes_itself_to_be(arm, off_m, passed):
+def test_a_place_that_is_touched_says_how_far_off_the_arm_takes_itself_to_be(arm, monkeypatch, capsys, off_m, passed):
     hand_m = np.array(arm.state().position_m)
-    check = ArmCheck(arm, confirm=lambda question: "by hand" in question, touched_m=[hand_m - off_m])
-    (touch,) = [outcome for outcome in check.run() if outcome.name.startswith("touch")]
-    assert touch.passed is passed
-    assert ("13.0 mm off (+0.0, -12.0, +5.0 along x, y, z)" in touch.detail) is not passed
+    sound, said = check(monkeypatch, capsys, arm, "y", touched_m=[hand_m - off_m])
+    assert sound is passed
+    assert ("13.0 mm off (+0.0, -12.0, +5.0 along x, y, z)" in said) is not passed
 
 
-def test_a_place_that_is_not_touched_is_left_out(arm):
-    check = ArmCheck(arm, confirm=lambda _: False, touched_m=[(0.0, 0.0, 0.0)])
-    assert [outcome.passed for outcome in check.run() if outcome.name.startswith("touch")] == [None]
+def test_a_place_that_is_not_touched_is_left_out(arm, monkeypatch, capsys):
+    sound, said = check(monkeypatch, capsys, arm, "n", touched_m=[(0.0, 0.0, 0.0)])
+    assert (sound, "look  touch 0.000, 0.000, 0.000: was left out" in said) == (True, True)

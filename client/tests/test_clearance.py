@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from roboprompt_client.motion.guard import clearance_m, passes_through
@@ -15,7 +15,6 @@ def sampled_m(start_m, end_m):
     return np.linalg.norm(places_m - np.clip(places_m, LOW, HIGH), axis=1).min()
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(PLACES, PLACES)
 def test_the_clearance_is_the_distance_of_the_nearest_place(start_m, end_m):
     step_m = np.linalg.norm(np.subtract(end_m, start_m)) / 4000
@@ -23,7 +22,6 @@ def test_the_clearance_is_the_distance_of_the_nearest_place(start_m, end_m):
     assert clearance_m(start_m, end_m, LOW, HIGH) <= sampled_m(start_m, end_m) + 1e-9
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(PLACES, PLACES)
 def test_a_way_through_has_places_inside(start_m, end_m):
     places_m = np.linspace(start_m, end_m, 4001)
@@ -34,7 +32,6 @@ def test_a_way_through_has_places_inside(start_m, end_m):
         assert sampled_m(start_m, end_m) <= np.linalg.norm(np.subtract(end_m, start_m)) / 4000
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(PLACES, PLACES)
 def test_both_ways_are_alike(start_m, end_m):
     there, back = (clearance_m(*way, LOW, HIGH) for way in ((start_m, end_m), (end_m, start_m)))

@@ -55,9 +55,9 @@ class SlowService(Service):
         return super().predict(task, instruction, observation, **options)
 
 
-def run(belt, *, leads=True, limits=None):
-    leading = Leading(LEAD_S, lambda: belt.now_s) if leads else None
-    return run_task(SlowService(belt, limits), belt, "pick", "pick up the cube", look_again=True, leading=leading)
+def run(belt, limits=None):
+    how = {"look_again": True, "leading": Leading(LEAD_S, lambda: belt.now_s)}
+    return run_task(SlowService(belt, limits), belt, "pick", "pick up the cube", **how)
 
 
 def test_the_fingers_close_where_the_cube_will_be():
@@ -70,38 +70,25 @@ def test_the_fingers_close_where_the_cube_will_be():
     np.testing.assert_allclose(lifted_m - closed_m, 0.1 * UP, err_msg="what is in the hand is not led")
 
 
-def test_without_leading_they_close_where_it_was():
-    belt = Belt(0.05 * ALONG_Y)
-    run(belt, leads=False)
-    closed_m, cube_m = belt.done[1]
-    np.testing.assert_allclose(cube_m - closed_m, ACTION_S * 0.05 * ALONG_Y, atol=1e-12)
-
-
 def test_what_rests_is_not_led():
     belt = Belt(0.002 * ALONG_Y)  # an estimator's noise looks like this
     run(belt)
     assert [place_m[1] for place_m, _ in belt.done] == [0.0, pytest.approx(0.006), pytest.approx(0.006)]
 
 
-def test_an_object_that_falls_off_stops_the_robot():
-    belt = Belt(0.05 * ALONG_Y, sinks_after_s=ANSWER_S + 0.5 * ACTION_S)
-    with pytest.raises(ObjectLostError, match=r"changed by -2\.0 cm"):
+@pytest.mark.parametrize(
+    ("speed_m_s", "sinks_after_s", "said", "done"),
+    [
+        (0.05, ANSWER_S + 0.5 * ACTION_S, r"changed by -2\.0 cm", 1),
+        (0.05, 0.5 * ANSWER_S, "left its conveyor", 0),
+        (0.2, np.inf, "moves at 20 cm/s, 15 cm/s at most", 0),
+    ],
+)
+def test_an_object_that_falls_off_or_is_too_fast_stops_the_robot(speed_m_s, sinks_after_s, said, done):
+    belt = Belt(speed_m_s * ALONG_Y, sinks_after_s)
+    with pytest.raises(ObjectLostError, match=said):
         run(belt)
-    assert (len(belt.done), belt.stopped) == (1, 1)
-
-
-def test_an_object_that_falls_off_while_the_service_writes_is_never_reached_for():
-    belt = Belt(0.05 * ALONG_Y, sinks_after_s=0.5 * ANSWER_S)
-    with pytest.raises(ObjectLostError, match="left its conveyor"):
-        run(belt)
-    assert (belt.done, belt.stopped) == ([], 1)
-
-
-def test_an_object_that_is_too_fast_is_never_reached_for():
-    belt = Belt(0.2 * ALONG_Y)
-    with pytest.raises(ObjectLostError, match="moves at 20 cm/s, 15 cm/s at most"):
-        run(belt)
-    assert (belt.done, belt.stopped) == ([], 1)
+    assert (len(belt.done), belt.stopped) == (done, 1)
 
 
 def test_where_it_will_be_must_lie_within_the_limits():

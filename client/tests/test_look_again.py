@@ -158,21 +158,19 @@ def test_what_no_further_action_needs_may_be_hidden():
     assert len(arm.done) == 6
 
 
-def test_actions_that_follow_pass_the_limits_again():
-    arm = Arm({1: {"cube": CUBE + SHIFT}})
-    limits = MotionLimits(Box((-1, -1, 0), (1, 0.02, 2)))
-    with pytest.raises(UnsafeActionError, match=r"action 1: position.y is 0.03 m"):
-        run(arm, service=Service(answer(), limits=limits))
-    assert (len(arm.done), arm.stopped) == (1, 1)
-
-
-def test_a_step_to_where_an_object_was_moved_is_bounded_too():
-    arm = Arm({3: {"plate": PLATE + ASIDE}})
+@pytest.mark.parametrize(
+    ("moves", "limits", "said", "done"),
+    [
+        ({1: {"cube": CUBE + SHIFT}}, {"workspace": Box((-1, -1, 0), (1, 0.02, 2))}, r"position.y is 0.03 m", 1),
+        ({3: {"plate": PLATE + ASIDE}}, {"max_step_m": 0.4}, r"position is 0.5 m from the one before", 3),
+    ],
+)
+def test_actions_that_follow_pass_the_limits_again(moves, limits, said, done):
+    arm = Arm(moves)
     arm.at = Pose((0.1, 0.0, 1.1), (1.0, 0.0, 0.0, 0.0))
-    limits = MotionLimits(Box((-1, -1, 0), (1, 1, 2)), max_step_m=0.4)
-    with pytest.raises(UnsafeActionError, match=r"action 3: position is 0.5 m from the one before"):
-        run(arm, service=Service(answer(), limits=limits))
-    assert len(arm.done) == 3
+    with pytest.raises(UnsafeActionError, match=f"action {done}: {said}"):
+        run(arm, service=Service(answer(), limits=MotionLimits(**limits)))
+    assert (len(arm.done), arm.stopped) == (done, 1)
 
 
 def test_answers_without_anchors_cannot_be_followed():

@@ -59,14 +59,6 @@ def test_nothing_moves_without_an_answer():
 HIGH = MotionLimits(Box((-1, -1, 0.85), (1, 1, 2)))
 
 
-@pytest.mark.parametrize(("stream", "carried_out"), [(False, []), (True, [1.0, 0.9])])
-def test_limits_of_its_own_hold_whatever_the_service_says(stream, carried_out):
-    arm = Arm()
-    with pytest.raises(UnsafeActionError, match=r"action 2: position.z is 0.8 m"):
-        run_task(Service(ANSWER), arm, "pick", "pick up the cube", pinned=HIGH, stream=stream)
-    assert (arm.heights, arm.stopped) == (carried_out, 1)
-
-
 @pytest.mark.parametrize("stream", [False, True])
 def test_more_actions_than_asked_for_are_not_carried_out(stream):
     arm = Arm()

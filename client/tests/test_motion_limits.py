@@ -80,14 +80,6 @@ def test_a_way_without_measure_does_not_pass():
     assert "keep_out[0]" in breach(MotionLimits(keep_out=(WALL,)), to(-1e300), before=far).bound
 
 
-def test_the_hand_has_a_volume_on_the_way():
-    over = to(0.1, z_m=1.04), to(0.5, z_m=1.04)
-    assert "hand_radius_m" in breach(MotionLimits(keep_out=(WALL,)), *over).bound
-    guard = MotionGuard(MotionLimits(keep_out=(WALL,), hand_radius_m=0.04))
-    for action in over:
-        guard.check(action)
-
-
 @given(*[st.tuples(st.floats(-0.3, 0.7), st.floats(-0.5, 0.5), st.floats(0.6, 1.6))] * 2, st.floats(0, 0.2))
 def test_no_place_of_a_way_that_passes_is_too_near(start_m, end_m, radius_m):
     guard = MotionGuard(MotionLimits(WORKSPACE, (WALL,), hand_radius_m=radius_m), before=Pose(start_m, DOWN))

@@ -192,5 +192,7 @@ def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch
 
 
 def test_of_another_robot_nothing_is_known(capsys):
-    Person(object()).preview([to(0.4, 0, 0.4)], NO_LIMITS)
-    assert "no preview" in capsys.readouterr().err
+    Person(object(), "http://lab").preview([to(0.4, 0, 0.4)], NO_LIMITS, "p1")
+    said = capsys.readouterr().err
+    assert "no preview" in said
+    assert "http://lab/ui/predictions/p1\n" in said

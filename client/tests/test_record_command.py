@@ -46,8 +46,8 @@ def service(monkeypatch, tmp_path):
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
     monkeypatch.setattr("roboprompt_client.recording.spool.WAITS_S", ())
-    opened = "roboprompt_client.commands.record.open_robot"
-    monkeypatch.setattr(opened, lambda name, **_: Arm(open_xarm(Body(), monkeypatch)))
+    opened = "roboprompt_client.commands.look.open_robot"
+    monkeypatch.setattr(opened, lambda name: Arm(open_xarm(Body(), monkeypatch)))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     return state
 

@@ -6,20 +6,26 @@ import pytest
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_file
 
-T = 6
+FRAMES = 21
+TIMES_S = np.arange(FRAMES) / 20
+WIDTHS_M = np.concatenate([np.full(10, 0.079), np.full(11, 0.031)])  # closed on a thing of 3 cm
 ARRAYS = {
-    "joint_velocities": np.random.default_rng(0).normal(size=(T, 7)),
-    "end_effector_positions": np.random.default_rng(1).normal(size=(T, 3)),
-    "end_effector_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 1)),
-    "gripper_open": np.array([1, 1, 1, 0, 0, 0]),
+    "end_effector_positions": np.linspace([0.1, 0, 0.5], [0.3, 0.1, 0.2], FRAMES),
+    "end_effector_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (FRAMES, 1)),
+    "gripper_open": np.arange(FRAMES) < 10,
 }
 OPTIONAL = {
-    "timestamps": np.arange(T) / 20,
-    "joint_positions": np.ones((T, 7)),
-    "object_positions": np.random.default_rng(2).normal(size=(T, 2, 3)),
-    "object_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 2, 1)),
-    "gripper_width": np.linspace(0.08, 0.0, T),
+    "joint_velocities": np.random.default_rng(0).normal(size=(FRAMES, 7)),
+    "timestamps": TIMES_S,
+    "joint_positions": np.ones((FRAMES, 7)),
+    "object_positions": np.random.default_rng(2).normal(size=(FRAMES, 2, 3)),
+    "object_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (FRAMES, 2, 1)),
+    "gripper_width": WIDTHS_M,
 }
+
+
+def arrays(**changes):
+    return {name: array for name, array in {**ARRAYS, **changes}.items() if array is not None}
 
 
 def test_a_file_comes_back_bit_by_bit_and_what_is_none_is_refused(tmp_path):
@@ -45,21 +51,6 @@ def test_what_is_no_list_of_numbers_is_refused_by_name(name, spoilt):
     for whole in (spoilt, [spoilt, *lists[name][1:]]):
         with pytest.raises(InvalidInputError, match=r"^trajectory\."):
             trajectory_from_arrays({**lists, name: whole})
-
-
-FRAMES = 21  # of recordings of arms of any kind
-TIMES_S = np.arange(FRAMES) / 20
-WIDTHS_M = np.concatenate([np.full(10, 0.079), np.full(11, 0.031)])  # closed on a thing of 3 cm
-
-
-def arrays(**changes):
-    named = {
-        "end_effector_positions": np.linspace([0.1, 0, 0.5], [0.3, 0.1, 0.2], FRAMES),
-        "end_effector_quaternions_xyzw": np.tile([1.0, 0, 0, 0], (FRAMES, 1)),
-        "gripper_open": np.arange(FRAMES) < 10,
-        **changes,
-    }
-    return {name: array for name, array in named.items() if array is not None}
 
 
 @pytest.mark.parametrize("num_joints", [1, 5, 6, 16])

@@ -8,9 +8,8 @@ import httpx
 import numpy as np
 import pytest
 
-from app.evaluation.server import free_port
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
@@ -70,14 +69,6 @@ def test_problems_carry_what_the_service_said(client):
     assert caught.value.problem["title"] == "Not found"
 
 
-def test_a_service_that_is_not_there():
-    with (
-        RoboPromptClient(f"http://127.0.0.1:{free_port()}") as client,
-        pytest.raises(ServiceUnreachableError, match="healthz"),
-    ):
-        client.get("/healthz")
-
-
 def test_the_script(url, tmp_path):
     objects = tmp_path / "objects.json"
     objects.write_text(json.dumps([{"name": "cube", "position": PLACES_M[0]}]))
@@ -99,13 +90,6 @@ def test_the_script(url, tmp_path):
     refused = run("predict", *scene, "--model", "nobody")
     assert (refused.returncode, refused.stdout) == (1, "")
     assert "there is no model 'nobody'" in refused.stderr
-
-
-def test_the_script_needs_nothing_of_the_server():
-    code = "import sys, roboprompt_client.cli; print([m for m in sys.modules if m.split('.')[0] in NAMES])"
-    names = "NAMES = {'fastapi', 'pydantic', 'sqlalchemy', 'uvicorn', 'mujoco', 'typer', 'scipy', 'app'}; "
-    done = subprocess.run([sys.executable, "-c", names + code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_the_example_teaches_presses_and_records_the_outcome(client, url):

@@ -174,7 +174,7 @@ class EndEffectorIn(RequestModel):
     def pose(self) -> Pose:
         """Return the pose; raise InvalidInputError unless the quaternion has unit length."""
         unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
-        return Pose(self.position, tuple(unit.tolist()))
+        return Pose(self.position, unit)
 
 
 class RunBody(RequestModel):

@@ -26,6 +26,14 @@ ALONG_DEG, ACROSS_DEG = 25.0, 60.0
 ALIKE_DEG = 5.0  # tilts that differ by less are one
 ON_ITS_HEAD_DEG = 135.0
 FEWEST = 3  # demonstrations from which on an object's tilts are compared
+# How else quaternions may have been meant: what they are then, the order of their numbers, and their signs
+MISREADINGS = (
+    ("w first", [1, 2, 3, 0], np.ones(4)),
+    ("inverted (world to hand)", [0, 1, 2, 3], np.array([-1.0, -1.0, -1.0, 1.0])),
+    ("mirrored in x", [0, 1, 2, 3], np.array([1.0, -1.0, -1.0, 1.0])),
+    ("mirrored in y", [0, 1, 2, 3], np.array([-1.0, 1.0, -1.0, 1.0])),
+    ("mirrored in z", [0, 1, 2, 3], np.array([-1.0, -1.0, 1.0, 1.0])),
+)
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 
 

@@ -16,6 +16,7 @@ from roboprompt_client.types.arrays import Array, positions_array
 
 JUMP_M = 0.05
 JUMP_M_S = 3.0  # faster than arms move their hands
+LONG_FRAME = 10.0  # times as long as the usual frame: others are missing
 COARSE_M = 0.05  # between two frames; poses in between are known to half of that
 FAST_SWITCH_M_S = 0.15
 FINGERS_MOVE_M = 0.01
@@ -55,13 +56,16 @@ def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
 
 def _steps(motion: Motion) -> Iterator[Finding]:
     steps_m = np.linalg.norm(np.diff(motion.trajectory.positions_m, axis=0), axis=1)
-    speeds_m_s = steps_m / np.maximum(np.diff(motion.times_s), 1e-9)
-    jumps = np.flatnonzero((steps_m > JUMP_M) & (speeds_m_s > JUMP_M_S))
+    lasting_s = np.diff(motion.times_s)
+    speeds_m_s = steps_m / np.maximum(lasting_s, 1e-9)
+    gaps = lasting_s > LONG_FRAME * np.median(lasting_s) if len(lasting_s) else lasting_s > 0
+    jumps = np.flatnonzero((steps_m > JUMP_M) & ((speeds_m_s > JUMP_M_S) | gaps))
     if len(jumps):
         frame = int(jumps[0]) + 1
         message = (
             f"The hand jumps by {100 * steps_m[frame - 1]:.0f} cm from frame {frame - 1} to {frame}"
-            f" ({speeds_m_s[frame - 1]:.1f} m/s). Record every frame, and check control_frequency_hz."
+            f" ({speeds_m_s[frame - 1]:.1f} m/s, {lasting_s[frame - 1]:.2f} s). Record every frame, and"
+            " check control_frequency_hz."
         )
         numbers = {"frame": frame, "jump_m": float(steps_m[frame - 1]), "num_jumps": len(jumps)}
         yield Finding("jump", "warning", message, "trajectory.end_effector_positions", numbers)

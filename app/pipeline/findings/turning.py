@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.quaternion_order import MISREADINGS
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
 from app.pipeline.plans.support import Support
@@ -81,11 +82,14 @@ class Turning(NamedTuple):
             return far_m
         return far_m if float(np.linalg.norm(self.aside_m - self.taken_aside_m)) < far_m / 2 else 0.0
 
-    def astray_deg(self) -> float:
-        """Return how far the hand scatters about object and world, if it would not with w first; else 0."""
-        as_read_deg = min(self._scatters_deg(self.hands))
-        as_meant_deg = min(self._scatters_deg(Rotation.from_quat(np.roll(self.hands.as_quat(), -1, axis=1))))
-        return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
+    def astray(self) -> tuple[float, str]:
+        """Return how far the hand scatters about object and world, and as what quaternions it hardly would; or 0."""
+        as_read_deg, hands_xyzw = min(self._scatters_deg(self.hands)), self.hands.as_quat()
+        as_meant_deg, likely = min(
+            (min(self._scatters_deg(Rotation.from_quat(hands_xyzw[:, order] * signs))), name)
+            for name, order, signs in MISREADINGS
+        )
+        return (as_read_deg, likely) if as_meant_deg < MUCH_LESS * as_read_deg else (0.0, "")
 
     def misread(self) -> tuple[float, str, str]:
         """Return a doubt about how the object's rotations are read; (0, "", "") if there is none.
@@ -128,11 +132,11 @@ def turning_findings(
         " however it is turned: are hand and objects in one frame?"
     )
     yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
-    item = max(turning, key=Turning.astray_deg)
-    off_deg = item.astray_deg()
+    item = max(turning, key=Turning.astray)
+    off_deg, likely = item.astray()
     message = (
-        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
-        f" quaternions it would turn as {item.name} does. They must be x y z w."
+        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; it would turn as"
+        f" {item.name} does if its quaternions were {likely}. They must be the hand's in the world frame, x y z w."
     )
     yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
     yield from _misread_findings(turning)

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.pipeline.findings import Finding
+from app.pipeline.findings.joints import check_joints
 from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
@@ -17,12 +18,6 @@ from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
 MAX_AWAY_M = 3.0  # the distance of an object from the hand's path
-MAX_JOINT_RAD_S = 30.0  # several times the speed of an arm
-FAST_JOINT_RAD_S = 2.0
-MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
-MAX_RATE_RATIO = 20.0  # of joint velocities to the derivative of joint positions: 57 if they are in degrees
-MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
-MAX_JOINT_RAD = 4 * np.pi
 MAX_CAMERA_M = 20.0  # from the hand
 NEAR_OBJECT_M = 0.3  # the farthest in correct recordings was 0.07 m, from a door's hinge
 FEW_FRAMES = 5
@@ -48,7 +43,7 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
     _check_positions(motion.trajectory.positions_m, objects, cameras)
     _check_tracks(motion.trajectory, objects)
     _check_fingers(motion.trajectory)
-    _check_joints(motion)
+    check_joints(motion)
     check_objects_order(objects)
     check_hand_order(motion)
 
@@ -127,10 +122,15 @@ def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras:
             message = f"is {away_m:.4g} from the nearest place of the hand: likely {_likely(away_m)}, or another frame"
             raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame as the hand's")
     for camera in cameras:
+        field = f"cameras[{camera.name}].camera_to_world"
         away_m = float(np.linalg.norm(positions_m - camera.camera_to_world[:3, 3], axis=1).min())
         if away_m > MAX_CAMERA_M:
             message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
-            raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in meters")
+            raise InvalidInputError(field, message, "a translation in meters")
+        _, depths_m = camera.project([*positions_m, *(pose.position_m for pose in objects)])
+        if depths_m.max() < 0:
+            message = "puts the hand's whole way and all objects behind the camera: OpenGL's axes, or its inverse?"
+            raise InvalidInputError(field, message, "camera to world, OpenCV axes: x right, y down, z forward")
 
 
 def _check_tracks(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
@@ -156,28 +156,3 @@ def _check_fingers(trajectory: Trajectory) -> None:
 
 def _likely(extent: float) -> str:
     return "millimeters" if extent > 100 * MAX_MOTION_M / 3 else "centimeters or millimeters"
-
-
-def _check_joints(motion: Motion) -> None:
-    angles_rad, speeds_rad_s = motion.trajectory.joint_positions_rad, motion.joint_speeds_rad_s
-    if angles_rad is not None and (most := float(np.abs(angles_rad).max())) > MAX_JOINT_RAD:
-        raise InvalidInputError("trajectory.joint_positions", f"reaches {most:.4g}: likely degrees", "radians")
-    fastest = float(speeds_rad_s.max())
-    moving = speeds_rad_s > fastest / 10
-    hand = motion.hand_speeds_m_s
-    idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < MIN_HAND_M_PER_RAD if fastest > 0 else False
-    if fastest > MAX_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(motion):
-        message = f"reaches {fastest:.4g} (norm over the joints): likely degrees per second"
-        raise InvalidInputError("trajectory.joint_velocities", message, "rad/s")
-
-
-def _beyond_positions(motion: Motion) -> bool:
-    """Return whether joint velocities are many times the derivative of the joint positions."""
-    angles_rad = motion.trajectory.joint_positions_rad
-    if angles_rad is None or len(motion) < FEW_FRAMES:
-        return False
-    shown_rad_s = np.linalg.norm(np.gradient(angles_rad, motion.times_s, axis=0), axis=1)
-    moving = shown_rad_s > MIN_JOINT_RAD_S
-    if not moving.any():
-        return False
-    return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)

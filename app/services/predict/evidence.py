@@ -57,7 +57,7 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
     pose.
     """
     hand = record.request.get("end_effector")
-    pose = None if hand is None else Pose(tuple(hand["position"]), tuple(hand["quaternion_xyzw"]))
+    pose = None if hand is None else Pose(hand["position"], hand["quaternion_xyzw"])
     return previewed(list(_actions(record)), settings, pose)
 
 

@@ -158,7 +158,7 @@ def _request(task: str, model: str, demonstration: Demonstration, others: Sequen
     )
     start = demonstration.start
     assert start is not None
-    end_effector = Pose(tuple(start.position_m.tolist()), tuple(start.quaternion_xyzw.tolist()))
+    end_effector = Pose(start.position_m, start.quaternion_xyzw)
     # an action unlike the demonstrations is measured instead of refused
     return PredictRequest(
         task,

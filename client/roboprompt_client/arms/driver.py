@@ -37,6 +37,11 @@ class ArmState:
     gripper_open: bool | None = None
     wrench_n_nm: Array | None = None
 
+    def __post_init__(self) -> None:
+        names = ("position_m", "quaternion_xyzw", "joint_positions_rad", "joint_velocities_rad_s", "wrench_n_nm")
+        known = {name: value for name in names if (value := getattr(self, name)) is not None}
+        settle(self, **{name: np.asarray(value, np.float64) for name, value in known.items()})
+
     @property
     def force_n(self) -> float:
         """The magnitude of the force on the hand; 0 where the arm does not report it."""
@@ -51,7 +56,7 @@ class ArmState:
         """Return the end effector's pose; raises InvalidInputError if it is not finite."""
         if not np.isfinite(self.position_m).all():
             raise InvalidInputError("end_effector", f"is {self.position_m.tolist()}", "finite numbers")
-        return Pose(tuple(self.position_m.tolist()), tuple(self.quaternion_xyzw.tolist()))
+        return Pose(self.position_m, self.quaternion_xyzw)
 
     def matrix(self) -> Array:
         """Return the end effector's pose as (4, 4)."""

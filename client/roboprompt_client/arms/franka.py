@@ -27,6 +27,8 @@ CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
 DYNAMICS_MARGIN = 0.95  # franky's planner fails for velocities at the limit
+# Ruckig fails to synchronize one of about 70 motions; at another speed it succeeds. Nothing has moved by then.
+PLANNER_FAILED, SPEED_SHARES = "Motion planner failed", (1.0, 0.9, 0.8)
 
 
 class Franka:
@@ -64,6 +66,7 @@ class Franka:
         self._franky = franky = import_extra("franky", "franky-control", "franka")
         self._model, self._grasp_n, self._dynamics = model, grasp_n, dynamics
         self._gripping = self._going = False
+        self._attempts: Iterator[Any] = iter(())  # motions to the present target
         kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
         with self._errors(f"connect {address}"):
             self._robot = _within(
@@ -101,9 +104,20 @@ class Franka:
         self._going = not self._is_at(position_m, quaternion_xyzw)
         if not self._going:  # franky's planner fails for ways that are as short as rounding errors
             return
-        target = self._franky.Affine(position_m, quaternion_xyzw)
-        with self._errors("move"):  # a motion object is good for one motion
-            self._robot.move(self._franky.CartesianMotion(target), asynchronous=True)
+        target, motion = self._franky.Affine(position_m, quaternion_xyzw), self._franky.CartesianMotion
+        # a motion object is good for one motion
+        self._attempts = iter([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
+        self._attempt()
+
+    def _attempt(self) -> bool:
+        """Start the next attempt; return whether there was one."""
+        attempts = self._attempts
+        with self._errors("move"):
+            if (motion := next(attempts, None)) is not None:
+                self._robot.move(motion, asynchronous=True)
+                if attempts is not self._attempts:  # another thread has halted meanwhile
+                    self._robot.stop()
+        return motion is not None
 
     def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
         off_m, off_deg = self.state().distance_to(position_m, quaternion_xyzw)
@@ -112,10 +126,18 @@ class Franka:
     def finished(self) -> bool:
         if not self._going:
             return True
-        with self._errors("motion"):
-            # True once it has ended (franky 2.0; its docstring says the opposite). `join_motion` would take an
-            # interrupt for itself.
-            ended = bool(self._robot.poll_motion())
+        try:
+            with self._errors("motion"):
+                # True once it has ended (franky 2.0; its docstring says the opposite). `join_motion` would take an
+                # interrupt for itself.
+                ended = bool(self._robot.poll_motion())
+        except MotionError as error:
+            if PLANNER_FAILED not in str(error):
+                raise
+            self._forget_error()
+            if not self._attempt():
+                raise
+            ended = False
         if not ended:
             time.sleep(POLL_S)
         return ended
@@ -163,6 +185,7 @@ class Franka:
 
     def halt(self) -> None:
         """Pre-empt a motion of another thread; a gripper at rest keeps its grasp."""
+        self._attempts = iter(())
         with self._errors("stop"):
             try:
                 self._robot.stop()
@@ -171,26 +194,26 @@ class Franka:
                     self._gripper.stop()
 
     def recover(self) -> None:
-        with suppress(*self._kinds()):  # the error of the last motion was already raised
-            self._robot.join_motion(POLL_S)
+        self._forget_error()
         with self._errors("recovery"):
             self._robot.recover_from_errors()
+
+    def _forget_error(self) -> None:
+        """Let franky raise the error of the last motion, which was already raised, for the last time."""
+        with suppress(Exception):
+            self._robot.join_motion(POLL_S)
 
     def close(self) -> None:
         self._gripper = self._robot = None
 
     @contextmanager
     def _errors(self, what: str) -> Iterator[None]:
-        kinds: tuple[type[Exception], ...] = (*self._kinds(), TimeoutError)
         try:
             yield
-        except kinds as error:
+        except MotionError:
+            raise
+        except Exception as error:  # franky's errors share no base class
             raise MotionError(f"{self.name}: {what}: {error or type(error).__name__}") from error
-
-    def _kinds(self) -> tuple[type[Exception], ...]:
-        """Return franky's exceptions, which share no base class; its motion planner raises RuntimeError."""
-        names = (name for name in dir(self._franky) if name.endswith("Exception"))
-        return (RuntimeError, *(kind for name in names if issubclass(kind := getattr(self._franky, name), Exception)))
 
 
 def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401

@@ -83,18 +83,17 @@ def preview_plan(
         way = (end_m if start_m is None else start_m, end_m)
         touches = tuple(box for box in limits.keep_out if enters(*way, box, limits.hand_radius_m))
         start_m = end_m
+        nearest, problem = None, ""
         if geometry is None or joints_rad is None:
             reachable = None if reach_m is None else away_m <= reach_m
-            beyond = "" if reachable is not False else f"the pose is out of reach: at most {reach_m:g} m"
-            previewed.append(Previewed(action, away_m, reachable, beyond, None, touches))
-            continue
-        try:
-            joints_rad = geometry.way(joints_rad, *calibration.to_base(action.position_m, action.quaternion_xyzw))
-        except MotionError as error:  # the next way is checked as if this action were left out
-            previewed.append(Previewed(action, away_m, False, str(error), None, touches))
+            problem = "" if reachable is not False else f"the pose is out of reach: at most {reach_m:g} m"
         else:
-            nearest = geometry.nearest_limit(joints_rad)
-            previewed.append(Previewed(action, away_m, True, "", nearest, touches))
+            try:
+                joints_rad = geometry.way(joints_rad, *calibration.to_base(action.position_m, action.quaternion_xyzw))
+                reachable, nearest = True, geometry.nearest_limit(joints_rad)
+            except MotionError as error:  # the next way is checked as if this action were left out
+                reachable, problem = False, str(error)
+        previewed.append(Previewed(action, away_m, reachable, problem, nearest, touches))
     return tuple(previewed)
 
 

@@ -144,7 +144,7 @@ def _proposed(hand: Array) -> Iterator[Pose]:
 
 
 def _pose(hand: Array) -> Pose:
-    return Pose(tuple(hand[:3, 3].tolist()), tuple(rotations.from_matrix(hand[:3, :3]).tolist()))
+    return Pose(hand[:3, 3], rotations.from_matrix(hand[:3, :3]))
 
 
 def _row(name: str, fitted: "FittedCamera") -> tuple[str, ...]:

@@ -4,8 +4,7 @@ import math
 import threading
 import time
 from argparse import Namespace
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,19 +26,6 @@ STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
-class CheckResult(NamedTuple):
-    """One check.
-
-    Attributes:
-        passed: None if a person must compare it with a ruler, or it could not be decided.
-        detail: the measured numbers, and what to do about them.
-    """
-
-    name: str
-    passed: bool | None
-    detail: str
-
-
 def add_check(add: AddCommand, robot_help: str) -> None:
     """Add `check` to the commands."""
     what = "check whether an arm does what the Robot Protocol says; without --move nothing moves"
@@ -59,49 +45,35 @@ def add_check(add: AddCommand, robot_help: str) -> None:
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
-    """Print a line for each check; return 1 if one failed, else 0."""
+    """Print a line for each check as soon as it is done; return 1 if one failed, else 0."""
     touched_m = [finite_array(f"--touch[{k}]", place_m, (3,)) for k, place_m in enumerate(arguments.touch)]
-
-    def confirm(question: str) -> bool:
-        return ask_yes(f"{question} [y/N] ")
-
     with closing_robot(open_robot(arguments.robot, cameras=False)) as robot:
-        results = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=touched_m).run()
-    for result in results:
-        say(f"{MARKS[result.passed]}  {result.name}: {result.detail}")
-    return int(any(result.passed is False for result in results))
+        return int(not ArmCheck(robot, moves=arguments.move, touched_m=touched_m).run())
 
 
 class ArmCheck:
     """The checks of one robot; with `moves` it lifts the hand by 3 cm, rotates it by 10 degrees, and uses the gripper.
 
+    Before the first motion, and at each place, it asks the person at the terminal.
+
     Args:
-        confirm: asked before the first motion and at each place; None: go on without asking.
         touched_m: places (3,) in the world frame to which a person guides the point between the fingertips, such as
             corners of the ChArUco board with which the camera was calibrated.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        *,
-        moves: bool = False,
-        confirm: Callable[[str], bool] | None = None,
-        touched_m: Sequence[Array] = (),
-    ) -> None:
+    def __init__(self, robot: Robot, *, moves: bool = False, touched_m: Sequence[Array] = ()) -> None:
         self._robot, self._moves, self._touched_m = robot, moves, touched_m
-        self._confirm = confirm or (lambda _: True)
-        self._results: list[CheckResult] = []
+        self._sound = True
 
-    def run(self) -> tuple[CheckResult, ...]:
-        """Return the results of all checks; if a motion fails, the arm is stopped and further motions are left out."""
+    def run(self) -> bool:
+        """Return whether no check failed; if a motion fails, the arm is stopped and further motions are left out."""
         if (start := self._check_observation()) is not None:
             for place_m in self._touched_m:
                 self._check_touch(place_m)
             rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and rotate by 10 degrees. Is the space above it free?"
-            if self._moves and self._confirm(rises):
+            if self._moves and ask_yes(f"{rises} [y/N] "):
                 self._check_motions(start)
-        return tuple(self._results)
+        return self._sound
 
     def _check_observation(self) -> Pose | None:
         began_s = time.monotonic()
@@ -130,7 +102,7 @@ class ArmCheck:
     def _check_touch(self, place_m: Array) -> None:
         """Compare the arm's pose with a place that a person guides the hand to."""
         named = ", ".join(f"{value:.3f}" for value in place_m)
-        if not self._confirm(f"Guide the point between the fingertips to {named} m, by hand. Is it there?"):
+        if not ask_yes(f"Guide the point between the fingertips to {named} m, by hand. Is it there? [y/N] "):
             self._say(f"touch {named}", None, "was left out")
             return
         try:
@@ -204,5 +176,7 @@ class ArmCheck:
             self._say("stop", False, f"execute ended {what}, but must raise MotionError")
 
     def _say(self, name: str, passed: bool | None, detail: str) -> bool:
-        self._results.append(CheckResult(name, passed, detail))
+        """Print a check's result; None: a person must compare it with a ruler, or it could not be decided."""
+        say(f"{MARKS[passed]}  {name}: {detail}")
+        self._sound &= passed is not False
         return passed is not False

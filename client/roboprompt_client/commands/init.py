@@ -2,8 +2,7 @@
 
 import math
 from argparse import Namespace
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arms.panda import LIMITS_RAD
 from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.cell import open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.terminal import ask, ask_yes, say
+from roboprompt_client.commands.terminal import ask, ask_yes, led_by_hand, say
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.robot import observation_from_file
 from roboprompt_client.types import quaternions as rotations
@@ -69,12 +67,13 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
 
 
 def _arm() -> dict[str, Any]:
-    name = _answer(f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] ", _known_arm)
+    question = f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] "
+    name = _answer(question, lambda text: text if ":" in text else _one_of((*ADDRESSED, "MODULE:FACTORY"), text))
     if name not in ADDRESSED:
         return {"arm": name}
     options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
-        options["model"] = _answer("Its model [panda or fr3]: ", _known_model)
+        options["model"] = _answer("Its model [panda or fr3]: ", partial(_one_of, LIMITS_RAD))
         if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
             options["realtime"] = False
     return {"arm": name, "options": options}
@@ -133,8 +132,7 @@ def _measured(arm: Arm) -> dict[str, Any]:
 def _box(arm: Arm) -> dict[str, Any]:
     """Return the box between two opposite corners to which a person guides the hand."""
     say(CORNERS)
-    yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand meanwhile? Hold it. [y/N] ")
-    with arm.guided() if yields else nullcontext():
+    with led_by_hand(arm):
         while True:
             corners_m = np.array([_corner(arm, which) for which in ("lowest", "highest")])
             low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
@@ -162,16 +160,10 @@ def _answer(question: str, read: Callable[[str], Any]) -> Any:  # noqa: ANN401
     raise InvalidInputError("standard input", "ended before all questions were answered", "a person who answers")
 
 
-def _known_arm(text: str) -> str:
-    if text in ADDRESSED or ":" in text:
+def _one_of(valid: Iterable[str], text: str) -> str:
+    if text in valid:
         return text
-    raise ValueError(f"{text!r:.40} is none of {', '.join(ADDRESSED)}, and no MODULE:FACTORY")
-
-
-def _known_model(text: str) -> str:
-    if text in LIMITS_RAD:
-        return text
-    raise ValueError(f"{text!r:.40} is none of {', '.join(LIMITS_RAD)}")
+    raise ValueError(f"{text!r:.40} is none of {', '.join(valid)}")
 
 
 def _numbers(text: str, count: int) -> list[float]:

@@ -2,17 +2,16 @@
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.cameras.sight import Sight, sight_page
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.cell import MAX_VIEWPOINTS, closing_robot, open_robot, read_cell, write_cell
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.terminal import Person, ask, ask_yes, in_columns, say
+from roboprompt_client.commands.terminal import Person, ask, in_columns, led_by_hand, say
 from roboprompt_client.errors import CameraError, InvalidInputError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.robot import Robot
 from roboprompt_client.types.camera import RgbdFrame
@@ -133,8 +132,7 @@ def run_viewpoints(_: RoboPromptClient, arguments: Namespace) -> int:
         assert arm.cameras is not None
         if not any(camera.in_hand for camera in arm.cameras.cameras):
             raise InvalidInputError("cameras", "the hand carries none", "a camera with camera_to_hand")
-        yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand? Hold it. [y/N] ")
-        with arm.guided() if yields else nullcontext():
+        with led_by_hand(arm):
             kept = _viewpoints(arm)
     if not kept:
         return 1
@@ -154,18 +152,22 @@ def _viewpoints(arm: Arm) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def seeing_arm(cell: str | None) -> Iterator[Arm]:
-    """Open the arm of a cell's file with cameras, and close it at the end; it asks before it moves to a viewpoint.
+def asking_robot(name: str, *, asks: bool = True) -> Iterator[Robot]:
+    """Open a robot as `open_robot` does, and close it at the end; if it `asks`, an arm does before each viewpoint."""
+    with closing_robot(open_robot(name)) as robot:
+        if asks and isinstance(robot, Arm):
+            robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+        yield robot
 
-    Raises:
-        InvalidInputError: if the cell has no cameras.
-    """
+
+@contextmanager
+def seeing_arm(cell: str | None) -> Iterator[Arm]:
+    """Open the arm of a cell's file as `asking_robot` does; raises InvalidInputError if the cell has no cameras."""
     if cell is None:
         raise InvalidInputError("--robot", "is missing", CELL)
-    with closing_robot(open_robot(cell)) as robot:
+    with asking_robot(cell) as robot:
         if not isinstance(robot, Arm) or robot.cameras is None:
             raise InvalidInputError("--robot", f"{cell} has no cameras", CELL)
-        robot.confirm_viewpoint = Person(robot).confirm_viewpoint
         yield robot
 
 

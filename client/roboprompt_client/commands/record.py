@@ -2,32 +2,19 @@
 
 from argparse import Namespace
 from pathlib import Path
-from typing import NamedTuple
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
-from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.look import AddCommand, add_find, find_in_pictures
+from roboprompt_client.commands.look import AddCommand, add_find, asking_robot, find_in_pictures
 from roboprompt_client.commands.record_live import record_live
-from roboprompt_client.commands.terminal import Person, ask, ask_yes, say
+from roboprompt_client.commands.terminal import ask, ask_yes, say
 from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recording.recorder import RATE_HZ, HasState
 from roboprompt_client.recording.spool import JOURNAL, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 
 SPOOL = Path("recordings")
-
-
-class Demonstration(NamedTuple):
-    """What a person demonstrates, and how; the fields are the command's options."""
-
-    task: str
-    instruction: str
-    objects: Path | None = None
-    rate_hz: float = RATE_HZ
-    guide: bool = False
-    teleop: str | None = None
 
 
 def add_record(add: AddCommand, robot_help: str) -> None:
@@ -74,7 +61,7 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
         if arguments.objects is not None:
             observation_from_file("--objects", arguments.objects)  # report its faults before the recording
-        with closing_robot(open_robot(arguments.robot)) as robot:
+        with asking_robot(arguments.robot) as robot:
             failed = _record_all(client, robot, spool, arguments)
     return failed | _send_all(client, spool)
 
@@ -82,13 +69,11 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
 def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:
     """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
-        raise InvalidInputError("--robot", "cannot be recorded: it has no state()", "an arm of a cell's file")
+        raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
     find_in_pictures(robot, client, arguments.task, arguments.find)
-    if isinstance(robot, Arm):
-        robot.confirm_viewpoint = Person(robot).confirm_viewpoint
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
-        _record_one(robot, spool, Demonstration(*(getattr(arguments, name) for name in Demonstration._fields)))
+        _record_one(robot, spool, arguments)
         failed |= _send_all(client, spool)
     return failed
 
@@ -99,12 +84,13 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
         return
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
-    _record_one(robot, spool, Demonstration(task, instruction, guide=guide))
+    how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None}
+    _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
     _send_all(client, spool)
 
 
-def _record_one(robot: Robot, spool: Spool, shown: Demonstration) -> None:
-    """Record one demonstration; an interrupted one stays in the spool."""
+def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
+    """Record one demonstration with the command's options; an interrupted one stays in the spool."""
     try:
         seen = _seen(robot, shown.objects)
     except CameraError as error:

@@ -2,9 +2,11 @@
 
 import sys
 from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arms.preview import COLUMNS, Previewed
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Robot
@@ -46,27 +48,36 @@ def ask_yes(question: str) -> bool:
     return (ask(question) or "").lower() in YES
 
 
+def led_by_hand(arm: Arm) -> AbstractContextManager[None]:
+    """Return a context in which the arm yields to the person's hand, if it can and the person wants it."""
+    yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand? Hold it. [y/N] ")
+    return arm.guided() if yields else nullcontext()
+
+
 class Person:
     """The person who answers a run's `preview`, `confirm` and `on_outcome`.
+
+    Args:
+        url: of the service that has a page of each prediction.
 
     Attributes:
         said: the last outcome that the person gave.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot, url: str = "") -> None:
+        self._robot, self._url = robot, url
         self.said: Outcome | None = None
         self._shown: list[Previewed] = []  # in the order of the questions of `confirm`
 
-    def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
-        """Print the plan, or that there is no preview."""
+    def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits, prediction_id: str | None) -> None:
+        """Print the plan, or that there is no preview, and the address of the prediction's page."""
         if not isinstance(self._robot, Arm):
             _print("no preview: this robot's geometry is unknown (a cell's file would name it)")
-            return
-        previewed = self._robot.preview(actions, limits)
-        self._shown += previewed
-        if previewed:
+        elif previewed := self._robot.preview(actions, limits):
+            self._shown += previewed
             _print(plan_table(previewed))
+        if prediction_id is not None:
+            _print(f"{self._url}/ui/predictions/{prediction_id}")
 
     def confirm(self, index: int, action: EndEffectorAction) -> bool:
         """Return whether the person allows the action; its warnings are printed first."""

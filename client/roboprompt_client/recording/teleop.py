@@ -98,6 +98,14 @@ class HeldKeys:
     def __init__(self) -> None:
         self._spans_s: dict[str, tuple[float, float]] = {}
 
+    def read(self, keys: str) -> Said:
+        """Note keys that were pressed since the last call; return the direction."""
+        now_s = time.monotonic()
+        for key in keys:
+            if key in DIRECTIONS:
+                self.press(key, now_s)
+        return Said(self.direction(now_s), keys)
+
     def press(self, key: str, now_s: float) -> None:
         """Note the press of a key of `DIRECTIONS`."""
         since_s, until_s = self._spans_s.get(key, (now_s, now_s))
@@ -165,7 +173,7 @@ def opened(device: str) -> Iterator[Read]:
     if device == "keyboard":
         if not has_keyboard():
             raise InvalidInputError("--teleop", "standard input is not a terminal", "a terminal")
-        yield _of_keyboard(HeldKeys())
+        yield HeldKeys().read
         return
     path = _space_mouse()
     try:
@@ -187,14 +195,3 @@ def _space_mouse() -> Path:
         if re.search(MADE_BY_3DCONNEXION, uevent):
             return Path("/dev") / device.name
     raise InvalidInputError("--teleop", "no SpaceMouse is plugged in", "Linux, and a 3Dconnexion SpaceMouse")
-
-
-def _of_keyboard(held: HeldKeys) -> Read:
-    def read(keys: str) -> Said:
-        now_s = time.monotonic()
-        for key in keys:
-            if key in DIRECTIONS:
-                held.press(key, now_s)
-        return Said(held.direction(now_s), keys)
-
-    return read

@@ -31,7 +31,7 @@ from roboprompt_client.runs.leading import Leading
 from roboprompt_client.runs.look_again import Follower, ObjectFinder
 from roboprompt_client.types.poses import EndEffectorAction
 
-Preview = Callable[[Sequence[EndEffectorAction], MotionLimits], None]
+Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str | None], None]
 OnOutcome = Callable[[PredictedActions], Outcome | None]
 CarryingOut = Callable[[int, EndEffectorAction, str | None], AbstractContextManager[None]]
 Watch = Callable[[str, str], AbstractContextManager[CarryingOut]]
@@ -43,7 +43,7 @@ def watch_nothing(task: str, instruction: str) -> AbstractContextManager[Carryin
     return nullcontext(lambda *_: nullcontext())
 
 
-def show_nothing(actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
+def show_nothing(*_: object) -> None:
     """Do nothing: the preview of a run without a person."""
 
 
@@ -78,8 +78,8 @@ def run_task(
         on_danger: what to do about a finding of severity `danger`: ask `confirm` before anything moves, `refuse`, or
             `go`. None: `confirm` if there is one, else `refuse`. With `stream` it applies to the findings before the
             first action.
-        preview: called with the actions and the limits before the actions are checked and anything moves; with `stream`
-            for each action.
+        preview: called with the actions, the limits and the prediction's id before the actions are checked and anything
+            moves; with `stream` for each action, without the id.
         watch: a context of the run that yields a context of each action's motion, given its index and the prediction's
             id, if known. `partial(Live, client, robot)` lets people watch and stop the robot on the service's page.
         on_outcome: called with the prediction that was carried out; the outcome that it returns is recorded at the
@@ -144,7 +144,7 @@ class _Run:
         self.guard(observation)  # refuse a missing start pose before the service is asked
         finder = ObjectFinder(self.client, self.robot, self.task, observation) if look_again else None
         predicted = self.client.predict(self.task, self.instruction, observation, **self.options)
-        self.preview(predicted.actions, self.allowed)
+        self.preview(predicted.actions, self.allowed, predicted.id)
         check = partial(self._check_all, observation)
         check(predicted.actions)
         self.require_allowed(predicted.findings, predicted.actions)
@@ -170,7 +170,7 @@ class _Run:
         ):
             if isinstance(item, PredictedActions):
                 return item
-            self.preview((item,), self.allowed)
+            self.preview((item,), self.allowed, None)
             guard.check(item)
             if not findings:
                 raise InvalidAnswerError("findings", "did not come before the first action", "a first event `findings`")

@@ -6,7 +6,6 @@ from roboprompt_client.errors import InvalidInputError
 
 # The characters that structure a prompt are not allowed in names and instructions.
 NAME_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 _.\-]{0,62}[A-Za-z0-9])?")
-MAX_NAME_CHARS = 64  # as the pattern and the store have it
 MAX_INSTRUCTION_CHARS = 500
 NAME_RULE = "1 to 64 letters, digits, spaces, '_', '-' or '.', beginning and ending with a letter or digit"
 # Also forbidden: control characters, line separators, surrogates, and characters that are invisible or change the

@@ -1,6 +1,6 @@
 """Where the end effector is (`Pose`), where it shall go (`EndEffectorAction`), and where objects are (`ObjectPose`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -40,16 +40,32 @@ class EndEffectorAction:
         return action
 
 
-class Pose(NamedTuple):
-    """The end effector's pose: (3,) m and (4,) xyzw, in the world frame."""
-
+class _Pose(NamedTuple):
     position_m: tuple[float, ...]
     quaternion_xyzw: tuple[float, ...]
+
+
+class Pose(_Pose):
+    """The end effector's pose: (3,) m and (4,) xyzw, in the world frame, as plain numbers that are not checked.
+
+    Raises:
+        InvalidInputError: for another number of numbers.
+    """
+
+    __slots__ = ()
+
+    def __new__(cls, position_m: Iterable[float], quaternion_xyzw: Iterable[float]) -> "Pose":
+        """Return the pose of sequences or arrays."""
+        place, turn = tuple(map(float, position_m)), tuple(map(float, quaternion_xyzw))
+        if (len(place), len(turn)) != (3, 4):
+            valid = "3 of a position, 4 of a quaternion x y z w"
+            raise InvalidInputError("pose", f"has {len(place)} and {len(turn)} numbers", valid)
+        return super().__new__(cls, place, turn)
 
     @classmethod
     def of(cls, action: EndEffectorAction) -> "Pose":
         """Return the pose that an action goes to."""
-        return cls(tuple(action.position_m.tolist()), tuple(action.quaternion_xyzw.tolist()))
+        return cls(action.position_m.tolist(), action.quaternion_xyzw.tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,6 +67,10 @@ def w_first(item):
     return changed(item, quaternions_xyzw=np.roll(item.motion.trajectory.quaternions_xyzw, 1, axis=1))
 
 
+def mirrored(item):
+    return changed(item, quaternions_xyzw=item.motion.trajectory.quaternions_xyzw * (-1, 1, -1, 1))
+
+
 def early(item):
     """The gripper is recorded 0.9 s before the hand."""
     is_open = item.motion.trajectory.gripper_open
@@ -137,6 +141,7 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
         (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
         (w_first, PUT, 10, "w-first"),
+        (mirrored, PUT, 10, "w-first"),
     ],
 )
 def test_a_fault_of_all_recordings_is_a_danger(fault, words, number, code):

@@ -46,8 +46,9 @@ def checked(trajectory, cameras=(), rate_hz=RATE_HZ):
     check_recording(Motion.of(trajectory, rate_hz), [cube()], cameras)
 
 
-def camera(away_m):
-    transform = np.eye(4)
+def camera(away_m, axes=(1.0, -1.0, -1.0)):
+    """It looks down; with other `axes` (3,) up."""
+    transform = np.diag([*axes, 1.0])
     transform[:3, 3] = away_m
     return Camera("front", 500, 500, 320, 240, transform)
 
@@ -138,6 +139,11 @@ def test_objects_and_cameras_in_millimeters_are_refused():
     for away, unit in ((1200.0, "probably millimeters"), (25.0, "likely centimeters")):
         with pytest.raises(InvalidInputError, match=rf"cameras\[front\]\.camera_to_world.*{unit}"):
             doubts(right(), cameras=[camera(away)])
+
+
+def test_opengl_axes_put_everything_behind_the_camera():
+    with pytest.raises(InvalidInputError, match=r"cameras\[front\]\.camera_to_world.*behind the camera: OpenGL's axes"):
+        doubts(right(), cameras=[camera(1.2, axes=(1.0, 1.0, 1.0))])
 
 
 def test_every_row_that_differs_from_ours_has_a_case():

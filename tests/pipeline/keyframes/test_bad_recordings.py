@@ -79,6 +79,15 @@ def test_few_frames_for_so_fast_a_motion_are_reported(rate_hz, coarse):
     assert ("coarse-recording" in [finding.code for finding in found]) is coarse
 
 
+@pytest.mark.parametrize(("missing", "found"), [(slice(15, 45), ["jump"]), (slice(15, 18), [])])
+def test_frames_that_are_missing_on_the_way_are_reported(missing, found):
+    recorded = WAY.at(20)
+    kept = np.delete(np.arange(len(recorded)), missing)
+    motion = Motion.of(recording(recorded.positions_m[kept], timestamps_s=kept / 20))
+    codes = [item.code for item in recording_findings(motion, [None], KeyframeRule("auto"))]
+    assert [code for code in codes if code == "jump"] == found
+
+
 @pytest.mark.parametrize(("closes_to_m", "severity"), [(0.02, "warning"), (0.079, "info")])
 def test_fingers_that_move_while_the_gripper_has_one_state_are_reported(closes_to_m, severity):
     """A threshold that no width crosses loses every grasp."""

@@ -1,0 +1,148 @@
+"""Whether the joints of a recording and its hand fit each other: units of the joints, and the hand's frame.
+
+A Franka's joints tell where its hand is (the Panda and the Research 3 share one geometry). If base and tool can be
+placed so that the hand's recorded positions follow from the joints, its recorded rotations must follow from them, too.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.findings.quaternion_order import MISREADINGS
+from app.pipeline.keyframes import Motion
+from roboprompt_client.arms.panda import HAND_M, LIMITS_RAD, flange
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
+
+MAX_JOINT_RAD_S = 30.0  # several times the speed of an arm
+FAST_JOINT_RAD_S = 2.0
+MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
+MAX_RATE_RATIO = 20.0  # of joint velocities to the derivative of joint positions: 57 if they are in degrees
+MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
+MAX_JOINT_RAD = 4 * np.pi
+FEW_FRAMES = 5
+
+LOWEST_RAD, HIGHEST_RAD = (
+    best(np.array([limits[k] for limits in LIMITS_RAD.values()]), axis=0) for k, best in enumerate((np.min, np.max))
+)
+LIMIT_MARGIN_RAD = 0.05
+COMPARED = 40  # frames of a recording
+STEP_M, STEPS = 1e-4, 6
+# Of the error of positions to the width of the path. Frankas: at most 0.021; other arms of seven joints: from 0.3 on
+MAX_ERROR_SHARE = 0.05
+MIN_WIDTH_M = 0.015  # a path nearer to a straight line does not tell how the base is turned
+MAX_TURN_DEG = 10.0  # of the tool on its flange; right recordings: at most 3.5
+POSITIONS, ROTATIONS = "trajectory.end_effector_positions", "trajectory.end_effector_quaternions_xyzw"
+
+
+def check_joints(motion: Motion) -> None:
+    """Refuse joints that are not in radians and rad/s, and a hand that contradicts a Franka's joints.
+
+    Raises:
+        InvalidInputError: naming the field and what the numbers probably are.
+    """
+    angles_rad, speeds_rad_s = motion.trajectory.joint_positions_rad, motion.joint_speeds_rad_s
+    if angles_rad is not None and (most := float(np.abs(angles_rad).max())) > MAX_JOINT_RAD:
+        raise InvalidInputError("trajectory.joint_positions", f"reaches {most:.4g}: likely degrees", "radians")
+    fastest = float(speeds_rad_s.max())
+    moving = speeds_rad_s > fastest / 10
+    hand = motion.hand_speeds_m_s
+    idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < MIN_HAND_M_PER_RAD if fastest > 0 else False
+    if fastest > MAX_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(motion):
+        message = f"reaches {fastest:.4g} (norm over the joints): likely degrees per second"
+        raise InvalidInputError("trajectory.joint_velocities", message, "rad/s")
+    _check_hand(motion.trajectory)
+
+
+def _beyond_positions(motion: Motion) -> bool:
+    """Return whether joint velocities are many times the derivative of the joint positions."""
+    angles_rad = motion.trajectory.joint_positions_rad
+    if angles_rad is None or len(motion) < FEW_FRAMES:
+        return False
+    shown_rad_s = np.linalg.norm(np.gradient(angles_rad, motion.times_s, axis=0), axis=1)
+    moving = shown_rad_s > MIN_JOINT_RAD_S
+    if not moving.any():
+        return False
+    return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)
+
+
+def _check_hand(trajectory: Trajectory) -> None:
+    """Refuse a left-handed frame, and rotations that do not turn with a Franka's joints."""
+    angles_rad = trajectory.joint_positions_rad
+    if angles_rad is None or angles_rad.shape[1] != len(LOWEST_RAD) or len(trajectory) < FEW_FRAMES:
+        return
+    if (angles_rad < LOWEST_RAD - LIMIT_MARGIN_RAD).any() or (angles_rad > HIGHEST_RAD + LIMIT_MARGIN_RAD).any():
+        return
+    frames = np.unique(np.linspace(0, len(trajectory) - 1, COMPARED).round().astype(int))
+    flanges = np.array([flange(angles)[0] for angles in angles_rad[frames]])
+    positions_m, quaternions = trajectory.positions_m[frames], trajectory.quaternions_xyzw[frames]
+    base = _base(flanges, positions_m, handedness=1)
+    if base is not None:
+        _check_turns(Rotation.from_matrix(base @ flanges[:, :3, :3]), quaternions)
+    elif _base(flanges, positions_m, handedness=-1) is not None:
+        message = "are where a Franka's joints put its hand only if one axis is reversed: a left-handed frame"
+        raise InvalidInputError(POSITIONS, message, "a right-handed world frame, meters")
+
+
+def _check_turns(flanges: Rotation, quaternions: Array) -> None:
+    """Refuse a hand that turns on its flange."""
+    as_sent_deg = _turns_deg(flanges, quaternions)
+    if as_sent_deg <= MAX_TURN_DEG:
+        return
+    meant_deg = {name: _turns_deg(flanges, quaternions[:, order] * signs) for name, order, signs in MISREADINGS}
+    likely = min(meant_deg, key=meant_deg.__getitem__)
+    why = f"; they would if they were {likely}" if meant_deg[likely] < MAX_TURN_DEG / 2 else ""
+    message = f"turn by up to {as_sent_deg:.0f} degrees otherwise than a Franka's joints turn its hand{why}"
+    raise InvalidInputError(ROTATIONS, message, "rotations of the hand in the world frame, order x y z w")
+
+
+def _turns_deg(flanges: Rotation, quaternions: Array) -> float:
+    """Return the largest deviation of the hand's rotation on its flange from the mean one."""
+    on_flange = flanges.inv() * Rotation.from_quat(quaternions)
+    return float(np.degrees((on_flange.mean().inv() * on_flange).magnitude().max()))
+
+
+class _Placed(NamedTuple):
+    """The flanges' tips with the base placed where they are nearest to the hand's positions.
+
+    Attributes:
+        off_m: (N, 3) from the positions to the tips.
+        base: (3, 3) the base's axes in the world.
+        widths_m: (3,) of the tips' path along its principal axes, the largest first.
+    """
+
+    off_m: Array
+    base: Array
+    widths_m: Array
+
+    @classmethod
+    def of(cls, flanges: Array, tip_m: Array, positions_m: Array, handedness: int) -> "_Placed":
+        """Return the best fit of poses (N, 4, 4) with a tip (3,) in the flange's frame (Kabsch)."""
+        tips_m = flanges[:, :3, 3] + flanges[:, :3, :3] @ tip_m
+        tips_m, wanted_m = tips_m - tips_m.mean(axis=0), positions_m - positions_m.mean(axis=0)
+        left, _, right = np.linalg.svd(wanted_m.T @ tips_m)
+        base = left @ np.diag([1.0, 1.0, handedness * np.sign(np.linalg.det(left @ right))]) @ right
+        widths_m = np.linalg.svd(tips_m, compute_uv=False) / np.sqrt(len(tips_m))
+        return cls(tips_m @ base.T - wanted_m, base, widths_m)
+
+
+def _base(flanges: Array, positions_m: Array, *, handedness: int) -> Array | None:
+    """Return the base's axes (3, 3) in the world; None if no base and tool explain the positions, or many do.
+
+    Args:
+        flanges: (N, 4, 4) in the base frame, as the joints say.
+        positions_m: (N, 3) of the hand in the world frame.
+        handedness: -1 for a world frame with one axis reversed.
+    """
+    tip_m = np.array([0.0, 0.0, HAND_M])
+    for _ in range(STEPS):  # Gauss-Newton
+        off_m, *_ = _Placed.of(flanges, tip_m, positions_m, handedness)
+        moved = [_Placed.of(flanges, tip_m + step_m, positions_m, handedness).off_m for step_m in STEP_M * np.eye(3)]
+        slopes = np.stack([(item - off_m).ravel() / STEP_M for item in moved], axis=1)
+        tip_m = tip_m - np.linalg.lstsq(slopes, off_m.ravel(), rcond=1e-3)[0]
+    placed = _Placed.of(flanges, tip_m, positions_m, handedness)
+    error_m = float(np.sqrt((placed.off_m**2).sum(axis=1).mean()))
+    fits = placed.widths_m[1] > MIN_WIDTH_M and error_m < MAX_ERROR_SHARE * placed.widths_m[0]
+    return placed.base if fits else None
