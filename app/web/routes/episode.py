@@ -1,6 +1,6 @@
 """One episode: what was recorded, what was made of it, and what another keyframe rule would find.
 
-It is also shown as the LLM reads it, in each representation; and an object of it is taught by clicks in its pictures.
+It is also shown as the LLM reads it, in each representation; an object of it is taught by clicks in its pictures.
 """
 
 from dataclasses import dataclass
@@ -85,7 +85,6 @@ def episode_page(
     named = {name: value for name, value in asked.items() if value is not None}
     current = recording.settings.keyframes
     shown = recording.preview(KeyframeSettings.model_validate({**current.model_dump(), **named}))
-    texts, about_texts = _texts(services, recording)
     with services.store.read() as connection:
         num_episodes = tasks.counts(connection)[recording.task.name].episodes
         older, newer = episodes.neighbors(connection, recording.record)
@@ -101,10 +100,16 @@ def episode_page(
         num_episodes=num_episodes,
         older=older,
         newer=newer,
-        texts=texts,
-        about_texts=about_texts,
         applied=applied,
     )
+
+
+@router.get("/ui/episodes/{episode_id}/texts")
+def episode_as_text(request: Request, services: Wired, episode_id: str) -> Response:
+    """As the LLM reads it: apart, because it takes seconds to align the task's demonstrations."""
+    recording = _recording(services, episode_id)
+    texts, about = _texts(services, recording)
+    return render(request, "episode_texts.html", episode=recording.record, texts=texts, about=about)
 
 
 @documents.get("/ui/episodes/{episode_id}/motion")

@@ -136,6 +136,19 @@ for (const image of document.querySelectorAll(".cameras img")) {
   if (image.complete && !image.naturalWidth) explain(image);
   else image.addEventListener("error", () => explain(image));
 }
+/** Its texts take the service seconds: they are fetched as soon as a person gets near to them. */
+const texts = new IntersectionObserver(([{ isIntersecting, target }]) => {
+  if (!isIntersecting) return;
+  texts.disconnect();
+  const place = element("div", { className: "note" }, element("span", { className: "spinner" }), " Aligning the task's demonstrations…");
+  target.append(place);
+  attempt(place, async () => {
+    const page = await (await send(`/ui/episodes/${episode}/texts`)).text();
+    target.replaceWith(new DOMParser().parseFromString(page, "text/html").getElementById("text"));
+  });
+});
+texts.observe(byId("text"));
+
 followNumber();
 arrange();
 drawSpeed();
