@@ -15,10 +15,10 @@ export function showMotion(view, scene) {
   mountPlayer(view, scene.play);
 }
 
-/** Let each of two players follow the other. */
-export function link(one, other) {
-  const [first, second] = [players.get(one), players.get(other)];
-  if (first && second) [first.partner, second.partner] = [second, first];
+/** Let the players of these views follow each other. */
+export function link(views) {
+  const linked = [...views].map((view) => players.get(view)).filter(Boolean);
+  for (const player of linked) player.partners = linked.filter((other) => other !== player);
 }
 
 /** Play another motion in the same view, faintly, from mark to mark as the first goes; null: no more. */
@@ -41,7 +41,7 @@ export function mountPlayer(view, motion, marks_s = motion?.marks_s ?? []) {
 class Player {
   constructor(view, motion, marks_s) {
     [this.view, this.motion, this.marks_s, this.end_s] = [view, motion, marks_s, motion.times_s.at(-1)];
-    [this.time_s, this.written_ms, this.speed, this.playing, this.partner, this.beside] = [0, 0, 1, false, null, null];
+    [this.time_s, this.written_ms, this.speed, this.playing, this.partners, this.beside] = [0, 0, 1, false, [], null];
     this.toggle = element("button", { type: "button", className: "play" });
     this.scrubber = element("input", { type: "range", min: 0, max: this.end_s, step: 0.01, ariaLabel: "Moment of the motion" });
     this.clock = element("span", { className: "mono clock" });
@@ -97,15 +97,15 @@ class Player {
     });
   }
 
-  seek(time_s, led = false) {
+  seek(time_s, led = false, playing = this.playing) {
     this.time_s = Math.min(this.end_s, Math.max(0, time_s));
-    if (!led) this.partner?.seek((this.time_s / this.end_s) * this.partner.end_s, true);
+    if (!led) for (const other of this.partners) other.seek((this.time_s / this.end_s) * other.end_s, true, playing);
     const moment = momentOf(this.motion, this.time_s);
     showMoment(this.view, moment, this.beside && momentOf(this.beside, this.timeBeside()));
     this.timeline.at(this.time_s);
     // Words that change faster than people read them only cost frames.
     const now_ms = performance.now();
-    if (this.playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;
+    if (playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;
     this.written_ms = now_ms;
     this.scrubber.value = this.time_s;
     const said = `${this.time_s.toFixed(2)} of ${this.end_s.toFixed(2)} s`;
