@@ -72,7 +72,7 @@ def test_what_is_typed_while_an_episode_is_read_stays(page, http, seeded):
     page.goto("/ui/predict?task=pick")
     chosen = page.locator("#episode option").last.get_attribute("value")
     held = []
-    page.route(f"**/episodes/{chosen}", lambda route: held.append(route))  # noqa: PLW0108
+    page.route(f"**/episodes/{chosen}", lambda route: held.append(route))
     page.get_by_label("x, m").fill("0.1111")
     page.locator("#episode").select_option(chosen)
     page.get_by_label("y, m").fill("0.4242")
