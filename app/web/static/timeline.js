@@ -14,13 +14,14 @@ export function drawTimeline(motion, marks_s, seek) {
   const heights = motion.positions.map((position) => position[2]);
   const curves = [["height", heights, "m", 3], ["speed", motion.speeds_m_s, "m/s", 2]];
   const height = (curves.length + (joints ? 1 : 0)) * (LANE + GAP) + BAND;
+  const all = joints && [Math.min(...joints.flat()), Math.max(...joints.flat())];
   const now = element("div", { className: "now" });
   const drawing = svg(
     "svg",
     { viewBox: `0 0 ${WIDTH} ${height}`, preserveAspectRatio: "none", "aria-hidden": "true" },
     ...gripperBand(motion, x, height - BAND),
     ...curves.map(([name, values], lane) => curve(motion, values, x, lane * (LANE + GAP), { class: name })),
-    ...(joints ?? []).map((angles, k) => curve(motion, angles, x, curves.length * (LANE + GAP), { stroke: COLORS[k % COLORS.length] }, [Math.min(...joints.flat()), Math.max(...joints.flat())])),
+    ...(joints ?? []).map((angles, k) => curve(motion, angles, x, curves.length * (LANE + GAP), { stroke: COLORS[k % COLORS.length] }, all)),
     ...marks_s.map((time_s) => svg("line", { class: "mark", x1: x(time_s), x2: x(time_s), y1: 0, y2: height })),
   );
   drawing.style.height = `${height / 18}rem`;
@@ -34,11 +35,12 @@ export function drawTimeline(motion, marks_s, seek) {
   });
   drawing.addEventListener("pointermove", (event) => event.buttons && to(event));
 
-  const readings = curves.map(([name, values, unit, digits]) => [name, (k) => `${name} ${values[k].toFixed(digits)} ${unit}`]);
-  readings.push(["band", (k) => `gripper ${motion.open[k] ? "open" : "closed"}`]);
-  if (joints) readings.push(["joints", (k) => `joints ${joints.map((angles) => (DEGREES * angles[k]).toFixed(0).padStart(4)).join(" ")}°`]);
-  const written = readings.map(([className, read]) => [element("span", { className: `${className} mono` }), read]);
-  const legend = element("p", { className: "note row" }, ...written.map(([place]) => place));
+  const readings = curves.map(([name, values, unit, digits]) => [{ className: name }, (k) => `${name} ${values[k].toFixed(digits)} ${unit}`]);
+  readings.push([{ className: "band" }, (k) => `gripper ${motion.open[k] ? "open" : "closed"}`]);
+  for (const [joint, angles] of (joints ?? []).entries())
+    readings.push([{ style: `border-color: ${COLORS[joint % COLORS.length]}` }, (k) => `${joint ? "" : "joint "}${joint + 1}: ${(DEGREES * angles[k]).toFixed(0).padStart(4)}°`]);
+  const written = readings.map(([look, read]) => [element("span", look), read]);
+  const legend = element("p", { className: "note row mono" }, ...written.map(([place]) => place));
   const place = element("div", { className: "timeline" }, element("div", { className: "lanes" }, drawing, now), legend);
   return {
     place,
@@ -47,7 +49,8 @@ export function drawTimeline(motion, marks_s, seek) {
   };
 }
 
-function curve({ times_s }, values, x, top, attributes, [low, high] = [Math.min(...values), Math.max(...values)]) {
+function curve({ times_s }, values, x, top, attributes, range) {
+  const [low, high] = range ?? [Math.min(...values), Math.max(...values)];
   const y = (value) => top + LANE - (LANE * (value - low)) / Math.max(high - low, 1e-6);
   const points = times_s.slice(0, values.length).map((time_s, k) => `${x(time_s).toFixed(1)},${y(values[k]).toFixed(1)}`);
   return svg("polyline", { ...attributes, points: points.join(" ") });
