@@ -7,6 +7,7 @@ import argparse
 import statistics
 import tempfile
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.evaluation.server import running_server
+from app.perception.base import ObjectQuery
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks, trajectories
 from app.store.records import EpisodeDraft
@@ -73,7 +75,7 @@ def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDra
         control_frequency_hz=20.0,
         keyframes=tuple(KeyframeRecord.of(k, trajectory.action_at(k)) for k in (20, 60, 100, 150, NUM_FRAMES - 1)),
         objects=objects,
-        given_objects=tuple({"name": item.name, "mask_ids": []} for item in objects),
+        given_objects=tuple(asdict(ObjectQuery(item.name, tuple(item.position_m))) for item in objects),
         cameras=(camera,),
         extra={},
         num_frames=len(trajectory),
@@ -83,7 +85,7 @@ def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDra
 
 def walk(random: np.random.Generator) -> Trajectory:
     """From place to place, with a rest at each."""
-    places_m = random.uniform(0, 1, (7, 3))
+    places_m = random.uniform((-0.2, -0.4, 0.7), (0.6, 0.4, 1.5), (7, 3))  # in the usual workspace
     number, share = np.divmod(np.linspace(0, 5, NUM_FRAMES), 1)
     way = np.clip(1.25 * share, 0, 1)[:, None]
     start_m, end_m = places_m[number.astype(int)], places_m[number.astype(int) + 1]

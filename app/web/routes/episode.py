@@ -15,7 +15,6 @@ from app.api.documents import episode_document
 from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.episode import stretches
 from app.pipeline.keyframes import Motion, Rule
 from app.pipeline.representation import usual_format
 from app.services.container import Services
@@ -117,19 +116,14 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     """Speeds and gripper over time, and the scene without keyframes."""
     recording = _recording(services, episode_id)
     times_s, trajectory = recording.motion.times_s, recording.motion.trajectory
-    by_gripper = stretches(trajectory.gripper_open)
-    ends_s = np.append(times_s, times_s[-1])
-    ways_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
     shown = scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m)
     if any(camera.has_rgbd for camera in recording.record.cameras):
         shown["points"] = f"/ui/episodes/{episode_id}/points"
     document: JsonObject = {
         "has_joints": trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
-        "hand_m_s": np.append(ways_m / np.diff(times_s), 0.0).round(5).tolist(),
         "speed_rad_s": recording.motion.joint_speeds_rad_s.round(5).tolist(),
         "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
-        "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
         "scene": shown,
         "play": recorded_motion(trajectory, times_s, recording.settings)
         | {"marks_s": [round(float(times_s[item.index]), 3) for item in recording.record.keyframes]},

@@ -19,7 +19,7 @@ export function drawTimeline(motion, marks_s, seek) {
   const drawing = svg(
     "svg",
     { viewBox: `0 0 ${WIDTH} ${height}`, preserveAspectRatio: "none", "aria-hidden": "true" },
-    ...gripperBand(motion, x, height - BAND),
+    ...gripperBand(motion, x, height - BAND, BAND),
     ...curves.map(([name, values], lane) => curve(motion, values, x, lane * (LANE + GAP), { class: name })),
     ...(joints ?? []).map((angles, k) => curve(motion, angles, x, curves.length * (LANE + GAP), { stroke: COLORS[k % COLORS.length] }, all)),
     ...marks_s.map((time_s) => svg("line", { class: "mark", x1: x(time_s), x2: x(time_s), y1: 0, y2: height })),
@@ -56,11 +56,14 @@ function curve({ times_s }, values, x, top, attributes, range) {
   return svg("polyline", { ...attributes, points: points.join(" ") });
 }
 
-function gripperBand({ times_s, open }, x, top) {
+/** [start, end, is open] in seconds of each time that the gripper stays as it is. */
+export function gripperStates({ times_s, open }) {
   const starts = times_s.flatMap((time_s, k) => (k === 0 || open[k] !== open[k - 1] ? [k] : []));
-  return starts.map((first, k) => {
-    const [start, end] = [x(times_s[first]), x(times_s[starts[k + 1] ?? times_s.length - 1])];
-    const name = open[first] ? "open" : "closed";
-    return svg("rect", { class: name, x: start, y: top, width: Math.max(0, end - start), height: BAND });
-  });
+  return starts.map((first, k) => [times_s[first], times_s[starts[k + 1] ?? times_s.length - 1], open[first]]);
 }
+
+/** A bar below curves that says so by its color. */
+export const gripperBand = (motion, x, y, height) =>
+  gripperStates(motion).map(([start, end, isOpen]) =>
+    svg("rect", { class: isOpen ? "open" : "closed", x: x(start), y, width: Math.max(0, x(end) - x(start)), height }),
+  );
