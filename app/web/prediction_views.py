@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, zip_longest
 from math import degrees, dist
 from typing import Any
@@ -11,12 +12,12 @@ from sqlalchemy import Connection
 from app.pipeline.deviation import ActionDeviation
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.success_rate import SuccessRate
-from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
+from app.services.predict.known import KnownReader
 from app.services.task_settings import TaskSettings
 from app.store import episodes, prediction_lists, predictions
 from app.store.prediction_lists import Configuration, Counts, Fate
-from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
+from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
@@ -79,7 +80,7 @@ class PredictionView:
     def _spans(self, text: str) -> tuple[Span, ...]:
         return prompt_spans(text, self.record.representation, self.record.prompt_format)
 
-    @property
+    @cached_property
     def actions(self) -> Sequence[tuple[JsonObject, ActionDeviation | None, Previewed]]:
         """Each action as clients get it, how it differs from the demonstrations', and its preview on the robot."""
         actions, deviations = self.record.actions or (), self.explanation.deviations
@@ -105,7 +106,7 @@ class PredictionView:
         return {**drawn, "ways": ways, "play": planned_motion(self.record, self.settings)}
 
 
-def view_prediction(connection: Connection, prediction_id: str) -> PredictionView:
+def view_prediction(connection: Connection, known: KnownReader, prediction_id: str) -> PredictionView:
     """The prediction of that id.
 
     Raises:
@@ -114,10 +115,7 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
     record = predictions.get(connection, prediction_id)
     settings = TaskSettings.of(connection, record.task)
     shown = episodes.by_ids(connection, record.task, record.demonstration_ids)
-    records = [
-        DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes, e.control_frequency_hz) for e in shown.values()
-    ]
-    demonstrations = Demonstrations.of(recordings_of(connection, records, settings))
+    demonstrations = known.demonstrations(connection, record.task, tuple(shown))
     return PredictionView(record, settings, shown, explain_prediction(record, demonstrations))
 
 

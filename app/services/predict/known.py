@@ -1,7 +1,9 @@
 """What the store knows of a request, read in one transaction: task, settings and demonstrations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.pipeline.findings.demonstrations import Taught
@@ -98,6 +100,14 @@ class KnownReader:
             chosen=request.options.episode_ids is not None,
             taught=taught,
         )
+
+    def demonstrations(self, connection: Connection, task_name: str, ids: Sequence[str]) -> Demonstrations:
+        """Return stored episodes of the task as its present settings read them.
+
+        Raises:
+            NotFoundError: for an unknown task, or an id that is no episode of it.
+        """
+        return TaskReading(connection, task_name, self._caches).demonstrations(tuple(ids))
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.

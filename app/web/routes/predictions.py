@@ -116,7 +116,7 @@ def compare_page(
         valid = f"?id=ONE&id=OTHER, at most {MAX_COMPARED}"
         raise InvalidInputError("id", f"does not name 2 to {MAX_COMPARED} different predictions", valid)
     with services.store.read() as connection:
-        compared = compare(connection, [view_prediction(connection, id_) for id_ in ids])
+        compared = compare(connection, [view_prediction(connection, services.known, id_) for id_ in ids])
     return render(request, "compare.html", compared=compared)
 
 
@@ -124,7 +124,7 @@ def compare_page(
 def prediction_page(request: Request, services: Wired, prediction_id: str) -> Response:
     """One prediction: what was asked, what came, what deserves a look."""
     with services.store.read() as connection:
-        view = view_prediction(connection, prediction_id)
+        view = view_prediction(connection, services.known, prediction_id)
         of_task = PredictionFilter(task=view.record.task)
         others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
         is_case = predictions.is_case(connection, prediction_id)
@@ -136,7 +136,7 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
 def prediction_result(request: Request, services: Wired, prediction_id: str) -> Response:
     """The parts of the page that tell the result, and the scene."""
     with services.store.read() as connection:
-        view = view_prediction(connection, prediction_id)
+        view = view_prediction(connection, services.known, prediction_id)
     root = request.scope.get("root_path", "")
     verdict, html = (render_part(f"prediction_{part}.html", view=view, root=root) for part in ("verdict", "result"))
     return JSONResponse({"verdict": verdict, "html": html, "scene": view.scene}, headers=HEADERS)
