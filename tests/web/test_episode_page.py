@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
-from tests.web.conftest import PLACES_M, teach, until, until_pictures_are_there
+from tests.web.conftest import PLACES_M, teach, until
 
 
 def see_the_plot(page):
@@ -120,16 +120,6 @@ def test_long_lists_are_cut_short(http):
     assert len(answer["keyframes"]) == len(answer["frames"]) == answer["html"].count('<tr class="new">') + 2 == 300
     assert "419 keyframes" in answer["html"]
     assert "Only the first 300" in answer["html"]
-
-
-def test_an_image_that_cannot_be_read_says_why(page, http, data_folder):
-    page.expected_refusals = [500, 500]
-    id_ = teach(http, "damaged", PLACES_M[0], hue=77)["id"]
-    max((data_folder / "blobs").rglob("*"), key=lambda path: path.stat().st_mtime_ns * path.is_file()).write_bytes(b"")
-    page.goto(f"/ui/episodes/{id_}")
-    expect(page.get_by_role("alert")).to_contain_text("Stored data is damaged")
-    until_pictures_are_there(page)
-    http.delete(f"/episodes/{id_}")
 
 
 def test_older_and_newer_ones_are_a_click_away(page, seeded):
