@@ -68,6 +68,14 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
     assert "30.0 cm" in row.inner_text()
 
 
+def test_a_failure_without_findings_says_where_to_look(page, http):
+    page.goto(f"/ui/predictions/{ask(http, success=False, model='nearest')}")
+    found = page.get_by_role("region", name="Findings")
+    assert "what the service was not told" in found.inner_text()
+    found.get_by_role("link", name="its pose").click()
+    expect(page.locator("#part-objects")).to_be_in_viewport()
+
+
 def test_the_path_has_a_row_for_each_action(page, http, seeded):
     rows = page.get_by_role("region", name="Table of actions").locator("tbody tr")
     page.goto(f"/ui/predictions/{seeded['success']}")
@@ -179,7 +187,7 @@ def test_a_prediction_is_kept_as_a_case(page, http, seeded):
 
 def test_several_are_compared(page, http, seeded):
     third = ask(http, success=False, model="regression", num_demonstrations=3)
-    page.goto("/ui/predictions?task=pick&yardsticks=true")
+    page.goto("/ui/predictions?task=pick&model=regression")
     for id_ in (seeded["success"], seeded["failure"], third):
         page.locator(f"input[value='{id_}']").check()
     page.get_by_role("button", name="Compare the chosen").first.click()
