@@ -186,14 +186,14 @@ def test_a_prediction_is_kept_as_a_case(page, http, seeded):
 
 
 def test_several_are_compared(page, http, seeded):
-    third = ask(http, success=False, model="regression", num_demonstrations=3)
-    page.goto("/ui/predictions?task=pick&model=regression")
+    third = ask(http, success=False, model="regression", seed=7)
+    page.goto("/ui/predictions?task=pick&demonstrations=4&yardsticks=true")
     for id_ in (seeded["success"], seeded["failure"], third):
         page.locator(f"input[value='{id_}']").check()
     page.get_by_role("button", name="Compare the chosen").first.click()
     page.wait_for_url("**/compare?**")
     differing = page.locator("tr.differs th").all_inner_texts()
-    assert [name.split()[0] for name in differing] == ["representation", "number", "demonstrations"]
+    assert [name.split()[0] for name in differing] == ["representation", "seed", "place"]
     assert "48.8 cm from A" in page.get_by_role("row", name="place of cube").inner_text()
     assert "went beside the cube" in page.locator(".pair > .card").filter(has_text="went beside").inner_text()
     rows = page.get_by_role("region", name="Table of the actions of each").get_by_role("row")
