@@ -65,16 +65,9 @@ def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Sp
 
     What does not look as the representation writes it is `plain`.
     """
-    pattern = _pattern(representation, prompt_format)
-    return tuple(_cut(text, pattern)) if pattern else (Span("plain", text),)
-
-
-def _pattern(representation: str, prompt_format: str) -> re.Pattern[str] | None:
-    if prompt_format in _OF_FORMAT:
-        return _OF_FORMAT[prompt_format]
     if representation == "object_frame":
-        return _OBJECT_FRAME.get(prompt_format)
-    return _PARTS if representation == "parts" else _LISTS
+        return tuple(_cut(text, _OBJECT_FRAME.get(prompt_format, _LISTS)))
+    return tuple(_cut(text, _OF_FORMAT.get(prompt_format, _PARTS if representation == "parts" else _LISTS)))
 
 
 def _cut(text: str, pattern: re.Pattern[str]) -> Iterator[Span]:

@@ -66,23 +66,11 @@ def _recording(services: Services, episode_id: str) -> _Recording:
 
 
 @router.get("/ui/episodes/{episode_id}")
-def episode_page(
-    request: Request,
-    services: Wired,
-    episode_id: str,
-    rule: str | None = None,
-    delta_rad_s: float | None = None,
-    interval: int | None = None,
-    tolerance_m: float | None = None,
-    tolerance_deg: float | None = None,
-    applied: bool = False,
-) -> Response:
-    """The episode; with a rule, what that would change."""
+def episode_page(request: Request, services: Wired, episode_id: str, applied: bool = False) -> Response:
+    """The episode; with the fields of a keyframe rule, what that would change."""
     recording = _recording(services, episode_id)
-    asked = {"rule": rule, "delta_rad_s": delta_rad_s, "interval": interval}
-    asked |= {"tolerance_m": tolerance_m, "tolerance_deg": tolerance_deg}
-    named = {name: value for name, value in asked.items() if value is not None}
     current = recording.settings.keyframes
+    named = {name: value for name, value in request.query_params.items() if name in KeyframeSettings.model_fields}
     shown = recording.preview(KeyframeSettings.model_validate({**current.model_dump(), **named}))
     with services.store.read() as connection:
         num_episodes = tasks.counts(connection)[recording.task.name].episodes
