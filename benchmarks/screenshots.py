@@ -9,7 +9,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import httpx
@@ -26,6 +26,8 @@ SETTLED_MS = 1500  # pictures are loaded and plots are drawn
 PLAYED_S = 3.0  # into a motion
 DEMO = ("--task", "push_button", "--task", "stack_cube", "--episodes", "4", "--no-compare")
 FAILING = "example_press"
+SHEET = "pages"  # one picture of all pages
+SMALL, ACROSS, GAP = (520, 325), 3, 8  # pixels
 
 
 def teach(report: Path) -> None:
@@ -46,18 +48,25 @@ def fail(url: str) -> None:
 def addresses(url: str) -> Iterator[tuple[str, str]]:
     """The name of each picture, and the address of its page."""
 
-    def newest(what: str, task: str, **more: str) -> str:
-        found = httpx.get(f"{url}/{what}", params={"task": task, "limit": "1", **more}).json()
-        return str(found[what][0]["id"])
+    def newest(what: str, task: str, number: int = 1) -> list[str]:
+        found = httpx.get(f"{url}/{what}", params={"task": task, "limit": number}).json()
+        return [item["id"] for item in found[what]]
 
-    yield "page-episode", f"/ui/episodes/{newest('episodes', 'stack_cube')}#space"
-    yield "page-predict", "/ui/predict?task=stack_cube"
-    yield "page-prediction", f"/ui/predictions/{newest('predictions', 'stack_cube', outcome='success')}#space"
-    failed = newest("predictions", FAILING, outcome="failure")
+    (solved, other), (failed,) = newest("predictions", "stack_cube", 2), newest("predictions", FAILING)
+    yield "page-prediction", f"/ui/predictions/{solved}#space"
     yield "why-1-tasks", "/ui/tasks"
     yield "why-2-failures", f"/ui/predictions?task={FAILING}&outcome=failure"
     yield "why-3-prediction", f"/ui/predictions/{failed}"
     yield "why-4-space", f"/ui/predictions/{failed}#space"
+    (episode,) = newest("episodes", "stack_cube")
+    for number, address in enumerate((
+        "tasks", "episodes?task=stack_cube", f"episodes/{episode}#space",
+        f"episodes/{episode}#keyframes", f"episodes/{episode}/texts", f"episodes/{episode}/object",
+        "tasks/stack_cube", "tasks/stack_cube/check", "upload",
+        "predict?task=stack_cube", "predictions", "predictions/configurations?task=stack_cube",
+        f"predictions/{solved}#space", f"predictions/compare?id={solved}&id={other}", "live",
+    )):  # fmt: skip
+        yield f"{SHEET}{number}", f"/ui/{address}"
 
 
 def shoot(page: Page, address: str) -> Image.Image:
@@ -66,8 +75,20 @@ def shoot(page: Page, address: str) -> Image.Image:
     page.wait_for_timeout(SETTLED_MS)
     if address.endswith("#space"):
         page.get_by_label("Moment of the motion").fill(str(PLAYED_S))
-        page.locator("#space").evaluate("heading => heading.scrollIntoView()")
+    if "#" in address:
+        page.locator(f"#{address.split('#')[1]}").evaluate("heading => heading.scrollIntoView()")
     return Image.open(io.BytesIO(page.screenshot()))
+
+
+def sheet(shots: Sequence[Image.Image]) -> Image.Image:
+    """All of them small, in rows of `ACROSS`."""
+    width, height = SMALL
+    together = Image.new("RGB", (ACROSS * (width + GAP) - GAP, -(-len(shots) // ACROSS) * (height + GAP) - GAP), "gray")
+    for number, shot in enumerate(shots):
+        row, column = divmod(number, ACROSS)
+        small = shot.convert("RGB").resize(SMALL, Image.Resampling.LANCZOS)
+        together.paste(small, (column * (width + GAP), row * (height + GAP)))
+    return together
 
 
 def main() -> None:
@@ -78,8 +99,11 @@ def main() -> None:
             fail(url)
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
             page = browser.new_page(viewport=SIZE, color_scheme="light")  # type: ignore[arg-type]
-            for name, address in addresses(url):
-                shoot(page, url + address).save(DOCS / f"images/{name}.webp", quality=QUALITY, method=6)
+            shots = {name: shoot(page, url + address) for name, address in addresses(url)}
+            whole = {name: shot for name, shot in shots.items() if not name.startswith(SHEET)}
+            whole[SHEET] = sheet([shot for name, shot in shots.items() if name.startswith(SHEET)])
+            for name, shot in whole.items():
+                shot.save(DOCS / f"images/{name}.webp", quality=QUALITY, method=6)
             browser.close()
 
 

@@ -6,15 +6,19 @@ Every load is a new visit with an empty cache. Run: ``python -m benchmarks.web_p
 import argparse
 import statistics
 import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
+import httpx
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 from rich.console import Console
 from rich.table import Table
 
 from app.evaluation.server import running_server
+from app.perception.base import ObjectQuery
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks, trajectories
 from app.store.records import EpisodeDraft
@@ -25,6 +29,9 @@ from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
 
 CHROMIUM = "/usr/bin/chromium"
+TASK, INSTRUCTION = "task_3", "put the cube into the drawer"
+OBJECTS = ("cube", "drawer", "mug")
+NUM_PREDICTIONS = 30
 NUM_TASKS = 22  # as many as the simulation has
 NUM_FRAMES = 200
 NUM_IMAGES = 200
@@ -61,14 +68,14 @@ def fill(data: Path, num_episodes: int) -> str:
 
 def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDraft:
     """An episode with five keyframes and three objects."""
-    objects = tuple(ObjectRecord.of(ObjectPose(name, np.array([0.1, 0.2, 0.8]))) for name in ("cube", "drawer", "mug"))
+    objects = tuple(ObjectRecord.of(ObjectPose(name, np.array([0.1, 0.2, 0.8]))) for name in OBJECTS)
     return EpisodeDraft(
         task=task,
-        instruction="put the cube into the drawer",
+        instruction=INSTRUCTION,
         control_frequency_hz=20.0,
         keyframes=tuple(KeyframeRecord.of(k, trajectory.action_at(k)) for k in (20, 60, 100, 150, NUM_FRAMES - 1)),
         objects=objects,
-        given_objects=tuple({"name": item.name, "mask_ids": []} for item in objects),
+        given_objects=tuple(asdict(ObjectQuery(item.name, tuple(item.position_m))) for item in objects),
         cameras=(camera,),
         extra={},
         num_frames=len(trajectory),
@@ -78,7 +85,7 @@ def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDra
 
 def walk(random: np.random.Generator) -> Trajectory:
     """From place to place, with a rest at each."""
-    places_m = random.uniform(0, 1, (7, 3))
+    places_m = random.uniform((-0.2, -0.4, 0.7), (0.6, 0.4, 1.5), (7, 3))  # in the usual workspace
     number, share = np.divmod(np.linspace(0, 5, NUM_FRAMES), 1)
     way = np.clip(1.25 * share, 0, 1)[:, None]
     start_m, end_m = places_m[number.astype(int)], places_m[number.astype(int) + 1]
@@ -111,6 +118,35 @@ def visit(browser: Browser, address: str) -> tuple[float, float]:
     return answered_ms, painted_ms
 
 
+def ask(url: str) -> str:
+    """Ask for a prediction in a task of 455 episodes; returns its id."""
+    objects = [{"name": name, "position": [0.1, 0.2, 0.8]} for name in OBJECTS]
+    question = {"task": TASK, "instruction": INSTRUCTION, "objects": objects, "max_actions": 100}
+    answer = httpx.post(f"{url}/predict", json=question, timeout=PATIENCE_MS / 1000).json()
+    return str(answer["id"] if "id" in answer else answer["prediction_id"])
+
+
+def pages(episode: str, prediction: str, other: str, middle: int) -> Sequence[str]:
+    """The addresses of all pages that show what is stored."""
+    return (
+        "/ui/tasks",
+        "/ui/episodes",
+        f"/ui/episodes?cursor={middle}",
+        f"/ui/episodes?task={TASK}",
+        "/ui/episodes?q=drawer",
+        "/ui/episodes?q=nowhere",
+        f"/ui/episodes/{episode}",
+        f"/ui/tasks/{TASK}",
+        "/ui/upload",
+        f"/ui/predict?task={TASK}",
+        "/ui/predictions",
+        "/ui/predictions/configurations",
+        f"/ui/predictions/{prediction}",
+        f"/ui/predictions/compare?id={prediction}&id={other}",
+        "/ui/live",
+    )
+
+
 def main() -> None:
     """Fill a folder, visit every page, print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -118,29 +154,20 @@ def main() -> None:
     parser.add_argument("--visits", type=int, default=5)
     arguments = parser.parse_args()
     table = Table("page", "answered, median ms", "painted, median ms", "worst ms")
-    settings = {"ROBOPROMPT_DEFAULT_MODEL": "regression", "ROBOPROMPT_WARM_UP": "false"}
+    settings = {"ROBOPROMPT_DEFAULT_MODEL": "nearest", "ROBOPROMPT_WARM_UP": "false"}
     with tempfile.TemporaryDirectory(prefix="roboprompt-") as folder:
         episode_id = fill(Path(folder), arguments.episodes)
-        middle = arguments.episodes // 2
-        pages = (
-            "/ui/tasks",
-            "/ui/episodes",
-            f"/ui/episodes?cursor={middle}",
-            "/ui/episodes?task=task_3",
-            "/ui/episodes?q=drawer",
-            "/ui/episodes?q=nowhere",
-            f"/ui/episodes/{episode_id}",
-            "/ui/upload",
-        )
         with running_server(Path(folder), settings) as url, sync_playwright() as playwright:
+            asked = [ask(url) for _ in range(NUM_PREDICTIONS)]
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
             visit(browser, url + "/ui/upload")
-            for page in pages:
+            for page in pages(episode_id, asked[0], asked[1], arguments.episodes // 2):
                 answered_ms, painted_ms = zip(
                     *(visit(browser, url + page) for _ in range(arguments.visits)), strict=True
                 )
                 medians = f"{statistics.median(answered_ms):.0f}", f"{statistics.median(painted_ms):.0f}"
-                table.add_row(page.replace(episode_id, "ID"), *medians, f"{max(painted_ms):.0f}")
+                named = page.replace(episode_id, "ID").replace(asked[0], "ID").replace(asked[1], "ID")
+                table.add_row(named, *medians, f"{max(painted_ms):.0f}")
             browser.close()
     Console().print(table)
 

@@ -1,9 +1,13 @@
 """`roboprompt demo`: teach the service tasks on a simulated arm, then test what it learned."""
 
 import json
+import os
 import shlex
 import shutil
 import sys
+import threading
+import webbrowser
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from importlib.util import find_spec
@@ -38,6 +42,9 @@ def demo(
         bool, typer.Option(help="also a regression, the expert's replay and, with --model, the paper's format")
     ] = True,
     report: Annotated[Path | None, typer.Option(help="folder of the report (default: reports/demo-TIME)")] = None,
+    open_pages: Annotated[
+        bool, typer.Option("--open", help="then serve its pages, and show them where there is a browser, until Ctrl-C")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Record demonstrations on a simulated Panda, upload them, then predict and execute on unseen scenes.
@@ -68,11 +75,24 @@ def demo(
     with progress_bars(console) as progress:
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
-    console.print(
-        f"To walk through it in a browser: {_to_type('serve', '--data', str(data.resolve()))}", soft_wrap=True
-    )
     if as_json:
         print(json.dumps(figures))  # noqa: T201
+    if open_pages:
+        _show_pages(data, console)
+    else:
+        serve = _to_type("serve", "--data", str(data.resolve()))
+        console.print(f"To see it at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
+
+
+def _show_pages(data: Path, console: Console) -> None:
+    """Serve them until the user interrupts."""
+    from app.evaluation.server import running_server
+
+    with running_server(data) as url, suppress(KeyboardInterrupt):
+        console.print(f"Pages: {url}/ (Ctrl-C ends it)", soft_wrap=True)
+        if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            webbrowser.open(url)  # elsewhere it might start one that takes over the terminal
+        threading.Event().wait()
 
 
 def _to_type(*arguments: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.representation import KAT_FORMAT, SUMS_FORMAT
 
 Kind = Literal["object", "action", "instruction", "separator", "plain"]
 
@@ -35,6 +35,19 @@ _KAT = re.compile(
     r"(?<=INPUTS:\n)(?P<object>\[\[.*?\]\])(?=\n)|(?P<action>\[\[.*?\]\])|(?P<separator>(?<=\]\])\n(?=INPUTS:|\Z))",
     re.DOTALL,
 )
+# {'drawer': [60,51,6,36,36,18] a(+0 +11 +6), 'open it'}>open it [1 drawer a +0 +11 +6: [60+0=60,...]; 2 drawer ...]
+_SUMS = re.compile(
+    r"(?P<object>'[^']*': \[[^\]]*\](?: [a-z]+\([^()]*\))*)"
+    r"|(?P<instruction>'[^{}]*'(?=\}>))"
+    r"|(?P<action>(?:(?<=\[)|(?<=; ))\d+ [^\[\];\n]+: \[[^\[\]\n]*\])"
+    r"|(?P<separator>\n)"
+)
+# Objects: green block\nAt white plate: red block\nInstruction: build a tower\nSteps:\n1. grasp green block\n2. ...
+_PARTS = re.compile(
+    r"^(?P<object>(?:Objects|At [^:\n]+): [^\n]+)|(?<=^Instruction: )(?P<instruction>[^\n]+)"
+    r"|^(?P<action>\d+\. [^\n]+)|(?P<separator>\n\n)",
+    re.MULTILINE,
+)
 # A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; 2 A w: +0 +0 +2 0; ...
 _ROW = r"(?P<action>\d+ (?:[A-Z]+ (?:ow|wo|[wo])|world|start):(?: [+-]\d+){3}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
 _OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ \w[\w .\-]*?(?: \d+){3,6})"
@@ -44,23 +57,17 @@ _OBJECT_FRAME = {
     "paper": re.compile(rf"{_ROW}|{_OBJECT}(?=; )|{_INSTRUCTION}|{_SEPARATOR}", re.MULTILINE | re.ASCII),
     "authors": re.compile(rf"{_ROW}|{_OBJECT}(?=; | >)|{_SEPARATOR}", re.MULTILINE | re.ASCII),
 }
+_OF_FORMAT = {KAT_FORMAT: _KAT, SUMS_FORMAT: _SUMS}
 
 
 def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Span, ...]:
     """`text`, a prompt or a reply, cut into spans that join to `text` again.
 
-    What does not look as the representation writes it is `plain`: of a representation without a pattern here, all.
+    What does not look as the representation writes it is `plain`.
     """
-    pattern = _pattern(representation, prompt_format)
-    return tuple(_cut(text, pattern)) if pattern else (Span("plain", text),)
-
-
-def _pattern(representation: str, prompt_format: str) -> re.Pattern[str] | None:
-    if prompt_format == KAT_FORMAT:
-        return _KAT
-    if representation in ("absolute", "action_tokens") and prompt_format in ("paper", "authors"):
-        return _LISTS
-    return _OBJECT_FRAME.get(prompt_format) if representation == "object_frame" else None
+    if representation == "object_frame":
+        return tuple(_cut(text, _OBJECT_FRAME.get(prompt_format, _LISTS)))
+    return tuple(_cut(text, _OF_FORMAT.get(prompt_format, _PARTS if representation == "parts" else _LISTS)))
 
 
 def _cut(text: str, pattern: re.Pattern[str]) -> Iterator[Span]:

@@ -41,6 +41,7 @@ class Services:
     store: Store
     models: ModelRegistry
     default_model: str
+    known: KnownReader
     upload_episode: UploadEpisode
     configure_task: ConfigureTask
     pose_servers: PoseServers
@@ -93,6 +94,7 @@ class Services:
             store=store,
             models=models,
             default_model=default_model,
+            known=known,
             upload_episode=UploadEpisode(store, pose_servers),
             configure_task=ConfigureTask(store, pose_servers, extract_at_once),
             pose_servers=pose_servers,

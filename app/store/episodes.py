@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, select, update
+from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, or_, select, update
 
 from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
@@ -58,10 +58,10 @@ def list_page(
     task: str | None = None,
     limit: int = 50,
     cursor: int | None = None,
-    instruction_contains: str = "",
+    containing: str = "",
     left_out: bool | None = None,
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case.
+    """Episodes, newest first, of one task or of all, whose instruction or note contains the text in any case.
 
     Args:
         left_out: only those that are, or are not; None for both.
@@ -69,8 +69,9 @@ def list_page(
     query = of_visible_tasks(select(*LISTED), _EPISODES.c.task, task)
     if left_out is not None:
         query = query.where(_EPISODES.c.left_out.is_(left_out))
-    if instruction_contains:
-        query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
+    if containing:
+        texts = (_EPISODES.c.instruction, _EPISODES.c.note)
+        query = query.where(or_(*(text.icontains(containing, autoescape=True) for text in texts)))
     return fetch_page(connection, _EPISODES, query, limit, cursor, record_of)
 
 

@@ -42,6 +42,7 @@ WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
 NOTHING = "\N{EN DASH}"
 _PART = re.compile(r"[^/_]+[/_]*|[/_]+")
+_ID = re.compile(r"\b([0-9a-f]{32})\b")
 _WHOLE = Markup('<span class="part">{}</span>')
 _EVALUATED = re.compile(r"(.+)\.eval-([0-9a-f]{6})", re.DOTALL)
 # Swagger UI sets style attributes; scripts come from this server only, none is inline.
@@ -148,6 +149,15 @@ def by_origin(names: Iterable[str]) -> tuple[list[str], list[str]]:
     return [name for name in listed if name not in evaluated], evaluated
 
 
+def linked(text: str, root: str) -> Markup:
+    """The text with each id of an episode as a link to its page; escaped."""
+    link = Markup('<a class="mono" href="{root}/ui/episodes/{id}">{short}</a>')
+    parts = _ID.split(text)
+    return Markup("").join(
+        link.format(root=root, id=part, short=part[:8]) if k % 2 else part for k, part in enumerate(parts)
+    )
+
+
 FILTERS: dict[str, Callable[..., Any]] = {
     "date": lambda moment: f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC",
     "number": "{:,}".format,
@@ -158,6 +168,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "breakable": lambda name: Markup("<wbr>").join(_WHOLE.format(part) for part in _PART.findall(name)),
     "share": lambda share: NOTHING if share is None else f"{100 * share:.0f}\N{NO-BREAK SPACE}%",
     "success_rate": success_rate,
+    "linked": linked,
     "plural": plural,
     "fate": {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}.__getitem__,
     "task": task_text,

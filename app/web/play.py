@@ -38,15 +38,15 @@ def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettin
         times_s: (T,) of the trajectory's frames.
     """
     chosen = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), MAX_MOMENTS)).round().astype(int))
-    joints, arm = trajectory.joint_positions_rad, None
-    if joints is not None and settings.arm is not None and joints.shape[1] == JOINTS:
-        arm = np.array([skeleton(joints[index]) for index in chosen]) + settings.robot_base
+    joints = None if trajectory.joint_positions_rad is None else trajectory.joint_positions_rad[chosen]
+    known = joints is not None and settings.arm is not None and joints.shape[1] == JOINTS
     return _document(
         times_s[chosen],
         trajectory.positions_m[chosen],
         trajectory.quaternions_xyzw[chosen],
         trajectory.gripper_open[chosen].tolist(),
-        arm,
+        joints,
+        np.array(settings.robot_base) if known else None,
     )
 
 
@@ -76,8 +76,8 @@ def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObje
     # The gripper acts where it arrives.
     reached = np.searchsorted(times_s, moments_s + 1e-9, side="right") - 1
     is_open = [bool(poses[index][2]) for index in reached]
-    arm = None if geometry is None else _arm(geometry, positions - base_m, quaternions)
-    document = _document(moments_s, positions, quaternions, is_open, None if arm is None else arm + base_m)
+    joints = None if geometry is None else _joints(geometry, positions - base_m, quaternions)
+    document = _document(moments_s, positions, quaternions, is_open, joints, base_m)
     return {**document, "marks_s": times_s[len(poses) - len(actions) :].round(3).tolist()}
 
 
@@ -91,28 +91,37 @@ def _arrivals_s(poses: Sequence[tuple[Array, Array, bool]]) -> Array:
     return np.array(times_s)
 
 
-def _arm(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
-    """(M, 9, 3) the arm at the first M poses, base frame: up to where it gets; None if not even to the first."""
+def _joints(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
+    """(M, 7) rad at the first M poses, base frame: up to where the arm gets; None if not even to the first."""
     found: list[Array] = []
     joints = geometry.ready_rad
     with suppress(MotionError):
         for position_m, quaternion in zip(positions_m, quaternions_xyzw, strict=True):
             joints = geometry.way(joints, position_m, quaternion)
-            found.append(skeleton(joints))
+            found.append(joints)
     return np.array(found) if found else None
 
 
 def _document(
-    times_s: Array, positions_m: Array, quaternions_xyzw: Array, is_open: list[bool], arm_m: Array | None
+    times_s: Array,
+    positions_m: Array,
+    quaternions_xyzw: Array,
+    is_open: list[bool],
+    joints_rad: Array | None,
+    base_m: Array | None,
 ) -> JsonObject:
-    spans_s = np.diff(times_s)
-    speeds = np.linalg.norm(np.diff(positions_m, axis=0), axis=1) / np.maximum(spans_s, 1e-6)
+    """`base_m` is that of an arm whose kinematics are known."""
+    speeds = np.linalg.norm(np.diff(positions_m, axis=0), axis=1) / np.maximum(np.diff(times_s), 1e-6)
+    arm_m = None
+    if joints_rad is not None and base_m is not None:
+        arm_m = np.array([skeleton(each) for each in joints_rad]) + base_m
     return {
         "times_s": times_s.round(3).tolist(),
         "positions": positions_m.round(4).tolist(),
         "quaternions": quaternions_xyzw.round(4).tolist(),
         "open": is_open,
         "speeds_m_s": np.append(speeds, speeds[-1:]).round(4).tolist() if len(speeds) else [0.0],
+        "joints": None if joints_rad is None else joints_rad.T.round(3).tolist(),
         "arm": None if arm_m is None else arm_m.round(3).tolist(),
     }
 

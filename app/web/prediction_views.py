@@ -1,7 +1,8 @@
-"""A recorded prediction with all that its page shows, two of them side by side, and success over time."""
+"""A recorded prediction with all that its page shows, several side by side, and success over time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, zip_longest
 from math import degrees, dist
 from typing import Any
@@ -11,12 +12,12 @@ from sqlalchemy import Connection
 from app.pipeline.deviation import ActionDeviation
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.success_rate import SuccessRate
-from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
+from app.services.predict.known import KnownReader
 from app.services.task_settings import TaskSettings
 from app.store import episodes, prediction_lists, predictions
 from app.store.prediction_lists import Configuration, Counts, Fate
-from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
+from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
@@ -79,7 +80,7 @@ class PredictionView:
     def _spans(self, text: str) -> tuple[Span, ...]:
         return prompt_spans(text, self.record.representation, self.record.prompt_format)
 
-    @property
+    @cached_property
     def actions(self) -> Sequence[tuple[JsonObject, ActionDeviation | None, Previewed]]:
         """Each action as clients get it, how it differs from the demonstrations', and its preview on the robot."""
         actions, deviations = self.record.actions or (), self.explanation.deviations
@@ -105,7 +106,7 @@ class PredictionView:
         return {**drawn, "ways": ways, "play": planned_motion(self.record, self.settings)}
 
 
-def view_prediction(connection: Connection, prediction_id: str) -> PredictionView:
+def view_prediction(connection: Connection, known: KnownReader, prediction_id: str) -> PredictionView:
     """The prediction of that id.
 
     Raises:
@@ -114,71 +115,60 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
     record = predictions.get(connection, prediction_id)
     settings = TaskSettings.of(connection, record.task)
     shown = episodes.by_ids(connection, record.task, record.demonstration_ids)
-    records = [
-        DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes, e.control_frequency_hz) for e in shown.values()
-    ]
-    demonstrations = Demonstrations.of(recordings_of(connection, records, settings))
+    demonstrations = known.demonstrations(connection, record.task, tuple(shown))
     return PredictionView(record, settings, shown, explain_prediction(record, demonstrations))
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A setting or cost of both; costs differ from run to run, which says nothing."""
+    """A setting or cost of each; costs differ from run to run, which says nothing."""
 
     name: str
-    one: Any
-    other: Any
+    values: Sequence[Any]
     is_cost: bool = False
 
     @property
     def differs(self) -> bool:
-        return bool(not self.is_cost and self.one != self.other)
+        return not self.is_cost and any(value != self.values[0] for value in self.values)
 
 
 @dataclass(frozen=True)
-class ActionPair:
-    """The actions at one place; None where one prediction has fewer.
+class Placed:
+    """A pose of one prediction, and how far it is from the first one's, where both have it."""
 
-    Attributes:
-        distance_m, turn_deg: between the two, None where one is missing.
-    """
-
-    one: JsonObject | None
-    other: JsonObject | None
-    distance_m: float | None = None
+    pose: JsonObject
+    away_m: float | None = None
     turn_deg: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Both, and what differs.
+    """Several predictions, and what differs; the first is what the others are compared with.
 
     Attributes:
         counts: the success of each one's configuration in its task.
-        distances_m: per object that both saw, how far apart it was.
-        same_prompt: whether the LLMs read the same text.
+        actions: for each place in the plan, what each prediction has there; None where it has fewer.
+        objects: by name, where each prediction saw it; None where it did not.
     """
 
-    views: tuple[PredictionView, PredictionView]
-    counts: tuple[Counts | None, Counts | None]
-    settings: tuple[Difference, ...]
-    actions: tuple[ActionPair, ...]
-    distances_m: dict[str, float]
-    same_prompt: bool
+    views: Sequence[PredictionView]
+    counts: Sequence[Counts | None]
+    settings: Sequence[Difference]
+    actions: Sequence[Sequence[Placed | None]]
+    objects: Mapping[str, Sequence[Placed | None]]
 
 
-def compare(connection: Connection, one: PredictionView, other: PredictionView) -> Comparison:
-    """The two predictions."""
-    first, second = one.record, other.record
-    places = {item.name: item.position_m for item in second.objects}
-    common = [item for item in first.objects if item.name in places]
+def compare(connection: Connection, views: Sequence[PredictionView]) -> Comparison:
+    """The predictions, side by side."""
+    records = [view.record for view in views]
+    seen = [{item.name: {"position": item.position_m} for item in record.objects} for record in records]
+    names = dict.fromkeys(name for objects in seen for name in objects)
     return Comparison(
-        (one, other),
-        (_counts_of(connection, first), _counts_of(connection, second)),
-        (*_differences(_settings(first), _settings(second)), *_differences(_costs(first), _costs(second), True)),
-        tuple(_pair(a, b) for a, b in zip_longest(first.actions or (), second.actions or ())),
-        {item.name: dist(item.position_m, places[item.name]) for item in common},
-        first.prompt_user == second.prompt_user,
+        views,
+        [_counts_of(connection, record) for record in records],
+        [*_differences(list(map(_settings, records))), *_differences(list(map(_costs, records)), are_costs=True)],
+        [_beside(poses) for poses in zip_longest(*(record.actions or () for record in records))],
+        {name: _beside([objects.get(name) for objects in seen]) for name in names},
     )
 
 
@@ -186,10 +176,10 @@ def _counts_of(connection: Connection, record: PredictionRecord) -> Counts | Non
     return prediction_lists.counts_by_configuration(connection, record.task).get(Configuration.of(record))
 
 
-def _differences(one: JsonObject, other: JsonObject, are_costs: bool = False) -> Iterator[Difference]:
-    for name in dict.fromkeys([*one, *other]):
+def _differences(documents: Sequence[JsonObject], are_costs: bool = False) -> Iterator[Difference]:
+    for name in dict.fromkeys(name for document in documents for name in document):
         text = name.replace("num_", "number of ").replace("_", " ")
-        yield Difference(text, one.get(name), other.get(name), are_costs)
+        yield Difference(text, [document.get(name) for document in documents], are_costs)
 
 
 def _settings(record: PredictionRecord) -> JsonObject:
@@ -208,11 +198,17 @@ def _costs(record: PredictionRecord) -> JsonObject:
     return {**tokens, "time of the LLM": None if llm_ms is None else f"{llm_ms:.0f} ms"}
 
 
-def _pair(one: JsonObject | None, other: JsonObject | None) -> ActionPair:
-    if one is None or other is None:
-        return ActionPair(one, other)
-    turn_rad = angle_between_rad(one["quaternion_xyzw"], other["quaternion_xyzw"])
-    return ActionPair(one, other, dist(one["position"], other["position"]), degrees(turn_rad))
+def _beside(poses: Sequence[JsonObject | None]) -> Sequence[Placed | None]:
+    first = poses[0]
+    return [None if pose is None else Placed(pose) if pose is first else _from(first, pose) for pose in poses]
+
+
+def _from(first: JsonObject | None, other: JsonObject) -> Placed:
+    if first is None:
+        return Placed(other)
+    turns = [pose["quaternion_xyzw"] for pose in (first, other) if "quaternion_xyzw" in pose]
+    turn_deg = degrees(angle_between_rad(*turns)) if turns else None
+    return Placed(other, dist(first["position"], other["position"]), turn_deg)
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ For `static/scene3d.js` a document of workspace, path, end-effector frames and o
 sent, a small drawing of the poses, of which the template makes SVG. Objects have the color that their names say.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import cycle, product
 from typing import Any
 
@@ -107,70 +106,41 @@ def _axes(quaternion_xyzw: Sequence[float]) -> Any:  # noqa: ANN401
     return Rotation.from_quat(quaternion_xyzw).as_matrix().T.tolist()
 
 
-@dataclass(frozen=True)
-class Face:
-    """A side of a box that is seen.
+def scene_picture(record: EpisodeRecord) -> JsonObject | None:
+    """A small drawing of an episode's first frame and the way through its keyframes; None where there is no object.
 
-    Attributes:
-        points: as SVG writes them.
-        shade: 0 for the brightest.
+    Of the rectangle under the objects, the sides of objects and the way it has the points as SVG writes them; a side
+    has a color and a shade (0 is the brightest); a keyframe has x, y and whether the gripper is open.
     """
-
-    points: str
-    color: str
-    shade: int
-
-
-@dataclass(frozen=True)
-class ScenePicture:
-    """What the template draws.
-
-    Attributes:
-        ground: corners of a rectangle under the objects, as SVG writes points; so is `path`.
-        keyframes: (x, y, whether the gripper is open) of each.
-    """
-
-    ground: str
-    faces: tuple[Face, ...]
-    path: str
-    keyframes: tuple[tuple[float, float, bool], ...]
-
-
-def scene_picture(record: EpisodeRecord) -> ScenePicture | None:
-    """The objects of an episode's first frame and the way through its keyframes; None where there is no object."""
-    objects = record.objects
-    if not objects:
+    if not (objects := record.objects):
         return None
     way = np.array([item.position_m for item in record.keyframes]).reshape(-1, 3)
     places_m = np.array([item.position_m for item in objects])
     (left, front, _), (right, back, _) = places_m.min(axis=0) - 1.6 * BOX_M, places_m.max(axis=0) + 1.6 * BOX_M
     under = places_m[:, 2].min() - BOX_M / 2
     ground = np.array([(left, front, under), (right, front, under), (right, back, under), (left, back, under)])
-    to_page = _Fit(np.vstack([ground, way]))
+    to_page = _fit(np.vstack([ground, way]))
     colors = object_colors(item.name for item in objects)
     ordered = sorted(objects, key=lambda item: float(np.dot(item.position_m, _TOWARDS)))
-    faces = tuple(face for item in ordered for face in _box(item, colors[item.name], to_page))
-    ends = [(float(x), float(y), k.gripper_open) for (x, y), k in zip(to_page(way), record.keyframes, strict=True)]
-    return ScenePicture(to_page.text(ground), faces, to_page.text(way), tuple(ends))
+    return {
+        "ground": _text(to_page(ground)),
+        "faces": [(_text(to_page(side)), colors[item.name], shade) for item in ordered for side, shade in _sides(item)],
+        "path": _text(to_page(way)),
+        "keyframes": [(x, y, k.gripper_open) for (x, y), k in zip(to_page(way), record.keyframes, strict=True)],
+    }
 
 
-class _Fit:
-    """World -> page, so that all the points of (N, 3) in meters are seen."""
+def _fit(points_m: Array) -> Callable[[Array], Array]:
+    """World -> page, x to the right and y down, so that all the points of (N, 3) in meters are seen."""
+    flat = _flat(points_m)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
+    scale = (room / np.maximum(high - low, MIN_M * np.array([1.0, HEIGHT / WIDTH]))).min()
+    return lambda points: (np.array([WIDTH, HEIGHT]) / 2 + (_flat(points) - (low + high) / 2) * scale).round(1)
 
-    def __init__(self, points_m: Array) -> None:
-        flat = _flat(points_m)
-        low, high = flat.min(axis=0), flat.max(axis=0)
-        room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
-        self._center = (low + high) / 2
-        self._scale = float((room / np.maximum(high - low, MIN_M * np.array([1.0, HEIGHT / WIDTH]))).min())
 
-    def __call__(self, points_m: Array) -> Array:
-        """(N, 2), x to the right and y down."""
-        page: Array = np.array([WIDTH, HEIGHT]) / 2 + (_flat(points_m) - self._center) * self._scale
-        return page.round(1)
-
-    def text(self, points_m: Array) -> str:
-        return " ".join(f"{x:g},{y:g}" for x, y in self(points_m))
+def _text(points: Array) -> str:
+    return " ".join(f"{x:g},{y:g}" for x, y in points)
 
 
 def _flat(points_m: Array) -> Array:
@@ -178,16 +148,12 @@ def _flat(points_m: Array) -> Array:
     return flat
 
 
-def _box(item: ObjectRecord, color: str, to_page: _Fit) -> list[Face]:
-    """Its sides that face the viewer, the upper one brightest."""
+def _sides(item: ObjectRecord) -> Iterator[tuple[Array, int]]:
+    """Yield the corners of the sides of its box that face the viewer, and their shade."""
     turn = np.eye(3) if item.quaternion_xyzw is None else Rotation.from_quat(item.quaternion_xyzw).as_matrix()
-    faces = []
     for axis, sign in product(range(3), (-1, 1)):
         normal = sign * turn[:, axis]
-        if normal @ _TOWARDS <= 0:
-            continue
-        around = _CORNERS[_CORNERS[:, axis] * sign > 0][[0, 1, 3, 2]]
-        corners = np.array(item.position_m) + BOX_M * around @ turn.T
-        shade = 0 if normal[2] > abs(normal[:2]).max() else 1 if normal @ _RIGHT > 0 else 2
-        faces.append(Face(to_page.text(corners), color, shade))
-    return faces
+        if normal @ _TOWARDS > 0:
+            around = _CORNERS[_CORNERS[:, axis] * sign > 0][[0, 1, 3, 2]]
+            shade = 0 if normal[2] > abs(normal[:2]).max() else 1 if normal @ _RIGHT > 0 else 2
+            yield np.array(item.position_m) + BOX_M * around @ turn.T, shade

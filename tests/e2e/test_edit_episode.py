@@ -123,6 +123,8 @@ def test_an_export_has_what_was_corrected_and_the_key_of_the_first_upload(http, 
     exported = parcel()
     assert (exported.metadata["instruction"], exported.metadata["left_out"]) == ("lift the cube", True)
     assert exported.key == key
+    noted = http.get("/episodes", params={"task": "edited", "q": "SLOW"}).json()["episodes"]
+    assert [item["id"] for item in noted] == [taught[0]]
     document = {**exported.metadata, "task": "copied"}
     answer = http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory(PLACES_M[0])))))
     assert answer.status_code == 201, answer.text

@@ -6,14 +6,14 @@ from hypothesis import strategies as st
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
-from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
+from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec, formats_of
 from app.pipeline.representation.anchors import Frame
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
-COLORED = [name for name in REPRESENTATIONS if name != "parts"]
-FORMATS = [(representation, form) for representation in COLORED for form in PROMPT_FORMATS]
+STYLES = [(representation, form) for representation in REPRESENTATIONS for form in formats_of(representation)]
+FORMATS = [(name, form) for name, form in STYLES if name != "parts" and form in PROMPT_FORMATS]
 DOWN = [1.0, 0.0, 0.0, 0.0]
 LEVEL = [0.0, 0.0, 0.0, 1.0]
 # what looks like structure: digits in names, an apostrophe, a quotation, an instruction that ends like an object
@@ -87,7 +87,34 @@ def test_what_is_no_row_stays_plain():
     assert {span.kind for span in spans} == {"plain"}
 
 
-@given(st.text(alphabet="ab'{}[]<>;:, \n019+-w", max_size=60) | st.text(), st.sampled_from(FORMATS))
+def test_rows_that_are_sums():
+    prompt, (reply, _) = prompt_and_actions("absolute", "sums", INSTRUCTIONS[1])
+    spans = prompt_spans(prompt, "absolute", "sums")
+    assert len(texts(spans, "object")) == 3 * 3
+    assert texts(spans, "instruction") == [f"'{INSTRUCTIONS[1]}'"] * 3
+    assert len(texts(spans, "action")) == 2 * 3
+    assert len(texts(spans, "separator")) == 2
+    assert texts(spans, "action")[:3] == texts(prompt_spans(reply, "absolute", "sums"), "action")
+
+
+def test_a_step_of_sums_belongs_to_its_object():
+    drawer, row = "'drawer': [60,51,6,36,36,18] a(+0 +11 +6) b(+0 +1 +6 0)", "1 drawer a +0 +11 +6: [60+0=60,1]"
+    spans = prompt_spans(f"{{{drawer}, 'open it'}}>open it [{row}]", "absolute", "sums")
+    assert texts(spans, "object") == [drawer]
+    assert texts(spans, "action") == [row]
+
+
+def test_the_steps_of_parts():
+    parts = "Objects: green block\nAt plate 2: red block, cup\nInstruction: build it: 2 high\nSteps:"
+    steps = "1. grasp green block\n2. release 2 plate 2"
+    spans = prompt_spans(f"{parts}\n{steps}\n\nObjects: cup\nSteps:", "parts", "paper")
+    assert texts(spans, "object") == ["Objects: green block", "At plate 2: red block, cup", "Objects: cup"]
+    assert texts(spans, "instruction") == ["build it: 2 high"]
+    assert texts(spans, "action") == ["1. grasp green block", "2. release 2 plate 2"]
+    assert texts(spans, "separator") == ["\n\n"]
+
+
+@given(st.text(alphabet="ab'{}[]<>;:, \n019+-w", max_size=60) | st.text(), st.sampled_from(STYLES))
 def test_nothing_is_lost_or_repeated(text, style):
     assert "".join(span.text for span in prompt_spans(text, *style)) == text
 

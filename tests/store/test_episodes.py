@@ -88,9 +88,9 @@ def test_instructions_are_searched_as_they_are_written(store):
     upload(store, episode_draft(instruction="fill it to 1000"))
     with store.read() as connection:
         for text in ("100%", "FILL IT TO 100%"):
-            found = episodes.list_page(connection, instruction_contains=text)
+            found = episodes.list_page(connection, containing=text)
             assert [episode.id for episode in found.items] == [wanted.id]
-        assert not episodes.list_page(connection, "other", instruction_contains="fill").items
+        assert not episodes.list_page(connection, "other", containing="fill").items
 
 
 def pages_of(store, limit, task):

@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
-from tests.web.conftest import PLACES_M, teach, until, until_pictures_are_there
+from tests.web.conftest import PLACES_M, teach, until
 
 
 def see_the_plot(page):
@@ -122,16 +122,6 @@ def test_long_lists_are_cut_short(http):
     assert "Only the first 300" in answer["html"]
 
 
-def test_an_image_that_cannot_be_read_says_why(page, http, data_folder):
-    page.expected_refusals = [500, 500]
-    id_ = teach(http, "damaged", PLACES_M[0], hue=77)["id"]
-    max((data_folder / "blobs").rglob("*"), key=lambda path: path.stat().st_mtime_ns * path.is_file()).write_bytes(b"")
-    page.goto(f"/ui/episodes/{id_}")
-    expect(page.get_by_role("alert")).to_contain_text("Stored data is damaged")
-    until_pictures_are_there(page)
-    http.delete(f"/episodes/{id_}")
-
-
 def test_older_and_newer_ones_are_a_click_away(page, seeded):
     page.goto(f"/ui/episodes/{seeded[1]['id']}")
     page.get_by_role("link", name="Older").click()
@@ -216,16 +206,17 @@ def test_a_recording_plays_and_is_gone_through_by_keyboard(page, episode):
 
 
 def test_the_text_is_that_of_the_prompt(page, episode, http):
-    usual = page.locator("details[open] pre").inner_text()
+    page.locator("#text").scroll_into_view_if_needed()
+    usual = page.locator("#text details[open] pre").inner_text()
     body = {"task": "pick", "instruction": "pick up the cube", "dry_run": True}
     body["objects"] = [{"name": "cube", "position": PLACES_M[3]}]
     assert http.post("/predict", json=body).json()["prompt"]["user"].startswith(usual.strip())
     assert (
-        page.locator("details[open] .action").first.evaluate("part => getComputedStyle(part).color")
+        page.locator("#text details[open] .action").first.evaluate("part => getComputedStyle(part).color")
         == "rgb(0, 90, 156)"
     )
     page.get_by_text("object_frame, format paper").click()
-    expect(page.locator("details").nth(1).locator(".object").first).to_be_visible()
+    expect(page.locator("#text details").nth(1).locator(".object").first).to_be_visible()
 
 
 def test_it_is_deleted_from_its_page(page, http):
@@ -245,6 +236,7 @@ def test_it_is_useful_without_scripts(browser, url, seeded):
     plain.get_by_role("button", name="Show").click()
     expect(plain.locator("#table [role=status]")).to_contain_text("new")
     assert "rule=uniform" in plain.url
+    plain.get_by_role("link", name="Its text").click()
     expect(plain.locator("details[open] pre")).to_contain_text("pick up the cube")
     context.close()
 

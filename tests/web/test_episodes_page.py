@@ -41,12 +41,12 @@ def test_older_ones_follow(page, many):
 def test_instructions_are_searched(page, many):
     page.goto("/ui/episodes")
     page.get_by_label("Task").select_option("many")
-    page.get_by_label("Instruction contains").fill("100% COTTON")
+    page.get_by_label("Instruction or note contains").fill("100% COTTON")
     page.get_by_role("button", name="Filter").click()
     expect(page.locator("tbody tr")).to_have_count(1)
-    page.get_by_label("Instruction contains").fill("cotton <b>")
+    page.get_by_label("Instruction or note contains").fill("cotton <b>")
     page.keyboard.press("Enter")
-    expect(page.locator(".empty")).to_contain_text("No instruction of many contains “cotton <b>”")
+    expect(page.locator(".empty")).to_contain_text("Nothing of many contains “cotton <b>”")
 
 
 def test_deletion_asks_first(page, http):

@@ -22,21 +22,21 @@ def test_everything_lies_on_the_page(far_m):
     places_m = ((0.3, 0.0, 0.8 + far_m), (0.3, far_m, 0.8))
     keyframes = tuple(SimpleNamespace(position_m=place_m, gripper_open=True) for place_m in places_m)
     picture = scene_picture(SimpleNamespace(objects=cubes, keyframes=keyframes))
-    drawn = [points(text) for text in (picture.ground, picture.path, *(face.points for face in picture.faces))]
+    drawn = [points(text) for text in (picture["ground"], picture["path"], *(side for side, _, _ in picture["faces"]))]
     assert np.vstack(drawn).min() >= 0
     assert (np.vstack(drawn) <= (WIDTH, HEIGHT)).all()
-    assert np.allclose(points(picture.path), [(x, y) for x, y, _ in picture.keyframes])
+    assert np.allclose(points(picture["path"]), [(x, y) for x, y, _ in picture["keyframes"]])
 
 
 def test_a_box_shows_three_sides_and_the_nearer_one_comes_last():
     far, near = ObjectRecord("far", (0.2, 0.2, 0.8)), ObjectRecord("near", (0.5, -0.2, 0.8))
-    picture = scene_picture(SimpleNamespace(objects=(near, far), keyframes=()))
-    assert [face.shade for face in picture.faces].count(0) == 2
-    assert len(picture.faces) == 6
+    faces = scene_picture(SimpleNamespace(objects=(near, far), keyframes=()))["faces"]
+    assert [shade for _, _, shade in faces].count(0) == 2
+    assert len(faces) == 6
     colors = object_colors(["near", "far"])
-    assert [face.color for face in picture.faces] == [colors["far"]] * 3 + [colors["near"]] * 3
+    assert [color for _, color, _ in faces] == [colors["far"]] * 3 + [colors["near"]] * 3
     # x points to the lower right of the viewer's page: what is nearer lies lower
-    assert points(picture.faces[-1].points)[:, 1].mean() > points(picture.faces[0].points)[:, 1].mean()
+    assert points(faces[-1][0])[:, 1].mean() > points(faces[0][0])[:, 1].mean()
 
 
 def test_nothing_is_drawn_of_nothing():

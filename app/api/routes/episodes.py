@@ -106,6 +106,9 @@ def list_episodes(
     left_out: Annotated[
         bool | None, Query(description="true: only episodes that are left out of prompts; false: only the others")
     ] = None,
+    containing: Annotated[
+        str, Query(alias="q", max_length=500, description="only with this text in the instruction or the note")
+    ] = "",
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Response:
@@ -113,7 +116,7 @@ def list_episodes(
     with services.store.read() as connection:
         if task is not None:
             tasks.get(connection, task)
-        page = episodes.list_page(connection, task, limit, cursor, left_out=left_out)
+        page = episodes.list_page(connection, task, limit, cursor, containing, left_out)
         known = {name: TaskSettings.of(connection, name) for name in {record.task for record in page.items}}
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})

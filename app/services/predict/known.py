@@ -1,7 +1,9 @@
 """What is known of a request: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
@@ -127,6 +129,14 @@ class KnownReader:
         with timed("poses"):
             check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
             return (task.settings, task.object_names), observed(request, task, settings, blobs)
+
+    def demonstrations(self, connection: Connection, task_name: str, ids: Sequence[str]) -> Demonstrations:
+        """Return stored episodes of the task as its present settings read them.
+
+        Raises:
+            NotFoundError: for an unknown task, or an id that is no episode of it.
+        """
+        return TaskReading(connection, task_name, self._caches).demonstrations(tuple(ids))
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.

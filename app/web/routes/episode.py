@@ -1,6 +1,6 @@
 """One episode: what was recorded, what was made of it, and what another keyframe rule would find.
 
-It is also shown as the LLM reads it, in each representation; and an object of it is taught by clicks in its pictures.
+It is also shown as the LLM reads it, in each representation; an object of it is taught by clicks in its pictures.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,6 @@ from app.api.documents import episode_document
 from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.episode import stretches
 from app.pipeline.keyframes import Motion, Rule
 from app.pipeline.representation import usual_format
 from app.services.container import Services
@@ -67,25 +66,12 @@ def _recording(services: Services, episode_id: str) -> _Recording:
 
 
 @router.get("/ui/episodes/{episode_id}")
-def episode_page(
-    request: Request,
-    services: Wired,
-    episode_id: str,
-    rule: str | None = None,
-    delta_rad_s: float | None = None,
-    interval: int | None = None,
-    tolerance_m: float | None = None,
-    tolerance_deg: float | None = None,
-    applied: bool = False,
-) -> Response:
-    """The episode; with a rule, what that would change."""
+def episode_page(request: Request, services: Wired, episode_id: str, applied: bool = False) -> Response:
+    """The episode; with the fields of a keyframe rule, what that would change."""
     recording = _recording(services, episode_id)
-    asked = {"rule": rule, "delta_rad_s": delta_rad_s, "interval": interval}
-    asked |= {"tolerance_m": tolerance_m, "tolerance_deg": tolerance_deg}
-    named = {name: value for name, value in asked.items() if value is not None}
     current = recording.settings.keyframes
+    named = {name: value for name, value in request.query_params.items() if name in KeyframeSettings.model_fields}
     shown = recording.preview(KeyframeSettings.model_validate({**current.model_dump(), **named}))
-    texts, about_texts = _texts(services, recording)
     with services.store.read() as connection:
         num_episodes = tasks.counts(connection)[recording.task.name].episodes
         older, newer = episodes.neighbors(connection, recording.record)
@@ -101,10 +87,16 @@ def episode_page(
         num_episodes=num_episodes,
         older=older,
         newer=newer,
-        texts=texts,
-        about_texts=about_texts,
         applied=applied,
     )
+
+
+@router.get("/ui/episodes/{episode_id}/texts")
+def episode_as_text(request: Request, services: Wired, episode_id: str) -> Response:
+    """As the LLM reads it: apart, because it takes seconds to align the task's demonstrations."""
+    recording = _recording(services, episode_id)
+    texts, about = _texts(services, recording)
+    return render(request, "episode_texts.html", episode=recording.record, texts=texts, about=about)
 
 
 @documents.get("/ui/episodes/{episode_id}/motion")
@@ -112,19 +104,14 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     """Speeds and gripper over time, and the scene without keyframes."""
     recording = _recording(services, episode_id)
     times_s, trajectory = recording.motion.times_s, recording.motion.trajectory
-    by_gripper = stretches(trajectory.gripper_open)
-    ends_s = np.append(times_s, times_s[-1])
-    ways_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
     shown = scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m)
     if any(camera.has_rgbd for camera in recording.record.cameras):
         shown["points"] = f"/ui/episodes/{episode_id}/points"
     document: JsonObject = {
         "has_joints": trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
-        "hand_m_s": np.append(ways_m / np.diff(times_s), 0.0).round(5).tolist(),
         "speed_rad_s": recording.motion.joint_speeds_rad_s.round(5).tolist(),
         "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
-        "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
         "scene": shown,
         "play": recorded_motion(trajectory, times_s, recording.settings)
         | {"marks_s": [round(float(times_s[item.index]), 3) for item in recording.record.keyframes]},

@@ -1,7 +1,6 @@
 """What runs now, in every process of the service."""
 
 import time
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -14,7 +13,6 @@ from app.api.routes import Wired
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.store import jobs, prediction_lists, runs
-from app.store.processes import UnderWay
 from app.store.records import JobRecord
 from app.store.runs import RunRecord
 from app.store.values import JsonObject
@@ -27,25 +25,6 @@ from roboprompt_client.arms.panda import skeleton
 NUM_JOBS = 10  # the newest
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
-
-
-@dataclass(frozen=True)
-class Running:
-    """A prediction that an LLM is working at.
-
-    Attributes:
-        usual_s: how long its model takes for the median of its latest answers; None if it has none.
-    """
-
-    note: UnderWay
-    elapsed_s: float
-    usual_s: float | None
-
-    @property
-    def left_s(self) -> float | None:
-        """Seconds that it will still take if it takes as long as usual; None where that is unknown or has passed."""
-        left_s = None if self.usual_s is None else self.usual_s - self.elapsed_s
-        return left_s if left_s is not None and left_s > 0 else None
 
 
 def job_left_s(record: JobRecord) -> float | None:
@@ -101,14 +80,15 @@ def _run(connection: Connection, record: RunRecord) -> JsonObject:
     }
 
 
-def _now(services: Services) -> tuple[list[Running], list[tuple[JobRecord, float | None]]]:
+def _now(services: Services) -> tuple[list[JsonObject], list[tuple[JobRecord, float | None]]]:
+    """Predictions under way, with the median time of their models' latest answers; the newest re-extractions."""
     notes = [note for note in services.store.under_way.all() if present().has_task(note.task)]
     with services.store.read() as connection:
         latest = jobs.list_page(connection, limit=NUM_JOBS).items
         usual_ms = {model: prediction_lists.usual_llm_ms(connection, model) for model in {note.model for note in notes}}
     running = []
     for note in notes:
-        milliseconds = usual_ms[note.model]
-        usual_s = None if milliseconds is None else milliseconds / 1000
-        running.append(Running(note, time.time() - note.started_s, usual_s))
+        elapsed_s, usual_s = time.time() - note.started_s, (usual_ms[note.model] or 0) / 1000
+        left_s = usual_s - elapsed_s if usual_s > elapsed_s else None
+        running.append({"note": note, "elapsed_s": elapsed_s, "usual_s": usual_s, "left_s": left_s})
     return running, [(record, job_left_s(record)) for record in latest]

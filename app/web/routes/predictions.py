@@ -1,4 +1,4 @@
-"""What was predicted and how it went: the list, one prediction, two side by side, configurations."""
+"""What was predicted and how it went: the list, one prediction, several side by side, configurations."""
 
 import re
 from typing import Annotated, Literal
@@ -17,6 +17,7 @@ from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
 
 PAGE_SIZE = 50
+MAX_COMPARED = 8
 NUM_OTHERS = 20  # to compare with
 _CURSOR = re.compile(r"(\d{1,2})\.(\d{1,18})", re.ASCII)
 Text = Annotated[str, Query(max_length=200)]
@@ -70,6 +71,7 @@ def predictions_page(
         models=[name for name in models if name not in YARDSTICKS],
         measures=[name for name in models if name in YARDSTICKS],
         yardsticks=yardsticks,
+        most_compared=MAX_COMPARED,
         fates=FATES,
     )
 
@@ -109,12 +111,12 @@ def configurations_page(
 def compare_page(
     request: Request, services: Wired, ids: Annotated[list[str] | None, Query(alias="id")] = None
 ) -> Response:
-    """Two predictions and their configurations side by side."""
-    if ids is None or len(ids) != 2 or ids[0] == ids[1]:
-        raise InvalidInputError("id", "does not name two different predictions", "?id=ONE&id=OTHER")
+    """Predictions and their configurations side by side."""
+    if ids is None or not 2 <= len(ids) <= MAX_COMPARED or len(set(ids)) < len(ids):
+        valid = f"?id=ONE&id=OTHER, at most {MAX_COMPARED}"
+        raise InvalidInputError("id", f"does not name 2 to {MAX_COMPARED} different predictions", valid)
     with services.store.read() as connection:
-        one, other = (view_prediction(connection, id_) for id_ in ids)
-        compared = compare(connection, one, other)
+        compared = compare(connection, [view_prediction(connection, services.known, id_) for id_ in ids])
     return render(request, "compare.html", compared=compared)
 
 
@@ -122,7 +124,7 @@ def compare_page(
 def prediction_page(request: Request, services: Wired, prediction_id: str) -> Response:
     """One prediction: what was asked, what came, what deserves a look."""
     with services.store.read() as connection:
-        view = view_prediction(connection, prediction_id)
+        view = view_prediction(connection, services.known, prediction_id)
         of_task = PredictionFilter(task=view.record.task)
         others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
         is_case = predictions.is_case(connection, prediction_id)
@@ -134,7 +136,7 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
 def prediction_result(request: Request, services: Wired, prediction_id: str) -> Response:
     """The parts of the page that tell the result, and the scene."""
     with services.store.read() as connection:
-        view = view_prediction(connection, prediction_id)
+        view = view_prediction(connection, services.known, prediction_id)
     root = request.scope.get("root_path", "")
     verdict, html = (render_part(f"prediction_{part}.html", view=view, root=root) for part in ("verdict", "result"))
     return JSONResponse({"verdict": verdict, "html": html, "scene": view.scene}, headers=HEADERS)

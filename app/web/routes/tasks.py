@@ -39,17 +39,14 @@ class TaskRow:
         counts: of all its predictions.
         of_models: the same without baselines (yardsticks).
         newest: its newest episode, if it has one, whose picture stands for it.
+        evaluated: whether an evaluation taught it.
     """
 
     record: TaskRecord
     counts: TaskCounts
     of_models: TaskCounts
     newest: EpisodeRecord | None
-
-    @property
-    def evaluated(self) -> bool:
-        """Whether an evaluation taught it."""
-        return is_evaluated(self.record.name)
+    evaluated: bool
 
 
 @router.get("/ui/tasks")
@@ -63,7 +60,7 @@ def tasks_page(
         newest = episodes.newest_by_task(connection)
         records = tasks.list_all(connection)
     rows = [
-        TaskRow(record, counts[name], of_models[name], newest.get(name))
+        TaskRow(record, counts[name], of_models[name], newest.get(name), is_evaluated(name))
         for record in records
         if _contains(record, containing) and (name := record.name)
     ]

@@ -22,15 +22,6 @@ export function data(id) {
   return JSON.parse(byId(id).textContent);
 }
 
-/** `run` called once `wait_ms` after the last call. */
-export function debounced(run, wait_ms) {
-  let timer;
-  return (...values) => {
-    clearTimeout(timer);
-    timer = setTimeout(() => run(...values), wait_ms);
-  };
-}
-
 /** Put a box into `place` that says `text`; kind: "busy", "good" or "bad". Screen readers announce it. */
 export function say(place, kind, text) {
   const spinner = kind === "busy" ? [element("span", { className: "spinner", ariaHidden: "true" }), " "] : [];

@@ -1,7 +1,7 @@
 // One episode: plots, the keyframe rule tried out and applied, deletion.
 
 import { call, root, send } from "./api.js";
-import { attempt, byId, confirmed, data, debounced, element, say, sayProblem } from "./dom.js";
+import { attempt, byId, confirmed, data, element, say, sayProblem } from "./dom.js";
 import { deleted } from "./episodes.js";
 import { drawMotion } from "./motion_plot.js";
 import { mountPlayer } from "./player.js";
@@ -17,6 +17,7 @@ const motion = call(`/ui/episodes/${episode}/motion`);
 let preview = data("preview");
 let marked = null; // the keyframes of the player that is there
 let asked = new AbortController();
+let waiting;
 
 /** The rule that the form says, with all its numbers. */
 function chosenRule() {
@@ -58,7 +59,7 @@ const drawSpace = () =>
   });
 
 /** Ask what the rule would find; the service's own rule, so that it is what applying it gives. */
-const look = debounced(async () => {
+async function look() {
   if (!form.checkValidity()) return;
   asked.abort();
   asked = new AbortController();
@@ -74,13 +75,14 @@ const look = debounced(async () => {
   history.replaceState(null, "", isChanged() ? `?${query}` : location.pathname);
   drawSpeed();
   drawSpace();
-}, PAUSE_MS);
+}
 
 function changed() {
   arrange();
   if (!form.checkValidity()) return;
   drawSpeed();
-  look();
+  clearTimeout(waiting);
+  waiting = setTimeout(look, PAUSE_MS);
 }
 
 form.addEventListener("submit", (event) => event.preventDefault());
@@ -121,21 +123,19 @@ byId("correct").addEventListener("submit", async (event) => {
   });
 });
 
-/** Say why an image cannot be shown. */
-async function explain(image) {
-  try {
-    await send(new URL(image.src).pathname.slice(root.length));
-  } catch (error) {
-    const place = element("div");
-    image.replaceWith(place);
-    sayProblem(place, error);
-  }
-}
+/** Its texts take the service seconds: they are fetched as soon as a person gets near to them. */
+const texts = new IntersectionObserver(([{ isIntersecting, target }]) => {
+  if (!isIntersecting) return;
+  texts.disconnect();
+  const place = element("div", { className: "note" }, element("span", { className: "spinner" }), " Aligning the task's demonstrations…");
+  target.append(place);
+  attempt(place, async () => {
+    const page = await (await send(`/ui/episodes/${episode}/texts`)).text();
+    target.replaceWith(new DOMParser().parseFromString(page, "text/html").getElementById("text"));
+  });
+});
+texts.observe(byId("text"));
 
-for (const image of document.querySelectorAll(".cameras img")) {
-  if (image.complete && !image.naturalWidth) explain(image);
-  else image.addEventListener("error", () => explain(image));
-}
 followNumber();
 arrange();
 drawSpeed();

@@ -1,4 +1,4 @@
-// Plays a motion (app/web/play.py) in the 3D view: buttons, a timeline of height, speed and gripper, and the keyboard.
+// Plays a motion (app/web/play.py) in the 3D view: buttons, a timeline of its curves, and the keyboard.
 
 import { element } from "./dom.js";
 import { axesOf, drawScene, showMoment } from "./scene3d.js";
@@ -6,6 +6,7 @@ import { drawTimeline } from "./timeline.js";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const STEP_S = 0.1;
+const WORDS_MS = 100; // between readings while it plays
 const players = new WeakMap();
 
 /** Draw `scene` into `view`, and add a player of its motion, if it has one. */
@@ -14,10 +15,10 @@ export function showMotion(view, scene) {
   mountPlayer(view, scene.play);
 }
 
-/** Let each of two players follow the other. */
-export function link(one, other) {
-  const [first, second] = [players.get(one), players.get(other)];
-  if (first && second) [first.partner, second.partner] = [second, first];
+/** Let the players of these views follow each other. */
+export function link(views) {
+  const linked = [...views].map((view) => players.get(view)).filter(Boolean);
+  for (const player of linked) player.partners = linked.filter((other) => other !== player);
 }
 
 /** Play another motion in the same view, faintly, from mark to mark as the first goes; null: no more. */
@@ -35,13 +36,12 @@ export function mountPlayer(view, motion, marks_s = motion?.marks_s ?? []) {
   const player = new Player(view, motion, marks_s);
   players.set(view, player);
   view.after(player.place);
-  player.seek(0);
 }
 
 class Player {
   constructor(view, motion, marks_s) {
     [this.view, this.motion, this.marks_s, this.end_s] = [view, motion, marks_s, motion.times_s.at(-1)];
-    [this.time_s, this.speed, this.playing, this.partner, this.beside] = [0, 1, false, null, null];
+    [this.time_s, this.written_ms, this.speed, this.playing, this.partners, this.beside] = [0, 0, 1, false, [], null];
     this.toggle = element("button", { type: "button", className: "play" });
     this.scrubber = element("input", { type: "range", min: 0, max: this.end_s, step: 0.01, ariaLabel: "Moment of the motion" });
     this.clock = element("span", { className: "mono clock" });
@@ -85,6 +85,7 @@ class Player {
     this.playing = on;
     this.toggle.textContent = on ? "Pause" : "Play";
     if (on) this.next(performance.now());
+    else this.seek(this.time_s);
   }
 
   next(before_ms) {
@@ -96,16 +97,21 @@ class Player {
     });
   }
 
-  seek(time_s, led = false) {
+  seek(time_s, led = false, playing = this.playing) {
     this.time_s = Math.min(this.end_s, Math.max(0, time_s));
-    if (!led) this.partner?.seek((this.time_s / this.end_s) * this.partner.end_s, true);
+    if (!led) for (const other of this.partners) other.seek((this.time_s / this.end_s) * other.end_s, true, playing);
     const moment = momentOf(this.motion, this.time_s);
     showMoment(this.view, moment, this.beside && momentOf(this.beside, this.timeBeside()));
+    this.timeline.at(this.time_s);
+    // Words that change faster than people read them only cost frames.
+    const now_ms = performance.now();
+    if (playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;
+    this.written_ms = now_ms;
     this.scrubber.value = this.time_s;
     const said = `${this.time_s.toFixed(2)} of ${this.end_s.toFixed(2)} s`;
     this.clock.textContent = said;
     this.scrubber.setAttribute("aria-valuetext", `${said}, gripper ${moment.open ? "open" : "closed"}`);
-    this.timeline.at(this.time_s);
+    this.timeline.read(moment.index);
   }
 
   /** Where the motion beside is: as far from mark to mark as this one, or as a whole if their marks differ in number. */
@@ -139,10 +145,12 @@ function momentOf({ times_s, positions, quaternions, open, arm }, time_s) {
   const mixed = mix(turn, same ? next : next.map((value) => -value), share);
   const length = Math.hypot(...mixed);
   const links = arm?.[low] && arm[high] ? arm[low].map((point, k) => mix(point, arm[high][k], share)) : null;
+  const nearest = share === 1 ? high : low;
   return {
+    index: nearest,
     position: mix(positions[low], positions[high], share),
     axes: axesOf(mixed.map((value) => value / length)),
-    open: open[share === 1 ? high : low],
+    open: open[nearest],
     arm: links,
   };
 }

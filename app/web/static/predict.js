@@ -5,7 +5,7 @@ import { attempt, byId, element, say, sayProblem } from "./dom.js";
 import { events } from "./events.js";
 import { listenForOutcome } from "./outcome.js";
 import { mountPlayer, showMotion } from "./player.js";
-import { chosenImages, listCameras, requestOf, showKind, takeImages, takePoses } from "./predict_scene.js";
+import { chosenImages, listCameras, requestOf, showKind, takeImages, takePoses, watch } from "./predict_scene.js";
 import { axesOf, drawScene } from "./scene3d.js";
 
 const TICK_MS = 100;
@@ -182,6 +182,7 @@ byId("files").addEventListener("change", chosenImages);
 byId("cameras").addEventListener("change", listCameras);
 listCameras();
 showKind(form);
+watch(form);
 // Another task is another form. The choice keeps the focus, so that arrow keys go on through the list.
 byId("task").addEventListener("change", () => {
   sessionStorage.setItem("chosen", "task");

@@ -9,12 +9,23 @@ const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "
 const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "num_samples", "temperature"];
 const taken = new Map(); // images taken from an episode, by the name of their part
 
+const edited = new Set(); // fields that a person changed since an episode was chosen: what is typed stays
+
 const fromImages = (form) => form.elements.scene.value === "images";
 
 /** The field of an object; undefined if the form does not have the object. */
 function fieldOf(form, object, name) {
   const group = [...form.querySelectorAll("[data-object]")].find((each) => each.dataset.object === object);
   return group?.querySelector(`[name="${name}"]`);
+}
+
+/** Note what a person changes. */
+export function watch(form) {
+  form.addEventListener("input", ({ target }) => (target.id === "episode" ? edited.clear() : edited.add(target)));
+}
+
+function fill(field, value) {
+  if (field && !edited.has(field)) field.value = value;
 }
 
 /** Show the fields of the chosen kind of scene; those not shown are not required. */
@@ -30,11 +41,10 @@ export function showKind(form) {
 /** Take over the instruction and the objects of a stored episode. */
 export async function takePoses(form, id) {
   const episode = await call(`/episodes/${id}`);
-  form.elements.instruction.value = episode.instruction;
+  fill(form.elements.instruction, episode.instruction);
   for (const { name, position, quaternion_xyzw } of episode.objects) {
-    if (!fieldOf(form, name, "x")) continue;
-    ["x", "y", "z"].forEach((axis, k) => (fieldOf(form, name, axis).value = position[k].toFixed(4)));
-    fieldOf(form, name, "quaternion").value = (quaternion_xyzw ?? []).map((value) => Number(value.toFixed(5)) + 0).join(" ");
+    ["x", "y", "z"].forEach((axis, k) => fill(fieldOf(form, name, axis), position[k].toFixed(4)));
+    fill(fieldOf(form, name, "quaternion"), (quaternion_xyzw ?? []).map((value) => Number(value.toFixed(5)) + 0).join(" "));
   }
 }
 
@@ -42,11 +52,8 @@ export async function takePoses(form, id) {
 export async function takeImages(form, id) {
   const before = byId("files").value;
   const { cameras, images, mask_ids } = await call(`/ui/predict/scenes/${id}`);
-  for (const [name, ids] of Object.entries(mask_ids)) {
-    const field = fieldOf(form, name, "mask_ids");
-    if (field) field.value = ids.join(" ");
-  }
-  byId("cameras").value = JSON.stringify(cameras, null, 1);
+  for (const [name, ids] of Object.entries(mask_ids)) fill(fieldOf(form, name, "mask_ids"), ids.join(" "));
+  fill(byId("cameras"), JSON.stringify(cameras, null, 1));
   listCameras();
   taken.clear();
   for (const [part, address] of Object.entries(images)) taken.set(part, address);

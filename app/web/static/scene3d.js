@@ -44,6 +44,7 @@ export function showMoment(place, moment, beside = null) {
   if (state.moving) paintMoment(state);
 }
 
+/** In a layer of its own, so that a browser paints no more than that while a motion plays. */
 function paintMoment({ moving, projection, moment, beside }) {
   const hands = [[beside, "beside"], [moment, "hand"]].filter(([shown]) => shown);
   moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
@@ -118,7 +119,7 @@ function paint(place, state) {
   const projection = view.projection(corners, width, height);
   const write = writer(width, height);
   state.projection = projection;
-  state.moving = svg("g", { class: "moving" });
+  state.moving = svg("svg", { class: "moving", viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
   const cloud = state.cloud ? [element("canvas", { width, height, ariaHidden: "true" })] : [];
   if (state.cloud) paintPoints(cloud[0], state.cloud, projection);
   place.replaceChildren(
@@ -138,9 +139,9 @@ function paint(place, state) {
       ...scene.frames.flatMap((item) => pose(item, projection)),
       ...frameLabels(scene.frames).map(([item, text]) => write(text, projection.at(item.position), "number", 12)),
       ...scene.objects.map((item) => write(item.label, projection.at(item.position), "named", 4 + 0.8 * BOX_M * projection.px_per_m)),
-      state.moving,
       ...compass(projection, height),
     ),
+    state.moving,
   );
   paintMoment(state);
 }

@@ -46,9 +46,8 @@ async function sendAll(files) {
   }
   const entries = demonstrations.map((item) => ({ item, place: entry(item) }));
   let stored = 0;
-  const started = performance.now();
   for (const [done, { item, place }] of entries.entries()) {
-    say(summary, "busy", `Sending ${done + 1} of ${entries.length}${timeLeft(started, done, entries.length)}`);
+    say(summary, "busy", `Sending ${done + 1} of ${entries.length}…`);
     stored += (await sendOne(item, place)) ? 1 : 0;
   }
   const refused = entries.length - stored;
@@ -62,12 +61,6 @@ function ignored(unused) {
   const listed = unused.slice(0, MAX_NAMED).map(({ path, reason }) => element("li", {}, element("strong", {}, path), `: ${reason}`));
   if (unused.length > MAX_NAMED) listed.push(element("li", {}, `and ${unused.length - MAX_NAMED} more`));
   return [element("p", {}, "Not used:"), element("ul", {}, ...listed)];
-}
-
-function timeLeft(started, done, all) {
-  if (!done) return "";
-  const left_s = (((performance.now() - started) / done) * (all - done)) / 1000;
-  return left_s < 2 ? "" : `, about ${Math.round(left_s)} s left`;
 }
 
 function entry(item) {

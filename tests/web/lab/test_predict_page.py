@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
-from tests.web.conftest import PLACES_M, picture, until
+from tests.web.conftest import PLACES_M, picture, until, wait_until
 
 SLOW = "openai_compatible/default"
 
@@ -66,6 +66,22 @@ def test_the_reply_is_seen_while_it_comes_and_on_the_page_now(page, context, slo
     assert not page.get_by_role("button", name="Cancel").is_visible()
     watching.get_by_text("No prediction is being computed").wait_for()
     watching.close()
+
+
+def test_what_is_typed_while_an_episode_is_read_stays(page, http, seeded):
+    page.goto("/ui/predict?task=pick")
+    chosen = page.locator("#episode option").last.get_attribute("value")
+    held = []
+    page.route(f"**/episodes/{chosen}", lambda route: held.append(route))
+    page.get_by_label("x, m").fill("0.1111")
+    page.locator("#episode").select_option(chosen)
+    page.get_by_label("y, m").fill("0.4242")
+    wait_until(lambda: held)
+    held[0].continue_()
+    place = http.get(f"/episodes/{chosen}").json()["objects"][0]["position"]
+    expect(page.get_by_label("x, m")).to_have_value(f"{place[0]:.4f}")
+    expect(page.get_by_label("y, m")).to_have_value("0.4242")
+    page.unroute(f"**/episodes/{chosen}")
 
 
 def test_cancelling_stops_the_llm_and_records_nothing(page, http, slow_provider):

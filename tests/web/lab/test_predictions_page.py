@@ -1,4 +1,4 @@
-"""The list of predictions, one of them, and two side by side."""
+"""The list of predictions, one of them, and several side by side."""
 
 import pytest
 from playwright.sync_api import expect
@@ -66,6 +66,14 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
     found.get_by_role("link").first.click()
     row = page.get_by_role("region", name="Object poses").get_by_role("row", name="cube")
     assert "30.0 cm" in row.inner_text()
+
+
+def test_a_failure_without_findings_says_where_to_look(page, http):
+    page.goto(f"/ui/predictions/{ask(http, success=False, model='nearest')}")
+    found = page.get_by_role("region", name="Findings")
+    assert "what the service was not told" in found.inner_text()
+    found.get_by_role("link", name="its pose").click()
+    expect(page.locator("#part-objects")).to_be_in_viewport()
 
 
 def test_the_path_has_a_row_for_each_action(page, http, seeded):
@@ -177,18 +185,20 @@ def test_a_prediction_is_kept_as_a_case(page, http, seeded):
         assert [item["id"] for item in kept] == [seeded["success"]] * (pressed == "true")
 
 
-def test_two_are_compared(page, seeded):
+def test_several_are_compared(page, http, seeded):
+    third = ask(http, success=False, model="regression", seed=7)
     page.goto("/ui/predictions?task=pick&demonstrations=4&yardsticks=true")
-    for fate in ("failure", "success"):
-        page.locator(f"input[value='{seeded[fate]}']").first.check()
-    page.get_by_role("button", name="Compare two").first.click()
+    for id_ in (seeded["success"], seeded["failure"], third):
+        page.locator(f"input[value='{id_}']").check()
+    page.get_by_role("button", name="Compare the chosen").first.click()
     page.wait_for_url("**/compare?**")
     differing = page.locator("tr.differs th").all_inner_texts()
-    assert [name.split()[0] for name in differing] == ["representation", "place"]
-    assert "48.8 cm apart" in page.locator("tr.differs").last.inner_text()
-    cards = page.locator(".pair > .card")
-    assert "went beside the cube" in cards.nth(1).inner_text()
-    assert page.get_by_role("region", name="Table of actions of both").get_by_role("row").count() == 4
+    assert [name.split()[0] for name in differing] == ["representation", "seed", "place"]
+    assert "48.8 cm from A" in page.get_by_role("row", name="place of cube").inner_text()
+    assert "went beside the cube" in page.locator(".pair > .card").filter(has_text="went beside").inner_text()
+    rows = page.get_by_role("region", name="Table of the actions of each").get_by_role("row")
+    assert rows.count() == 4
+    assert rows.nth(1).get_by_text("from A").count() == 2
     page.get_by_label("Moment of the motion").first.press("End")
     for clock in page.locator(".clock").all_inner_texts():
         assert clock.split()[0] == clock.split()[2], "both play together"
@@ -198,7 +208,7 @@ def test_two_are_compared(page, seeded):
 def test_one_alone_is_not_compared(page, seeded, number):
     page.expected_refusals = [422]
     page.goto("/ui/predictions/compare?" + "&".join([f"id={seeded['failure']}"] * number))
-    assert "does not name two different predictions" in page.get_by_role("alert").inner_text()
+    assert "does not name 2 to 8 different predictions" in page.get_by_role("alert").inner_text()
 
 
 def test_configurations_are_counted(page):
