@@ -7,7 +7,7 @@ keyframes of the same number close together relative to their anchors. Each way 
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
@@ -30,6 +30,8 @@ from roboprompt_client.types.arrays import Array
 PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyframes than a phase gets
 ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
 TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
+AGREES_M = 0.01  # the scatter of a row whose keyframes certainly belong together
+STARTS = 4  # demonstrations that the alignment is initialized with where rows scatter
 CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
 MOST = 2.0  # times as many recordings go on after the release with which one ends
 MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cost no more
@@ -107,11 +109,12 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
 def _without_vague(found: "_Alignment") -> list[Demonstration]:
     """Return the demonstrations without vague rows.
 
-    Rows may be vague because keyframes of one number belong to different stages of the task. Then the alignment is
-    repeated, initialized with the keyframes of one demonstration.
+    Rows may be vague, or scatter, because keyframes of one number belong to different stages of the task. Then the
+    alignment is repeated, initialized with the keyframes of one demonstration after the other.
     """
-    if found.vague and sum((other := _after_one(found)).scatter_m) < CLEARLY_LESS * sum(found.scatter_m):
-        found = other
+    if found.vague or max(found.scatter_m) > AGREES_M:
+        other = min(_after_one(found), key=_Alignment.sum_m)
+        found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
     return replace(found, keyframes=keyframes).demonstrations
 
@@ -144,6 +147,10 @@ class _Alignment:
     def scatter_m(self) -> list[float]:
         """The median residual of each row; rotations count as meters."""
         return [float(np.median(row.off_m + M_PER_RAD * np.radians(row.off_deg))) for row in self.rows]
+
+    def sum_m(self) -> float:
+        """Return the scatter of all rows together."""
+        return sum(self.scatter_m)
 
     @cached_property
     def vague(self) -> frozenset[int]:
@@ -205,13 +212,13 @@ def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_fou
     return _settled(_Alignment(members, numbers, chosen), keep)
 
 
-def _after_one(found: _Alignment) -> _Alignment:
-    """Return the alignment initialized with the keyframes of one demonstration: whose own numbers are nearest."""
+def _after_one(found: _Alignment) -> Iterator[_Alignment]:
+    """Yield the alignments initialized with the keyframes of one demonstration: of those with the nearest numbers."""
     off = [sum(abs(one - other) for one, other in zip(m.counts, found.numbers, strict=True)) for m in found.members]
-    first = int(np.argmin(off))
-    shown, keyframes = found.members[first], found.keyframes[first]
-    chosen = [_chosen(member, found.numbers, partial(_off_one, member, shown, keyframes)) for member in found.members]
-    return _settled(replace(found, keyframes=chosen), [False] * len(chosen))
+    for first in np.argsort(off, kind="stable")[:STARTS]:
+        shown, keyframes = found.members[first], found.keyframes[first]
+        chosen = [_chosen(each, found.numbers, partial(_off_one, each, shown, keyframes)) for each in found.members]
+        yield _settled(replace(found, keyframes=chosen), [False] * len(chosen))
 
 
 def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
