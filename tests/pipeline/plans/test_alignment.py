@@ -239,7 +239,7 @@ def presses(seed):
     objects = scene(random)
     stops_m = [np.array([0.1, 0.0, 1.1])]
     for seen in objects:
-        above_m = seen.position_m + (0, 0, 0.1)
+        above_m = np.add(seen.position_m, [0, 0, 0.1])
         for stop_m in (above_m + random.uniform(-0.03, (0.03, 0.03, 0.06)), seen.position_m, above_m):
             if random.uniform() < 0.4:
                 stops_m.append((stops_m[-1] + stop_m) / 2 + random.uniform(-0.05, 0.05, 3))
