@@ -19,7 +19,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.groups import places_by
 from app.pipeline.keyframes import Keyframe
 from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
-from app.pipeline.keyframes.resting import leave_path
+from app.pipeline.keyframes.resting import leave_path, paths_left_m
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames
 from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.recording import Recording
@@ -113,7 +113,8 @@ def _without_vague(found: "_Alignment") -> list[Demonstration]:
     alignment is repeated, initialized with the keyframes of one demonstration after the other.
     """
     if found.vague or max(found.scatter_m) > AGREES_M:
-        other = min(_after_one(found), key=_Alignment.sum_m)
+        keeping = [other for other in _after_one(found) if other.left_m() < found.left_m() + AGREES_M / 5]
+        other = min(keeping, key=_Alignment.sum_m, default=found)
         found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
     return replace(found, keyframes=keyframes).demonstrations
@@ -151,6 +152,11 @@ class _Alignment:
     def sum_m(self) -> float:
         """Return the scatter of all rows together."""
         return sum(self.scatter_m)
+
+    def left_m(self) -> float:
+        """Return the mean distance by which straight motion between the keyframes leaves the recorded paths."""
+        pairs = zip(self.members, self.demonstrations, strict=True)
+        return float(np.mean([max(paths_left_m(member.motion, shown.actions)) for member, shown in pairs]))
 
     @cached_property
     def vague(self) -> frozenset[int]:
