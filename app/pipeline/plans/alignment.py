@@ -7,7 +7,7 @@ keyframes of the same number close together relative to their anchors. Each way 
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
@@ -31,6 +31,7 @@ PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyfram
 ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
 TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
 AGREES_M = 0.01  # the scatter of a row whose keyframes certainly belong together
+KEEPS_M = 0.002  # farther from the paths it must not leave them
 STARTS = 4  # demonstrations that the alignment is initialized with where rows scatter
 CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
 MOST = 2.0  # times as many recordings go on after the release with which one ends
@@ -110,12 +111,16 @@ def _without_vague(found: "_Alignment") -> list[Demonstration]:
     """Return the demonstrations without vague rows.
 
     Rows may be vague, or scatter, because keyframes of one number belong to different stages of the task. Then the
-    alignment is repeated, initialized with the keyframes of one demonstration after the other.
+    alignment is repeated, initialized with the keyframes of one demonstration; where rows only scatter, and
+    the gripper never switches, the best of several that keep the paths.
     """
-    if found.vague or max(found.scatter_m) > AGREES_M:
-        keeping = [other for other in _after_one(found) if other.left_m() < found.left_m() + AGREES_M / 5]
-        other = min(keeping, key=_Alignment.sum_m, default=found)
-        found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
+    others: Iterable[_Alignment] = ()
+    if found.vague:
+        others = _after_one(found, 1)
+    elif len(found.numbers) == 1 and max(found.scatter_m) > AGREES_M:  # no switch says which stage a keyframe is of
+        others = (other for other in _after_one(found, STARTS) if other.left_m() < found.left_m() + KEEPS_M)
+    other = min(others, key=_Alignment.sum_m, default=found)
+    found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
     return replace(found, keyframes=keyframes).demonstrations
 
@@ -218,10 +223,10 @@ def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_fou
     return _settled(_Alignment(members, numbers, chosen), keep)
 
 
-def _after_one(found: _Alignment) -> Iterator[_Alignment]:
-    """Yield the alignments initialized with the keyframes of one demonstration: of those with the nearest numbers."""
+def _after_one(found: _Alignment, starts: int) -> Iterator[_Alignment]:
+    """Yield alignments initialized with the keyframes of one demonstration: those whose own numbers are nearest."""
     off = [sum(abs(one - other) for one, other in zip(m.counts, found.numbers, strict=True)) for m in found.members]
-    for first in np.argsort(off, kind="stable")[:STARTS]:
+    for first in np.argsort(off, kind="stable")[:starts]:
         shown, keyframes = found.members[first], found.keyframes[first]
         chosen = [_chosen(each, found.numbers, partial(_off_one, each, shown, keyframes)) for each in found.members]
         yield _settled(replace(found, keyframes=chosen), [False] * len(chosen))

@@ -248,7 +248,7 @@ def presses(seed):
     return recording(motion, objects, instruction="press the red cube, then the plate")
 
 
-@pytest.mark.parametrize("first_seed", [40, 80, 140, 180])
+@pytest.mark.parametrize("first_seed", [40, 80, 140])
 def test_presses_of_a_hand_that_never_switches_keep_their_places(first_seed):
     for shown in agreeing(aligned_by_plan([presses(first_seed + k) for k in range(10)])):
         for pressed in shown.objects:
