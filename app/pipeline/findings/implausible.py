@@ -9,16 +9,22 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.ends import PRESSING, PUTTING, TAKING, backwards_findings, end_faults
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
+MIN_PART = 5  # demonstrations that show the place of a part of an object
+MUCH_LESS = 1 / 3
+PART_M = 0.02  # rms of the places at which hands grasp one part of an object
 
 UNHELD = (
     "the hand starts closed and empty, and opens at an object: is gripper_open inverted, or what it holds not listed?"
@@ -51,7 +57,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     for (rule, fault), number in Counter(item for item in found if item is not None).items():
         message, share = f"In {number} of {len(alike)} recordings {fault}", number / len(alike)
         yield from rule.findings(share, message, "demonstrations", {"share": share})
-    far_m = float(np.median([_acts_away_m(*pair) for pair in pairs]))
+    far_m = 0.0 if _acts_on_a_part(pairs) else float(np.median([_acts_away_m(*pair) for pair in pairs]))
     message = (
         f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are hand"
         " and objects in one frame, and are all objects listed?"
@@ -77,6 +83,28 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
     closed_m = [act.nearest_m for act in hand.acts if not act.opens]
     takes = demonstration.order.clauses[0].verb in TAKING | PUTTING and hand.starts_open and closed_m
     return closed_m[0] if takes else hand.nearest_m
+
+
+def _acts_on_a_part(pairs: Sequence[tuple[Demonstration, RecordedHand]]) -> bool:
+    """Whether the hand acts at one place along the axes of an object that turns, as at the handle of a pan.
+
+    A hand in another frame would be on one side as the world has it.
+    """
+    if len(pairs) < MIN_PART:
+        return False
+    acts_m = np.array([hand.acts_at[0].position_m for _, hand in pairs])
+    in_all = set.intersection(*({pose.name for pose in shown.objects} for shown, _ in pairs))
+    return any(_turns_along(acts_m, [shown.object(name) for shown, _ in pairs]) for name in in_all)
+
+
+def _turns_along(places_m: Array, poses: Sequence[ObjectPose]) -> bool:
+    turned = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
+    if len(turned) < len(poses):
+        return False
+    aside_m = places_m - np.array([pose.position_m for pose in poses])
+    along_m = Rotation.from_quat(np.array(turned)).inv().apply(aside_m)
+    along_rms_m, aside_rms_m = (float(np.sqrt(each.var(axis=0).sum())) for each in (along_m, aside_m))
+    return along_rms_m < PART_M and along_rms_m < MUCH_LESS * aside_rms_m
 
 
 def _recorder_fault(hand: RecordedHand) -> str | None:

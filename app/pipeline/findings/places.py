@@ -22,6 +22,8 @@ LONE_M, LONE_OF_FEW_M = 0.5, 1.0
 MANY_DEMONSTRATIONS = 5
 FEW_M, MANY = 0.5, 10  # the slack grows by FEW_M * (1/N - 1/MANY): 5 cm for five demonstrations, 12 cm for three
 SLACK = 15.0  # times range / N^2: 0.15 of the range for ten demonstrations, 0.6 for five: docs/results/safety.md
+# Less than 10 cm it is at least 4.5 range / N: of places that are drawn evenly, one in 150 lies farther off on an axis
+EVENLY, EVENLY_LESS_M = 4.5, 0.10
 MIN_DEMONSTRATIONS = 3  # fewer demonstrations show no range
 
 
@@ -91,8 +93,10 @@ class ShownPlaces:
     @property
     def slack_m(self) -> Array:
         """(3,) how far outside of the box unseen places may well lie: the fewer demonstrations, the farther."""
-        slack: Array = SLACK * self.box_m.width / self.number**2 + max(0.0, FEW_M * (1 / self.number - 1 / MANY))
-        return slack
+        width_m, number = self.box_m.width, self.number
+        slack_m = SLACK * width_m / number**2 + max(0.0, FEW_M * (1 / number - 1 / MANY))
+        evenly_m: Array = EVENLY * width_m / number - EVENLY_LESS_M
+        return np.maximum(slack_m, evenly_m)
 
     def off_box(self, place_m: Array) -> OffBox:
         """Return how far a place (3,) is outside of the box."""

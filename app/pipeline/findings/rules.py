@@ -12,7 +12,7 @@ from app.pipeline.plans.rows import BEYOND_NOISE_M
 from app.pipeline.representation.anchors import TURNED_M
 
 ALWAYS = 0.0
-MEASURED = "thresholds: docs/results/findings.md; no danger in 1056 right scenes of 22 tasks"
+MEASURED = "thresholds: docs/results/safety.md; no danger in 1056 right scenes of 22 tasks"
 
 
 @dataclass(frozen=True)

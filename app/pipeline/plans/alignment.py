@@ -7,7 +7,7 @@ keyframes of the same number close together relative to their anchors. Each way 
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
@@ -19,7 +19,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.groups import places_by
 from app.pipeline.keyframes import Keyframe
 from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
-from app.pipeline.keyframes.resting import leave_path
+from app.pipeline.keyframes.resting import leave_path, paths_left_m
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames
 from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.recording import Recording
@@ -30,6 +30,9 @@ from roboprompt_client.types.arrays import Array
 PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyframes than a phase gets
 ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
 TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
+AGREES_M = 0.01  # the scatter of a row whose keyframes certainly belong together
+KEEPS_M = 0.002  # farther from the paths it must not leave them
+STARTS = 4  # demonstrations that the alignment is initialized with where rows scatter
 CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
 MOST = 2.0  # times as many recordings go on after the release with which one ends
 MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cost no more
@@ -107,11 +110,17 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
 def _without_vague(found: "_Alignment") -> list[Demonstration]:
     """Return the demonstrations without vague rows.
 
-    Rows may be vague because keyframes of one number belong to different stages of the task. Then the alignment is
-    repeated, initialized with the keyframes of one demonstration.
+    Rows may be vague, or scatter, because keyframes of one number belong to different stages of the task. Then the
+    alignment is repeated, initialized with the keyframes of one demonstration; where rows only scatter, and
+    the gripper never switches, the best of several that keep the paths.
     """
-    if found.vague and sum((other := _after_one(found)).scatter_m) < CLEARLY_LESS * sum(found.scatter_m):
-        found = other
+    others: Iterable[_Alignment] = ()
+    if found.vague:
+        others = _after_one(found, 1)
+    elif len(found.numbers) == 1 and max(found.scatter_m) > AGREES_M:  # no switch says which stage a keyframe is of
+        others = (other for other in _after_one(found, STARTS) if other.left_m() < found.left_m() + KEEPS_M)
+    other = min(others, key=_Alignment.sum_m, default=found)
+    found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
     return replace(found, keyframes=keyframes).demonstrations
 
@@ -144,6 +153,15 @@ class _Alignment:
     def scatter_m(self) -> list[float]:
         """The median residual of each row; rotations count as meters."""
         return [float(np.median(row.off_m + M_PER_RAD * np.radians(row.off_deg))) for row in self.rows]
+
+    def sum_m(self) -> float:
+        """Return the scatter of all rows together."""
+        return sum(self.scatter_m)
+
+    def left_m(self) -> float:
+        """Return the mean distance by which straight motion between the keyframes leaves the recorded paths."""
+        pairs = zip(self.members, self.demonstrations, strict=True)
+        return float(np.mean([max(paths_left_m(member.motion, shown.actions)) for member, shown in pairs]))
 
     @cached_property
     def vague(self) -> frozenset[int]:
@@ -205,13 +223,13 @@ def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_fou
     return _settled(_Alignment(members, numbers, chosen), keep)
 
 
-def _after_one(found: _Alignment) -> _Alignment:
-    """Return the alignment initialized with the keyframes of one demonstration: whose own numbers are nearest."""
+def _after_one(found: _Alignment, starts: int) -> Iterator[_Alignment]:
+    """Yield alignments initialized with the keyframes of one demonstration: those whose own numbers are nearest."""
     off = [sum(abs(one - other) for one, other in zip(m.counts, found.numbers, strict=True)) for m in found.members]
-    first = int(np.argmin(off))
-    shown, keyframes = found.members[first], found.keyframes[first]
-    chosen = [_chosen(member, found.numbers, partial(_off_one, member, shown, keyframes)) for member in found.members]
-    return _settled(replace(found, keyframes=chosen), [False] * len(chosen))
+    for first in np.argsort(off, kind="stable")[:starts]:
+        shown, keyframes = found.members[first], found.keyframes[first]
+        chosen = [_chosen(each, found.numbers, partial(_off_one, each, shown, keyframes)) for each in found.members]
+        yield _settled(replace(found, keyframes=chosen), [False] * len(chosen))
 
 
 def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:

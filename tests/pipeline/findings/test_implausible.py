@@ -155,6 +155,18 @@ def test_a_hand_in_another_frame_than_the_objects(aside_m, code):
     assert code in dangers([put(seed, aside_m=aside_m) for seed in range(10)])
 
 
+def test_a_handle_far_from_the_origin_of_an_object_that_turns_is_a_part_of_it():
+    def by_its_handle(seed):
+        yaw = np.random.default_rng(100 + seed).uniform(0, np.pi)
+        aside_m = 0.3 * np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        item = put(seed, aside_m=aside_m)
+        cube, plate = item.demonstration.objects
+        objects = (pose("red cube", cube.position_m, float(np.degrees(yaw))), plate)
+        return replace(item, demonstration=replace(item.demonstration, objects=objects))
+
+    assert "acts-far-from-objects" not in dangers([by_its_handle(seed) for seed in range(10)])
+
+
 @pytest.mark.parametrize(
     ("fault", "code"), [("backwards", "backwards-in-time"), ("names exchanged", "names-exchanged")]
 )

@@ -181,3 +181,9 @@ def test_an_object_at_any_angle_is_never_turned_too_far():
     shown = [demonstration(STACK, (pose("tap", (0.01 * k, 0, 0.8), 36 * k - 180),), []) for k in range(10)]
     for yaw_deg in range(-180, 180, 15):
         assert found((pose("tap", (0.05, 0, 0.8), yaw_deg),), shown, "turn the tap") == []
+
+
+def test_a_place_far_beyond_a_wide_range_is_doubtful_where_hardly_one_even_draw_would_lie():
+    places = ShownPlaces.of([pose("cube", (0.0, 0.7 * k / 9, 0.0)) for k in range(10)])
+    assert places.off_box(np.array([0.0, 0.7 + 0.30, 0.0])).doubtful_m < 0.10
+    assert places.off_box(np.array([0.0, 0.7 + 0.32, 0.0])).doubtful_m > 0.10

@@ -182,3 +182,25 @@ def test_a_hand_that_is_far_from_most_has_no_part_in_the_mean_rotation():
     hands = Rotation.from_euler("z", [[0], [4], [115]], degrees=True)
     _, mean = robust_center(np.zeros((3, 3)), hands)
     assert abs(mean.as_euler("zyx", degrees=True)[0] - 2) < 3
+
+
+def presses(seed):
+    """The closed hand presses a button and then a plate; between them it passes no place twice."""
+    random = np.random.default_rng(seed)
+    objects = scene(random)
+    stops_m = [np.array([0.1, 0.0, 1.1])]
+    for seen in objects:
+        above_m = np.add(seen.position_m, [0, 0, 0.1])
+        for stop_m in (above_m + random.uniform(-0.03, (0.03, 0.03, 0.06)), seen.position_m, above_m):
+            if random.uniform() < 0.4:
+                stops_m.append((stops_m[-1] + stop_m) / 2 + random.uniform(-0.05, 0.05, 3))
+            stops_m.append(stop_m)
+    motion = flowing(stops_m, speed_m_s=random.uniform(0.15, 0.25), starts_open=False, blend_s=0.0)
+    return recording(motion, objects, instruction="press the red cube, then the plate")
+
+
+@pytest.mark.parametrize("first_seed", [40, 80, 140])
+def test_presses_of_a_hand_that_never_switches_keep_their_places(first_seed):
+    for shown in agreeing(aligned_by_plan([presses(first_seed + k) for k in range(10)])):
+        for pressed in shown.objects:
+            assert min(np.linalg.norm(a.position_m - pressed.position_m) for a in shown.actions) < 0.01
