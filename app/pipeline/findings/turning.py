@@ -83,11 +83,15 @@ class Turning(NamedTuple):
         return far_m if float(np.linalg.norm(self.aside_m - self.taken_aside_m)) < far_m / 2 else 0.0
 
     def astray(self) -> tuple[float, str]:
-        """Return how far the hand scatters about object and world, and as what quaternions it hardly would; or 0."""
+        """Return how far the hand scatters about object and world, and as what quaternions it hardly would; or 0.
+
+        A declared symmetry folds the object's rotations, which a mirrored hand cannot be compared with.
+        """
         as_read_deg, hands_xyzw = min(self._scatters_deg(self.hands)), self.hands.as_quat()
+        readings = MISREADINGS if self.given is None else MISREADINGS[:1]
         as_meant_deg, likely = min(
             (min(self._scatters_deg(Rotation.from_quat(hands_xyzw[:, order] * signs))), name)
-            for name, order, signs in MISREADINGS
+            for name, order, signs in readings
         )
         return (as_read_deg, likely) if as_meant_deg < MUCH_LESS * as_read_deg else (0.0, "")
 

@@ -30,7 +30,7 @@ def takes(said_deg, number=10, noise_deg=1.0, most_deg=60.0):
 
 MISREAD = {
     "as it is": (lambda k, deg: deg, []),
-    "the wrong sign": (lambda k, deg: -deg, ["yaw-misread"]),
+    "the wrong sign": (lambda k, deg: -deg, ["w-first", "yaw-misread"]),  # or the hand is mirrored
     "half of it": (lambda k, deg: deg / 2, ["yaw-misread"]),
     "twice": (lambda k, deg: 2 * deg, ["yaw-misread"]),
     "half a turn off in half": (lambda k, deg: deg + 180 * (k % 2), ["yaw-misread"]),
