@@ -75,11 +75,21 @@ def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
         migrate(snapshot)
         with store.read() as source, snapshot.write() as target:
             # A backup must not let its holder use another person's session.
-            rows, digests = _copy_rows(source, target, {tables.sessions}), blob_digests(source)
+            with _readable_rows():
+                rows, digests = _copy_rows(source, target, {tables.sessions}), blob_digests(source)
         with snapshot.engine.connect() as connection:  # one file, without a log beside it
             connection.exec_driver_sql("ROLLBACK")
             connection.exec_driver_sql("PRAGMA journal_mode=DELETE")
         return rows, digests
+
+
+@contextmanager
+def _readable_rows() -> Iterator[None]:
+    """Raise CorruptDataError for a stored row that does not hold what its columns say."""
+    try:
+        yield
+    except (ValueError, TypeError, LookupError) as error:
+        raise CorruptDataError("row", "of the database", str(error)) from error
 
 
 def _copy_rows(source: Connection, target: Connection, left_out: Set[Table]) -> dict[str, int]:

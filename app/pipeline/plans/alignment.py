@@ -7,38 +7,32 @@ keyframes of the same number close together relative to their anchors. Each way 
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.groups import places_by
 from app.pipeline.keyframes import Keyframe
-from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
 from app.pipeline.keyframes.resting import leave_path, paths_left_m
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, at_frames
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from app.pipeline.plans.agreement import other_way
+from app.pipeline.plans.keyframe_choice import choose, off_one, off_rows
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
+from app.pipeline.representation.anchors import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
 PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyframes than a phase gets
 ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
-TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
 AGREES_M = 0.01  # the scatter of a row whose keyframes certainly belong together
 KEEPS_M = 0.002  # farther from the paths it must not leave them
 STARTS = 4  # demonstrations that the alignment is initialized with where rows scatter
 CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
 MOST = 2.0  # times as many recordings go on after the release with which one ends
-MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cost no more
-
-Distances = Callable[[HandPath, int], Array]
-"""From a path and a keyframe's number: (N,) distances of its poses from that keyframe of others, in tolerances."""
 
 
 def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
@@ -217,7 +211,7 @@ def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], as_fou
         for member in members
     ]
     chosen = [
-        member.keyframes if keeps else _chosen(member, numbers, None)
+        member.keyframes if keeps else choose(member, numbers, None)
         for member, keeps in zip(members, keep, strict=True)
     ]
     return _settled(_Alignment(members, numbers, chosen), keep)
@@ -228,7 +222,7 @@ def _after_one(found: _Alignment, starts: int) -> Iterator[_Alignment]:
     off = [sum(abs(one - other) for one, other in zip(m.counts, found.numbers, strict=True)) for m in found.members]
     for first in np.argsort(off, kind="stable")[:starts]:
         shown, keyframes = found.members[first], found.keyframes[first]
-        chosen = [_chosen(each, found.numbers, partial(_off_one, each, shown, keyframes)) for each in found.members]
+        chosen = [choose(each, found.numbers, partial(off_one, each, shown, keyframes)) for each in found.members]
         yield _settled(replace(found, keyframes=chosen), [False] * len(chosen))
 
 
@@ -240,7 +234,7 @@ def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
     """
     for _ in range(ROUNDS if len(keep) > 1 and not all(keep) else 0):
         chosen = [
-            own if keeps else _chosen(member, found.numbers, partial(_off_rows, member, found.rows, place))
+            own if keeps else choose(member, found.numbers, partial(off_rows, member, found.rows, place))
             for place, (member, keeps, own) in enumerate(zip(found.members, keep, found.keyframes, strict=True))
         ]
         found = replace(found, keyframes=chosen)
@@ -255,49 +249,3 @@ def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple
     while sum(numbers) > max(MAX_KEYFRAMES, len(numbers)):
         numbers[int(np.argmax(numbers))] -= 1
     return tuple(numbers)
-
-
-def _chosen(recording: Recording, numbers: Sequence[int], distances: Distances | None) -> list[Keyframe]:
-    """Return the best keyframes of one recording, with these numbers in the phases.
-
-    Args:
-        distances: from the other demonstrations, a second cost; None: only the deviation from the path counts.
-    """
-    found: list[Keyframe] = []
-    for phase, path, number in zip(recording.phases, recording.paths, numbers, strict=True):
-        if number == 1:  # the end of the phase
-            found += at_frames(phase, [phase.last])
-            continue
-        costs = None
-        if distances is not None:
-            off = np.array([distances(path, k) for k in range(len(found), len(found) + number)])
-            costs = TOGETHER_WEIGHT * np.minimum(off, MAX_DISTANCE) ** 2
-        frames = [int(path.frames[k]) for k in best_waypoints(path.deviations, number, costs)]
-        if distances is None:
-            frames = at_tips(recording.motion.trajectory.positions_m, phase.first, frames, recording.rule.tolerance_m)
-        found += at_frames(phase, frames)
-    return found
-
-
-def _off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: HandPath, k: int) -> Array:
-    """Return `Distances` from the centers of rows, in which the recording has index `place`."""
-    demonstration, row = recording.demonstration, rows[k]
-    origin = anchor_pose(row.anchors[place], demonstration, tilted_objects([demonstration]))
-    trajectory = recording.motion.trajectory
-    hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
-    offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
-    off_m = np.linalg.norm(offsets_m - row.center_m, axis=1)
-    off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
-    distances: Array = off_m / recording.rule.tolerance_m
-    return distances
-
-
-def _off_one(recording: Recording, shown: Recording, keyframes: Sequence[Keyframe], path: HandPath, k: int) -> Array:
-    """Return `Distances` from the keyframes of one demonstration, each the least over the world and all objects."""
-    places_m = recording.motion.trajectory.positions_m[path.frames]
-    shown_m = shown.motion.trajectory.positions_m[keyframes[k].frame]
-    objects = zip(recording.demonstration.ordered_objects, shown.demonstration.ordered_objects, strict=True)
-    moved_m = np.array([np.zeros(3), *(here.position_m - there.position_m for here, there in objects)])
-    off_m = np.linalg.norm(places_m - (shown_m + moved_m)[:, None], axis=2).min(axis=0)
-    distances: Array = off_m / recording.rule.tolerance_m
-    return distances
