@@ -73,10 +73,9 @@ def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
     """Every row, in a new SQLite database, and the digests of the blobs that they refer to."""
     with closing(Database(f"sqlite:///{path}")) as snapshot:
         migrate(snapshot)
-        with store.read() as source, snapshot.write() as target:
+        with store.read() as source, snapshot.write() as target, _readable_rows():
             # A backup must not let its holder use another person's session.
-            with _readable_rows():
-                rows, digests = _copy_rows(source, target, {tables.sessions}), blob_digests(source)
+            rows, digests = _copy_rows(source, target, {tables.sessions}), blob_digests(source)
         with snapshot.engine.connect() as connection:  # one file, without a log beside it
             connection.exec_driver_sql("ROLLBACK")
             connection.exec_driver_sql("PRAGMA journal_mode=DELETE")

@@ -93,8 +93,8 @@ def _acts_on_a_part(pairs: Sequence[tuple[Demonstration, RecordedHand]]) -> bool
     if len(pairs) < MIN_PART:
         return False
     acts_m = np.array([hand.acts_at[0].position_m for _, hand in pairs])
-    in_all = set.intersection(*({pose.name for pose in shown.objects} for shown, _ in pairs))
-    return any(_turns_along(acts_m, [shown.object(name) for shown, _ in pairs]) for name in in_all)
+    by_mention = zip(*(shown.ordered_objects for shown, _ in pairs), strict=False)
+    return any(_turns_along(acts_m, poses) for poses in by_mention)
 
 
 def _turns_along(places_m: Array, poses: Sequence[ObjectPose]) -> bool:
