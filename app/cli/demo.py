@@ -75,13 +75,13 @@ def demo(
     with progress_bars(console) as progress:
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
+    if not open_pages:
+        serve = _to_type("serve", "--data", str(data.resolve()))
+        console.print(f"To see it at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
     if as_json:
         print(json.dumps(figures))  # noqa: T201
     if open_pages:
         _show_pages(data, console)
-    else:
-        serve = _to_type("serve", "--data", str(data.resolve()))
-        console.print(f"To see it at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
 
 
 def _show_pages(data: Path, console: Console) -> None:

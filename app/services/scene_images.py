@@ -88,7 +88,8 @@ def check_colors(blobs: BlobStore, usual: Iterable[CameraRecord], frames: Iterab
             continue
         if are_swapped(_mean_rgb.get_or_make(digest, partial(_stored_mean, blobs, digest)), _mean(frame.rgb)):
             message = "looks like the newest episode's image with red and blue exchanged: BGR instead of RGB?"
-            raise InvalidInputError(field, message, "RGB, as in that episode; if that is wrong, delete it")
+            valid = "RGB, as in that episode; poses instead of images, if the surroundings have these colors now"
+            raise InvalidInputError(field, message, valid)
 
 
 def _stored_mean(blobs: BlobStore, digest: str) -> Array:

@@ -29,7 +29,7 @@ from app.services.task_settings import TaskSettings
 from app.services.teach.workspace import FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
-from app.store.values import CameraRecord, JsonObject
+from app.store.values import JsonObject
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
@@ -44,7 +44,6 @@ class StoredTask:
         stored: its settings as JSON; of a new task those that it will be created with.
         object_names: in the task's order; None while it has no episode.
         demonstrations: its first `MAX_COMPARED`.
-        cameras: of its newest episode.
         recordings: of these demonstrations; None unless the episode's objects are partly the task's.
     """
 
@@ -53,7 +52,6 @@ class StoredTask:
     stored: JsonObject
     object_names: tuple[str, ...] | None = None
     demonstrations: tuple[DemonstrationRecord, ...] = ()
-    cameras: tuple[CameraRecord, ...] = ()
     recordings: Sequence[Recording] | None = None
 
     @classmethod
@@ -64,9 +62,7 @@ class StoredTask:
             settings = TaskSettings(pose_estimator="masks" if by_masks else "given")
             return cls(name, True, settings.model_dump(mode="json"))
         shown = episodes.demonstrations(connection, name, MAX_COMPARED)
-        newest = episodes.list_page(connection, name, limit=1).items
-        cameras = tuple(camera for episode in newest for camera in episode.cameras)
-        known = cls(name, False, task.settings, task.object_names, shown, cameras)
+        known = cls(name, False, task.settings, task.object_names, shown)
         own, sent = set(task.object_names or ()), {query.name for query in objects}
         if own == sent or own.isdisjoint(sent):
             return known

@@ -15,7 +15,7 @@ from app.pipeline.findings.units import check_recording
 from app.pipeline.findings.upload import upload_findings
 from app.pipeline.prompt import check_object_names
 from app.services.pose_servers import PoseServers
-from app.services.scene_images import check_colors, put_images
+from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract
 from app.services.teach.stored_task import StoredTask, check_objects, numbered_instruction
@@ -171,7 +171,6 @@ class UploadEpisode:
         names = list(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
         settings.check_models(names)
         queries = settings.with_models(upload.objects)
-        check_colors(blobs, task.cameras, episode.frames)
         draft = upload.draft(instruction, *extract(motion, queries, episode.frames, settings, names, blobs))
         findings = upload_findings(
             new := draft.demonstration(),
