@@ -15,6 +15,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.ends import PRESSING, PUTTING, TAKING, backwards_findings, end_faults
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.turning import MIN_TURNED, MUCH_LESS
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
@@ -22,8 +23,6 @@ from roboprompt_client.types.poses import ObjectPose
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
-MIN_PART = 5  # demonstrations that show the place of a part of an object
-MUCH_LESS = 1 / 3
 PART_M = 0.02  # rms of the places at which hands grasp one part of an object
 
 UNHELD = (
@@ -90,7 +89,7 @@ def _acts_on_a_part(pairs: Sequence[tuple[Demonstration, RecordedHand]]) -> bool
 
     A hand in another frame would be on one side as the world has it.
     """
-    if len(pairs) < MIN_PART:
+    if len(pairs) < MIN_TURNED:
         return False
     acts_m = np.array([hand.acts_at[0].position_m for _, hand in pairs])
     by_mention = zip(*(shown.ordered_objects for shown, _ in pairs), strict=False)

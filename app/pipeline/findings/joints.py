@@ -30,10 +30,10 @@ LOWEST_RAD, HIGHEST_RAD = (
 LIMIT_MARGIN_RAD = 0.05
 COMPARED = 40  # frames of a recording
 STEP_M, STEPS = 1e-4, 6
-# Of the error of positions to the width of the path. Frankas: at most 0.021; other arms of seven joints: from 0.3 on
+# Of the error of positions to the width of the path. Frankas: at most 0.028; other arms of seven joints: from 0.3 on
 MAX_ERROR_SHARE = 0.05
 MIN_WIDTH_M = 0.015  # a path nearer to a straight line does not tell how the base is turned
-MAX_TURN_DEG = 10.0  # of the tool on its flange; right recordings: at most 3.5
+MAX_TURN_DEG = 10.0  # of the tool on its flange; right recordings: at most 3.7
 POSITIONS, ROTATIONS = "trajectory.end_effector_positions", "trajectory.end_effector_quaternions_xyzw"
 
 

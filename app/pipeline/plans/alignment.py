@@ -112,7 +112,8 @@ def _without_vague(found: "_Alignment") -> list[Demonstration]:
     if found.vague:
         others = _after_one(found, 1)
     elif len(found.numbers) == 1 and max(found.scatter_m) > AGREES_M:  # no switch says which stage a keyframe is of
-        others = (other for other in _after_one(found, STARTS) if other.left_m() < found.left_m() + KEEPS_M)
+        most_m = found.left_m() + KEEPS_M
+        others = (other for other in _after_one(found, STARTS) if other.left_m() < most_m)
     other = min(others, key=_Alignment.sum_m, default=found)
     found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]

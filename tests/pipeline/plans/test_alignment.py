@@ -185,7 +185,7 @@ def test_a_hand_that_is_far_from_most_has_no_part_in_the_mean_rotation():
 
 
 def presses(seed):
-    """The closed hand presses a button and then a plate; between them it passes no place twice."""
+    """The closed hand presses a cube and then a plate, some with a detour on the way."""
     random = np.random.default_rng(seed)
     objects = scene(random)
     stops_m = [np.array([0.1, 0.0, 1.1])]
