@@ -63,6 +63,20 @@ def stored_image(cameras: Iterable[CameraRecord], name: str, kind: ImageKind, wh
     raise NotFoundError(f"{kind} image of {where}", name)
 
 
+def stored_film(store: Store, episode_id: str, camera: str) -> bytes:
+    """The `.npz` file of what a camera took during an episode.
+
+    Raises:
+        NotFoundError: if there is no such episode or film.
+        CorruptDataError, StoreUnavailableError: if it cannot be read.
+    """
+    with store.read() as connection:
+        digest = episodes.get(connection, episode_id).films.get(camera)
+    if digest is None:
+        raise NotFoundError(f"film of episode {episode_id}", camera)
+    return store.blobs.read(digest)
+
+
 def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
     """The camera's frame, decoded again.
 

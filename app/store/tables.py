@@ -118,6 +118,16 @@ episodes = Table(
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
 )
 
+# Of each camera, the digest of what it took during the motion; a table, since SQLite appends new columns to a row's end,
+# behind the trajectory.
+films = Table(
+    "films",
+    metadata,
+    Column("episode_id", String(32), ForeignKey("episodes.id"), primary_key=True),
+    Column("camera", String(64), primary_key=True),
+    Column("digest", String(64), nullable=False),
+)
+
 predictions = Table(
     "predictions",
     metadata,
