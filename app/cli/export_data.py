@@ -57,6 +57,8 @@ def download(client: RoboPromptClient, ids: list[str]) -> Iterator[Parcel]:
                 image = partial(client.get_bytes, f"{address}/images/{camera['name']}/{kind}", original=True)
                 if (data := if_there(image)) is not None:
                     files[f"{kind}_{camera['name']}"] = data
+        for camera in client.get(address)["films"]:
+            files[f"film_{camera}"] = client.get_bytes(f"{address}/films/{camera}")
         yield Parcel(metadata, files)
 
 

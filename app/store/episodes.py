@@ -49,8 +49,7 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     if row is None or not present().has_task(row.task):
         raise NotFoundError("episode", episode_id)
     query = select(_FILMS.c.camera, _FILMS.c.digest).where(_FILMS.c.episode_id == episode_id).order_by(_FILMS.c.camera)
-    films = {camera: digest for camera, digest in connection.execute(query)}
-    return EpisodeRecord(films=films, **row._mapping)
+    return EpisodeRecord(films=dict(map(tuple, connection.execute(query))), **row._mapping)
 
 
 def exist(connection: Connection, episode_id: str) -> bool:

@@ -137,7 +137,7 @@ def _open_blobs(url: str | None, data_dir: Path) -> BlobStore:
 
 
 def blob_digests(connection: Connection) -> set[str]:
-    """The digests of every image and film that an episode, a prediction or a label refers to, and of settings' templates.
+    """The digests of all images and films of episodes, predictions and labels, and of settings' templates.
 
     Found in the text of the JSON: to decode that of 100,000 episodes takes ten seconds in which other threads starve.
     """

@@ -118,7 +118,7 @@ episodes = Table(
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
 )
 
-# Of each camera, the digest of what it took during the motion; a table, since SQLite appends new columns to a row's end,
+# The digest of what a camera took during the motion. A table of its own: SQLite would append a new column of `episodes`
 # behind the trajectory.
 films = Table(
     "films",

@@ -57,7 +57,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
 
     Multipart: a part `metadata` (JSON), a part `trajectory` (.npz, no pickles) and per camera NAME the parts `rgb_NAME`
     (PNG, JPEG or .npy), `depth_NAME` (16-bit PNG, or .npy in meters) and `mask_NAME` (16-bit PNG or .npy of ids) of the
-    first frame. `film_NAME` has what a camera, calibrated or not, took during the motion, for people and for policies: a
+    first frame. `film_NAME` has what a camera, calibrated or not, took during the motion, for people and policies: a
     .npz of `timestamps` (N,) s by the trajectory's clock, `sizes` (N,) bytes and `jpegs` (their sum,) uint8, the JPEG
     files in a row; at most 3000 pictures of one size up to 1920 x 1200, 1 MB each, 64 MB together. Or one JSON document
     with the same names, arrays inline, files in base64. The first episode of a task creates it.
