@@ -60,15 +60,24 @@ def npy_part(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
     return f"{name}.npy", stream.getvalue(), "application/octet-stream"
 
 
+def npz_part(name: str, data: bytes) -> Part:
+    """Return a `.npz` file, such as a trajectory's."""
+    return f"{name}.npz", data, "application/octet-stream"
+
+
 def _compressed(name: str, image: np.ndarray[Any, Any], frame: RgbdFrame) -> Part:
     import cv2
 
     if image is frame.rgb:
-        jpeg = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-        return f"{name}.jpg", jpeg.tobytes(), "image/jpeg"
+        return f"{name}.jpg", jpeg(cv2, image), "image/jpeg"
     if image is frame.depth_m:
         image = np.minimum(np.rint(image / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
     return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
+
+
+def jpeg(cv2: Any, rgb: np.ndarray[Any, Any], quality: int = JPEG_QUALITY) -> bytes:  # noqa: ANN401
+    """Return an image (H, W, 3) of uint8, red first, as a JPEG file."""
+    return bytes(cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
 
 
 def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
