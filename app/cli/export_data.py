@@ -80,7 +80,7 @@ def export_data(
         settings, ids = task_settings(client, task), episode_ids(client, task)
         writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
             "archive": lambda path, parcels: write_archive(path, task, settings, parcels),
-            "lerobot": write_lerobot,
+            "lerobot": partial(write_lerobot, say=partial(console.print, markup=False, soft_wrap=True)),
         }
         shown = episode_ids(client, task, left_out=False) if "lerobot" in targets else ids
         for name, path in targets.items():

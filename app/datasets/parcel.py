@@ -119,10 +119,15 @@ class Parcel:
         return cls(metadata, {"trajectory": npz_from_trajectory(trajectory), **(images or {})}, notes)
 
     @property
+    def films(self) -> list[str]:
+        """The names of the files that are films."""
+        return [name for name in self.files if name.startswith(FILM_PREFIX)]
+
+    @property
     def key(self) -> str:
         """An idempotency key from the content but films, whose bytes depend on codecs; exports and edits keep it."""
         digest = hashlib.sha256(canonical_json(_essence(_as_uploaded(self.metadata))))
-        for name in sorted(name for name in self.files if not name.startswith(FILM_PREFIX)):
+        for name in sorted(self.files.keys() - set(self.films)):
             digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
         return f"{KEY_PREFIX}{digest.hexdigest()}"
 

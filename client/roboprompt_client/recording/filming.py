@@ -17,11 +17,10 @@ import numpy as np
 from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import CameraError
 from roboprompt_client.extras import import_extra
-from roboprompt_client.http.encoding import jpeg
+from roboprompt_client.http.encoding import film_jpeg
 from roboprompt_client.recording.private import create_private
-from roboprompt_client.types.film import MAX_FILM_BYTES, MAX_PICTURE_BYTES, MAX_PICTURE_PIXELS, MAX_PICTURES, Film
+from roboprompt_client.types.film import MAX_FILM_BYTES, MAX_PICTURE_BYTES, MAX_PICTURES, Film
 
-JPEG_QUALITY = 85
 MARK = ".film_"
 _ENTRY = struct.Struct("<dI")
 log = logging.getLogger(__name__)
@@ -65,8 +64,7 @@ class Filming:
                 taken_s = picture.taken_s - time.time() + time.monotonic()
                 if taken_s <= last_s:
                     continue  # the picture before again
-                step = math.ceil(math.sqrt(picture.rgb[..., 0].size / MAX_PICTURE_PIXELS))
-                data = jpeg(cv2, picture.rgb[::step, ::step], JPEG_QUALITY)
+                data = film_jpeg(cv2, picture.rgb)
                 number, total, shape = number + 1, total + len(data), shape or picture.rgb.shape
                 if picture.rgb.shape != shape:
                     raise CameraError("its pictures changed their size", "one size")
