@@ -13,28 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.bounds import DatasetError, MissingPackageError, in_one_step
+from app.datasets.bounds import DatasetError, in_one_step
 from app.datasets.lerobot import reader
-from app.datasets.lerobot.files import read_file, write_scene
+from app.datasets.lerobot.files import write_scene
 from app.datasets.lerobot.parquet import require_arrow
-from app.datasets.lerobot.video import (
-    KEY,
-    VIDEO_PATH,
-    picture_shape,
-    require_av,
-    video_feature,
-    video_row,
-    write_video,
-)
+from app.datasets.lerobot.video_writer import Shape, VideoWriter, video_shape
 from app.datasets.parcel import FILM_PREFIX, Parcel
 from app.untrusted_arrays import film_from_npz, trajectory_from_npz
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}  # lerobot/datasets/compute_stats.py
 _INDEX = "__index_level_0__"
 RATE_TOLERANCE = 0.02  # of a measured rate; the column of times has the exact ones
 Columns = dict[str, np.ndarray[Any, Any]]
-Shapes = dict[str, tuple[int, int, int]]  # of a camera's pictures
 logger = logging.getLogger(__name__)
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _STATE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "gripper_open"]
@@ -140,60 +132,36 @@ def write_lerobot(target: Path, parcels: Iterable[Parcel], say: Callable[[str], 
         DatasetError: without episodes, for rates that differ or are not whole numbers, or if the folder exists.
     """
     with in_one_step(target) as root:
-        trajectories, instructions, rates_hz, shapes = [], [], [], list[Shapes]()
+        trajectories, instructions, rates_hz, shapes = [], [], [], list[dict[str, Shape]]()
         for index, parcel in enumerate(parcels):
             write_scene(root, index, parcel)
             trajectories.append(trajectory_from_npz(parcel.files["trajectory"]))
             instructions.append(str(parcel.metadata["instruction"]))
             rates_hz.append(float(parcel.metadata["control_frequency_hz"]))
             films = (film_from_npz(name.removeprefix(FILM_PREFIX), parcel.files[name]) for name in parcel.films)
-            shapes.append({film.camera: picture_shape(film) for film in films})
+            shapes.append({film.camera: video_shape(film) for film in films})
         fps = _common_rate(rates_hz)
         tasks = list(dict.fromkeys(instructions))
         episodes = _numbered(trajectories, [tasks.index(text) for text in instructions], fps)
         write_data(root / DATA_PATH.format(chunk_index=0, file_index=0), episodes)
         write_tasks(root / "meta/tasks.parquet", tasks)
-        cameras = _common_cameras(shapes, say)
-        colors = [_write_videos(root, index, cameras, item, fps) for index, item in enumerate(trajectories)]
+        video = VideoWriter(root, fps, shapes, say)
+        colors = [video.write(index, _times_s(item, fps)) for index, item in enumerate(trajectories)]
         stats = [statistics(columns) | _color_statistics(seen) for columns, seen in zip(episodes, colors, strict=True)]
-        videos = [
-            {name: value for camera in cameras for name, value in video_row(camera, k, len(item), fps).items()}
-            for k, item in enumerate(trajectories)
-        ]
+        videos = [video.row(index, len(item)) for index, item in enumerate(trajectories)]
         write_episodes(root / "meta/episodes/chunk-000/file-000.parquet", episodes, instructions, stats, videos)
         whole, seen = _concatenated(episodes), _concatenated(colors)
         _write_json(root / "meta/stats.json", statistics(whole) | _color_statistics(seen))
-        _write_json(root / "meta/info.json", _info(episodes, tasks, fps, cameras))
+        _write_json(root / "meta/info.json", _info(episodes, tasks, fps, video))
     return len(trajectories)
+
+
+def _times_s(trajectory: Trajectory, fps: int) -> Array:
+    return np.arange(len(trajectory)) / fps if trajectory.timestamps_s is None else trajectory.timestamps_s
 
 
 def _concatenated(episodes: Sequence[Columns]) -> Columns:
     return {name: np.concatenate([columns[name] for columns in episodes]) for name in episodes[0]}
-
-
-def _common_cameras(shapes: Sequence[Shapes], say: Callable[[str], object]) -> Shapes:
-    """Return the cameras whose films become videos, with the shape of their pictures."""
-    filmed = dict.fromkeys(camera for item in shapes for camera in item)
-    common = {
-        camera: shape
-        for camera in filmed
-        if (shape := shapes[0].get(camera)) and all(item.get(camera) == shape for item in shapes) and min(shape)
-    }
-    if left := [camera for camera in filmed if camera not in common]:
-        say(f"no video of {', '.join(left)}: not every episode has a film of that camera, of one size")
-    try:
-        return common and require_av() and common
-    except MissingPackageError as error:
-        say(f"no video of {', '.join(common)}: {error}")
-        return {}
-
-
-def _write_videos(root: Path, index: int, cameras: Iterable[str], trajectory: Trajectory, fps: int) -> Columns:
-    """Write an episode's videos; return samples (N, 3) of their colors."""
-    given_s = trajectory.timestamps_s
-    times_s = np.arange(len(trajectory)) / fps if given_s is None else given_s
-    films = [film_from_npz(camera, read_file(root, index, f"{FILM_PREFIX}{camera}")) for camera in cameras]
-    return {f"{KEY}{film.camera}": write_video(root, index, film, times_s, fps) for film in films}
 
 
 def _color_statistics(colors: Columns) -> dict[str, dict[str, list[Any]]]:
@@ -263,7 +231,7 @@ def _flat(tracks: np.ndarray[Any, Any] | None) -> np.ndarray[Any, Any] | None:
     return None if tracks is None else tracks.reshape(len(tracks), -1)
 
 
-def _info(episodes: list[Columns], tasks: list[str], fps: int, cameras: Shapes) -> dict[str, Any]:
+def _info(episodes: list[Columns], tasks: list[str], fps: int, video: VideoWriter) -> dict[str, Any]:
     features: dict[str, Any] = {
         name: {"dtype": str(column.dtype), "shape": list(column.shape[1:]) or [1], "names": _NAMES.get(name)}
         for name, column in episodes[0].items()
@@ -280,8 +248,8 @@ def _info(episodes: list[Columns], tasks: list[str], fps: int, cameras: Shapes) 
         "fps": fps,
         "splits": {"train": f"0:{len(episodes)}"},
         "data_path": DATA_PATH,
-        "video_path": VIDEO_PATH if cameras else None,
-        "features": features | {f"{KEY}{camera}": video_feature(shape, fps) for camera, shape in cameras.items()},
+        "video_path": video.path,
+        "features": features | video.features,
     }
 
 
