@@ -1,5 +1,7 @@
 """What cameras took during a motion: uploaded, given back, exported, deleted; and films that are refused."""
 
+import base64
+
 import cv2
 import numpy as np
 import pytest
@@ -37,6 +39,15 @@ def test_films_come_back_whole_and_picture_by_picture(http):
     assert http.get(f"{address}/films/front").status_code == 404
 
 
+def test_json_takes_films_in_base64(http):
+    document = metadata("inline", {"cube": PLACE_M})
+    recorded = {name: np.asarray(array, float).tolist() for name, array in TRAJECTORY.items()}
+    film = film_npz(TIMES_S)
+    sent = {"metadata": document, "trajectory": recorded, "film_front": base64.b64encode(film).decode()}
+    id_ = http.post("/episodes", json=sent).raise_for_status().json()["id"]
+    assert http.get(f"/episodes/{id_}/films/front").content == film
+
+
 def test_an_export_has_the_films(http, url):
     film = film_npz(TIMES_S)
     id_ = post(http, "travelling", film_front=film).json()["id"]
@@ -67,6 +78,7 @@ REFUSED = {
     "an array is missing": (film_npz([0.0], sizes=None), "film_front.sizes", "is missing"),
     "an array is unknown": (film_npz([0.0], sizes=None, lengths=np.ones(1)), "film_front.lengths", "not known"),
     "four arrays": (film_npz([0.0], rgb=np.ones(1)), "film_front", "4 arrays"),
+    "more than it may unpack to": (film_npz([0.0], jpegs=np.zeros(70_000_000, np.uint8)), "film_front", "unpacks to"),
     "no picture": (film_npz([]), "film_front", "1 to 3000"),
     "too many pictures": (film_npz(np.arange(3001) / 3001, [b"x"] * 3001), "film_front.sizes", "at most 3000"),
     "a picture without bytes": (film_npz([0.0, 0.1], [jpeg(), b""]), "film_front.sizes", "below 1"),

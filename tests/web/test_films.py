@@ -59,8 +59,9 @@ def test_the_film_follows_the_timeline(page, filmed):
     assert gray(page, 1) == pytest.approx(240, abs=2)
 
 
-def test_it_plays_and_downloads(page, filmed, url):
+def test_it_plays_and_downloads(page, filmed, url, check_accessibility):
     filmed(page, film_front=film_npz(TIMES_S))
+    check_accessibility(page)
     page.get_by_role("button", name="Play", exact=True).click()
     expect(page.locator(".filmed figcaption")).to_contain_text("picture 4 of 4")
     address = page.get_by_role("link", name="film (.npz)").get_attribute("href")
