@@ -70,16 +70,8 @@ def write_tasks(path: Path, tasks: Sequence[str]) -> None:
     arrow, parquet = require_arrow()
     table = arrow.table({"task_index": np.arange(len(tasks)), _INDEX: list(tasks)})
     columns = (("task_index", "task_index", "int64", "int64"), (None, _INDEX, "unicode", "object"))
-    described = [
-        {
-            "name": name,
-            "field_name": field,
-            "pandas_type": kind,
-            "numpy_type": stored,
-            "metadata": None,
-        }
-        for name, field, kind, stored in columns
-    ]
+    names = ("name", "field_name", "pandas_type", "numpy_type")
+    described = [{**dict(zip(names, column, strict=True)), "metadata": None} for column in columns]
     metadata = {"pandas": json.dumps({"index_columns": [_INDEX], "column_indexes": [], "columns": described})}
     parquet.write_table(table.replace_schema_metadata(metadata), path)
 

@@ -24,7 +24,7 @@ from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
-from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
+from app.store.records import EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
 from app.untrusted_arrays import film_from_npz
@@ -165,11 +165,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
     else:
         out = "Left out of prompts; shown here as it would be read after them. " if record.left_out else ""
         where = f"{out}Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
-        prompted += (
-            DemonstrationRecord(
-                record.id, record.instruction, record.objects, record.keyframes, record.control_frequency_hz
-            ),
-        )
+        prompted += (record,)
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:

@@ -29,7 +29,7 @@ def record_live(
     *,
     guide: bool = False,
     teleop: str | None = None,
-    film_hz: float = 0.0,
+    film_hz: float = FILM_HZ,
 ) -> Trajectory | None:
     """Record until the person ends it; keys open and close the gripper, and a line shows the progress.
 
@@ -48,7 +48,7 @@ def record_live(
     with ExitStack() as led:
         read = _no_motion if teleop is None else led.enter_context(opened(teleop))
         steer = _led(arm, led, guide=guide, steers=teleop is not None)
-        recorder = Recorder(arm, journal, rate_hz, _filming(arm) if film_hz else (), film_hz or FILM_HZ)
+        recorder = Recorder(arm, journal, rate_hz, _filming(arm), film_hz)
         recorder.start()
         try:
             keep = _until_ended(arm, recorder, read, steer)

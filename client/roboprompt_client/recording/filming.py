@@ -40,12 +40,9 @@ class Filming:
         self._thread = threading.Thread(target=self._run, name=f"film {camera.name}", daemon=True)
         self._thread.start()
 
-    def end(self) -> None:
-        """Take no further picture."""
+    def stop(self) -> None:
+        """Take no further picture; return when the camera is free again."""
         self._ended.set()
-
-    def join(self) -> None:
-        """Wait until the camera is free again."""
         self._thread.join()
 
     def _run(self) -> None:

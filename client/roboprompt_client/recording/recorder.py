@@ -63,7 +63,7 @@ class Recorder:
         journal: path of a new file; `trajectory_from_journal` reads it, also after a crash.
         rate_hz: at least 20.
         cameras: film the recording, such as those of an Arm's `cameras`; nothing else may use them meanwhile.
-        film_hz: pictures a second; a camera may be slower.
+        film_hz: pictures a second; a camera may be slower. 0: no film.
 
     Raises:
         InvalidInputError: for a rate out of range, or a journal that exists.
@@ -79,12 +79,12 @@ class Recorder:
     ) -> None:
         if not MIN_RATE_HZ <= rate_hz <= 1000:
             raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
-        if not 0 < film_hz <= MAX_FILM_HZ:
-            raise InvalidInputError("film_hz", f"is {film_hz:g}", f"above 0, at most {MAX_FILM_HZ:g}")
+        if not 0 <= film_hz <= MAX_FILM_HZ:
+            raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
-        self._cameras, self._film_hz, self._films = tuple(cameras), film_hz, list[Filming]()
+        self._cameras, self._film_hz, self._films = tuple(cameras) if film_hz else (), film_hz, list[Filming]()
         self._ended = threading.Event()
         self._progress: Progress | None = None
         self._error: Exception | None = None
@@ -110,11 +110,9 @@ class Recorder:
             InvalidInputError: if the samples are not a valid trajectory, or could not be written.
         """
         self._ended.set()
-        for film in self._films:
-            film.end()
         self._thread.join()
         for film in self._films:
-            film.join()
+            film.stop()
         if self._error is not None:
             raise self._error
         return trajectory_from_journal(self._journal)
