@@ -95,7 +95,6 @@ def teach_and_run(lab, typed):
         LAB.put(*place)
         said = lab.run("record", *of_cell, *INSTRUCTION, "--rate-hz", "100", typed=["", *typed, guide, "q"])
         assert "stored as" in said, said
-        assert re.search(r"joints, [1-9]\d* pictures of front", said), said
     for place in ASKED:
         LAB.put(*place)
         before_m = LAB.task.position_m("mug")

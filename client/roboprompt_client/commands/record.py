@@ -123,7 +123,7 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
     if trajectory is None:
         spool.discard(folder)
         return
-    films = [f"{len(film.pictures)} pictures of {film.camera}" for film in films_from_journal(folder / JOURNAL)]
+    films = [f"film of {film.camera}: {len(film.pictures)}" for film in films_from_journal(folder / JOURNAL)]
     say(", ".join([f"{len(trajectory)} frames", f"{trajectory.num_joints} joints", *films]))
 
 
