@@ -330,6 +330,18 @@ def test_a_video_that_cannot_be_read_costs_only_the_film(filmed, monkeypatch):
     assert "film of observation.images.front: videos of LeRobot datasets need" in without.notes[-1]
 
 
+def test_a_dataset_that_does_not_say_where_its_videos_are(tmp_path):
+    write_3(tmp_path)
+    info = json.loads((tmp_path / "meta/info.json").read_text())
+    video = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+    for path, why in ((video, "does not say where"), (None, "names no video_path")):
+        changed = {**info, "features": features("video"), "video_path": path}
+        (tmp_path / "meta/info.json").write_text(json.dumps(changed))
+        read = open_dataset(tmp_path, options()).entries[0].read()
+        assert list(read.files) == ["trajectory"]
+        assert why in read.notes[-1]
+
+
 def test_videos_say_what_they_need(filmed, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingPackageError, match="pip install av"):

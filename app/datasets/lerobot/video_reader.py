@@ -16,7 +16,7 @@ from app.datasets.lerobot.files import Info, Place, path_of
 from app.datasets.parcel import rgb_png
 from roboprompt_client.http.encoding import film_jpeg
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.film import FILM_HZ, Film
+from roboprompt_client.types.film import FILM_HZ, MAX_PICTURES, Film
 
 KEY = "observation.images."
 # FFmpeg detects containers by content, and some refer to other files or addresses: those are not allowed.
@@ -53,6 +53,8 @@ def film_from_video(
             data = film_jpeg(cv2, _rgb(picture))
             budget.take(len(data), path)
             kept.append((float(times_s[row]), data))
+            if len(kept) > MAX_PICTURES:  # the rest need not be decoded
+                break
             due_s = times_s[row] + 1 / FILM_HZ - NEAR_S / info.fps
     return Film(camera, np.array([time_s for time_s, _ in kept]), tuple(data for _, data in kept))
 
@@ -62,9 +64,12 @@ def _location(root: Path, info: Info, place: Place, feature: str) -> tuple[Path,
     if info.video_path is None:
         raise DamagedError(root / "meta/info.json", f"names no video_path for {feature}")
     if info.version == "v3.0":
-        numbers = {f"{name}_index": place.row[f"videos/{feature}/{name}_index"] for name in ("chunk", "file")}
-        path = path_of(root, info.video_path, video_key=feature, **numbers)
-        return path, float(place.row[f"videos/{feature}/from_timestamp"])
+        try:
+            numbers = {f"{name}_index": int(place.row[f"videos/{feature}/{name}_index"]) for name in ("chunk", "file")}
+            start_s = float(place.row[f"videos/{feature}/from_timestamp"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise DamagedError(root / "meta/episodes", f"does not say where {feature} is: {error!r}") from error
+        return path_of(root, info.video_path, video_key=feature, **numbers), start_s
     chunk = place.index // info.chunks_size
     return path_of(root, info.video_path, video_key=feature, episode_chunk=chunk, episode_index=place.index), 0.0
 
@@ -75,6 +80,7 @@ def _pictures(path: Path, start_s: float, fps: float, budget: Budget) -> Iterato
     try:
         with av.open(str(path), container_options=VIDEO_OPTIONS) as container:
             stream = container.streams.video[0]
+            stream.thread_type = "AUTO"
             budget.take(stream.width * stream.height * RGB_BYTES, path)
             if start_s > 0 and stream.time_base is not None:
                 container.seek(int(start_s / stream.time_base), stream=stream)
