@@ -34,6 +34,8 @@ def test_films_come_back_whole_and_picture_by_picture(http):
     address = f"/episodes/{episode['id']}"
     assert http.get(address).json()["films"] == ["front", "side"]
     assert [http.get(f"{address}/films/{name}").content for name in ("front", "side")] == [front, side]
+    disposition = http.get(f"{address}/films/side").headers["content-disposition"]
+    assert disposition == 'attachment; filename="film_side.npz"'  # by its part's name it can be uploaded again
     for number in range(len(TIMES_S)):
         picture = http.get(f"{address}/films/front/{number}")
         assert (picture.headers["content-type"], picture.content) == ("image/jpeg", jpeg(number))

@@ -245,7 +245,7 @@ def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, or
 def get_film(services: Wired, episode_id: str, camera: str) -> Response:
     """What a camera took during the motion."""
     data = stored_film(services.store, episode_id, camera)
-    headers = {"Content-Disposition": f'attachment; filename="{episode_id}.film.npz"'}
+    headers = {"Content-Disposition": f'attachment; filename="film_{camera}.npz"'}
     return Response(data, media_type="application/octet-stream", headers=headers)
 
 
