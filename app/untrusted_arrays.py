@@ -7,11 +7,14 @@ import re
 import struct
 import zipfile
 import zlib
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.film import ARRAYS, MAX_FILM_BYTES, MAX_PICTURES, VALID_FILM, Film
+from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import FIELDS, MAX_FRAMES, VALID, trajectory_from_arrays
 
@@ -36,20 +39,44 @@ def trajectory_from_npz(
     Raises:
         InvalidInputError: naming the array and what is wrong with it.
     """
+    return trajectory_from_arrays(_arrays("trajectory", data, len(FIELDS), max_unpacked_bytes, VALID), max_frames)
+
+
+def film_from_npz(camera: str, data: bytes) -> Film:
+    """Return the film of a .npz file; what its pictures hold is not looked at. Raises as `trajectory_from_npz`."""
+    field = f"film_{checked_name('film', camera)}"
+    arrays = _arrays(field, data, len(ARRAYS), MAX_FILM_BYTES + MAX_DIRECTORY_BYTES, VALID_FILM)
+    if wrong := set(ARRAYS) ^ set(arrays):
+        name = sorted(wrong)[0]
+        raise InvalidInputError(f"{field}.{name}", "is missing" if name in ARRAYS else "is not known", VALID_FILM)
+    sizes, jpegs = arrays["sizes"], arrays["jpegs"]
+    if sizes.ndim != 1 or sizes.dtype.kind not in "iu" or len(sizes) > MAX_PICTURES or (sizes < 1).any():
+        message = f"is {sizes.dtype} of shape {sizes.shape}, or has an element below 1"
+        raise InvalidInputError(f"{field}.sizes", message, f"(N,) whole numbers of bytes, N at most {MAX_PICTURES}")
+    total = sum(sizes.tolist())
+    if jpegs.dtype != np.uint8 or jpegs.shape != (total,):
+        message = f"is {jpegs.dtype} of shape {jpegs.shape}"
+        raise InvalidInputError(f"{field}.jpegs", message, f"uint8 of shape ({total},), the sum of sizes")
+    ends = np.cumsum(sizes, dtype=np.int64).tolist()
+    pictures = tuple(jpegs[start:end].tobytes() for start, end in zip([0, *ends], ends, strict=False))
+    return Film(camera, arrays["timestamps"], pictures)
+
+
+def _arrays(
+    field: str, data: bytes, max_arrays: int, max_unpacked_bytes: int, valid: str
+) -> dict[str, npt.NDArray[Any]]:
     if not data:
-        raise InvalidInputError("trajectory", "is empty", VALID)
+        raise InvalidInputError(field, "is empty", valid)
     try:
         file = _ShortDirectory(data)
         with zipfile.ZipFile(file) as archive:
             file.opened = True
-            members = _unpack(archive, max_unpacked_bytes)
+            members = _unpack(field, archive, max_arrays, max_unpacked_bytes, valid)
     except InvalidInputError:
         raise
     except _UNREADABLE as error:
-        raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", VALID) from None
-    numbers = "a plain array of numbers"
-    arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
-    return trajectory_from_arrays(arrays, max_frames)
+        raise InvalidInputError(field, f"is not a readable .npz file: {error}", valid) from None
+    return {name: array_from_npy(f"{field}.{name}", it, "a plain array of numbers") for name, it in members.items()}
 
 
 class _ShortDirectory(io.BytesIO):
@@ -64,14 +91,16 @@ class _ShortDirectory(io.BytesIO):
         return super().read(size)
 
 
-def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
+def _unpack(
+    field: str, archive: zipfile.ZipFile, max_arrays: int, max_unpacked_bytes: int, valid: str
+) -> dict[str, bytes]:
     members = archive.infolist()
     # an archive may list one array many times, and each entry is unpacked
-    if len(members) > len(FIELDS):
-        raise InvalidInputError("trajectory", f"has {len(members)} arrays", VALID)
+    if len(members) > max_arrays:
+        raise InvalidInputError(field, f"has {len(members)} arrays", valid)
     unpacked = sum(member.file_size for member in members)
     if unpacked > max_unpacked_bytes:
-        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
+        raise InvalidInputError(field, f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
     return {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
 
 

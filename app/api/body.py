@@ -21,6 +21,8 @@ from app.api.middleware import JSON, MSGPACK, MULTIPART, content_type_of
 from roboprompt_client.errors import InvalidInputError
 
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
+FILM_PREFIX = "film_"
+CAMERA_PREFIXES = (*IMAGE_PREFIXES, FILM_PREFIX)
 TRAJECTORY = "trajectory"
 MAX_PARTS = 64
 UTF_8 = ("utf-8", "utf8", "us-ascii")
@@ -38,7 +40,7 @@ class Body:
 
     Attributes:
         document: the JSON document, or that of the part `metadata`.
-        parts: images, and the trajectory of a multipart upload, by name.
+        parts: images, films, and the trajectory of a multipart upload, by name.
     """
 
     document: dict[str, Any]
@@ -93,8 +95,8 @@ async def _read_multipart(request: Request, most: int) -> Body:
 
 
 def _is_unfilled(name: str, value: UploadFile | str) -> bool:
-    """Whether it is an image's field of a form, Swagger UI's for one, in which no file was chosen."""
-    if not name.startswith(IMAGE_PREFIXES):
+    """Whether it is a camera's field of a form, Swagger UI's for one, in which no file was chosen."""
+    if not name.startswith(CAMERA_PREFIXES):
         return False
     return not value.filename and not value.size if isinstance(value, UploadFile) else not value
 
@@ -117,7 +119,7 @@ def _metadata(data: bytes) -> dict[str, Any]:
 
 def _read_json(data: bytes, most: int) -> Body:
     document = json_object(data)
-    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
+    names = [name for name in document if name.startswith(CAMERA_PREFIXES)]
     # a label's `mask_ids` are no image
     images = {name: document.pop(name) for name in names if name != "mask_ids" or not isinstance(document[name], list)}
     if TRAJECTORY not in document:
@@ -128,7 +130,7 @@ def _read_json(data: bytes, most: int) -> Body:
 def _read_packed(data: bytes, most: int) -> Body:
     """The document of a JSON body, its images as arrays or as encoded files."""
     document = msgpack_object(data)
-    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
+    names = [name for name in document if name.startswith(CAMERA_PREFIXES)]
     parts = {name: packed_image(name, document.pop(name)) for name in names}
     _check_document(len(data) - sum(map(len, parts.values())), most)
     check_only_json_types(document)

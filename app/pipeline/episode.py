@@ -48,6 +48,12 @@ class Episode:
             measured_hz = round((len(times_s) - 1) / float(times_s[-1] - times_s[0]), 3)
             settle(self, control_frequency_hz=float(np.clip(measured_hz, MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ)))
 
+    @property
+    def times_s(self) -> Array:
+        """(T,) of the frames, by the trajectory's clock if it has one, else from 0."""
+        given_s = self.trajectory.timestamps_s
+        return frame_times_s(self.trajectory, self.control_frequency_hz) if given_s is None else given_s
+
 
 @dataclass(frozen=True, eq=False)
 class Query:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -20,8 +21,9 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions
 from app.store.blobs import BlobStore
 from app.store.errors import CorruptDataError, NotFoundError
+from app.store.records import EpisodeRecord
 from app.store.store import Store
-from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
+from app.store.values import CameraRecord, ImageKind
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
@@ -61,6 +63,20 @@ def stored_image(cameras: Iterable[CameraRecord], name: str, kind: ImageKind, wh
         if record.name == name and (digest := record.digest(kind)) is not None:
             return record, digest
     raise NotFoundError(f"{kind} image of {where}", name)
+
+
+def stored_film(store: Store, episode_id: str, camera: str) -> bytes:
+    """The `.npz` file of what a camera took during an episode.
+
+    Raises:
+        NotFoundError: if there is no such episode or film.
+        CorruptDataError, StoreUnavailableError: if it cannot be read.
+    """
+    with store.read() as connection:
+        digest = episodes.get(connection, episode_id).films.get(camera)
+    if digest is None:
+        raise NotFoundError(f"film of episode {episode_id}", camera)
+    return store.blobs.read(digest)
 
 
 def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
@@ -125,40 +141,20 @@ def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
     return TaughtQuery(**vars(query), template=template)
 
 
-def overlay_of_episode(store: Store, episode_id: str, camera: str) -> bytes:
-    """A PNG of the episode's first frame with masks, outlines, axes and names; outlines are those of present models.
+def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:
+    """A PNG of what the camera saw first with masks, outlines, axes and names; outlines are those of present models.
 
     Raises:
-        NotFoundError: if there is no such episode, or it has no color image of that camera.
+        NotFoundError: if there is no such episode or prediction, or it has no color image of that camera.
     """
     with store.read() as connection:
-        record = episodes.get(connection, episode_id)
+        record = episodes.get(connection, id_) if kind == "episode" else predictions.get(connection, id_)
         settings = TaskSettings.of(connection, record.task)
-    stored, _ = stored_image(record.cameras, camera, "rgb", f"episode {episode_id}")
-    return _overlay(store.blobs, stored, record.objects, record.given_objects, settings)
-
-
-def overlay_of_prediction(store: Store, prediction_id: str, camera: str) -> bytes:
-    """The same of what the robot saw when it asked.
-
-    Raises:
-        NotFoundError: if there is no such prediction, or no color image of that camera came with it.
-    """
-    with store.read() as connection:
-        record = predictions.get(connection, prediction_id)
-        settings = TaskSettings.of(connection, record.task)
-    stored, _ = stored_image(record.cameras, camera, "rgb", f"prediction {prediction_id}")
-    return _overlay(store.blobs, stored, record.objects, record.request.get("objects", ()), settings)
-
-
-def _overlay(
-    blobs: BlobStore,
-    camera: CameraRecord,
-    objects: Sequence[ObjectRecord],
-    sent: Iterable[JsonObject],
-    settings: TaskSettings,
-) -> bytes:
+    sent = record.given_objects if isinstance(record, EpisodeRecord) else record.request.get("objects", ())
+    stored, _ = stored_image(record.cameras, camera, "rgb", f"{kind} {id_}")
     mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
-    queries = settings.with_models(ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in objects)
-    image = draw_overlay(read_frame(blobs, camera), [item.pose() for item in objects], queries)
+    queries = settings.with_models(
+        ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects
+    )
+    image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects], queries)
     return cv2.imencode(".png", image[..., ::-1])[1].tobytes()

@@ -52,6 +52,8 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(tables.runs).where(tables.runs.c.task == name))
     predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     held = {_PREDICTIONS.name: erase_predictions(connection, predictions)}
+    episodes = select(_EPISODES.c.id).where(_EPISODES.c.task == name)
+    connection.execute(delete(tables.films).where(tables.films.c.episode_id.in_(episodes)))
     for table in (_EPISODES, _LABELS):
         held[table.name] = connection.execute(delete(table).where(table.c.task == name)).rowcount
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))

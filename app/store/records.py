@@ -1,5 +1,6 @@
 """Records that the store takes and returns: frozen values, independent of the database."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Generic, Literal, TypeVar
@@ -85,6 +86,7 @@ class EpisodeFields(DemonstrationRecord):
     left_out: bool = False  # kept, but shown in no prompt
     note: str = ""  # what a person says of it
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
+    films: Mapping[str, str] = field(default_factory=dict)  # digests by camera; lists do not read them
 
 
 @dataclass(frozen=True, kw_only=True)

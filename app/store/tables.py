@@ -118,6 +118,16 @@ episodes = Table(
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
 )
 
+# The digest of what a camera took during the motion. A table of its own: SQLite would append a new column of `episodes`
+# behind the trajectory.
+films = Table(
+    "films",
+    metadata,
+    Column("episode_id", String(32), ForeignKey("episodes.id"), primary_key=True),
+    Column("camera", String(64), primary_key=True),
+    Column("digest", String(64), nullable=False),
+)
+
 predictions = Table(
     "predictions",
     metadata,

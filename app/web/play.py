@@ -2,7 +2,7 @@
 
 Motion is a document for `static/player.js`, of an episode as it was recorded or of a prediction before a robot carries
 it out: times in seconds and, for each, the hand's pose and gripper in the world frame, and where the arm's joints stand
-if the arm is known. Points are bytes for `static/points3d.js`.
+if the arm is known. Points and films are bytes for `static/points3d.js` and `static/film.js`.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand, ske
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.film import Film
 from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOMENTS = 1500  # of a recording: the page moves straight between them
@@ -142,3 +143,16 @@ def point_cloud(frame: RgbdFrame, workspace: WorkspaceSettings) -> bytes:
         kept = np.random.default_rng(0).choice(kept, MAX_POINTS, replace=False)
     colors = frame.rgb[rows[kept], columns[kept]]
     return points[kept].astype("<f4").tobytes() + colors.astype(np.uint8).tobytes()
+
+
+def film_bytes(film: Film, trajectory: Trajectory) -> bytes:
+    """A film's N pictures with their places in the motion.
+
+    Returns:
+        N, then N times in seconds from the trajectory's first frame and N sizes in bytes, all little-endian float32;
+        after them the JPEG files.
+    """
+    start_s = 0.0 if trajectory.timestamps_s is None else float(trajectory.timestamps_s[0])
+    sizes = [len(picture) for picture in film.pictures]
+    head = np.concatenate([[len(sizes)], film.times_s - start_s, sizes])
+    return head.astype("<f4").tobytes() + b"".join(film.pictures)

@@ -35,6 +35,7 @@ from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.film import Film
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -45,6 +46,7 @@ __all__ = [
     "Camera",
     "DangerError",
     "EndEffectorAction",
+    "Film",
     "InvalidAnswerError",
     "InvalidInputError",
     "Leading",

@@ -9,10 +9,11 @@ import httpx
 from roboprompt_client.answers import PlannedStep, PredictedActions
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.http.connection import Request, document_in, require_success
-from roboprompt_client.http.encoding import Part, prediction_request, request_parts, scene_json
+from roboprompt_client.http.encoding import Part, npz_part, prediction_request, request_parts, scene_json
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
+from roboprompt_client.types.film import Film, npz_from_film
 from roboprompt_client.types.poses import ObjectPose, object_from_json, object_json
 from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
@@ -143,6 +144,7 @@ class Requests:
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
+        films: Iterable[Film] = (),
     ) -> Request[dict[str, Any]]:
         """Store a demonstration; return the service's description of it.
 
@@ -150,6 +152,7 @@ class Requests:
             observation: what the robot saw at the first frame.
             mask_ids: by object name, the ids of its pixels in the frames' masks; instead of a pose or beside it.
             prediction_id: of the prediction that the robot carried out successfully in this episode.
+            films: what cameras took during the motion, such as `Recorder.films`.
         """
         metadata = {
             "task": task,
@@ -160,7 +163,8 @@ class Requests:
             "prediction_id": prediction_id,
         }
         parts = request_parts(metadata, observation.frames)
-        parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
+        parts["trajectory"] = npz_part("trajectory", npz_from_trajectory(trajectory))
+        parts |= {film.field: npz_part(film.field, npz_from_film(film)) for film in films}
         return self.upload_parts(parts, uuid4().hex)
 
     def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> Request[dict[str, Any]]:

@@ -1,4 +1,5 @@
-"""Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again.
+"""Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again;
+films: what cameras took during an episode.
 
 Columns go that nothing reads: the step of a prediction, and the status of an answer to a repeated request.
 """
@@ -34,6 +35,14 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["prediction_id"], ["predictions.id"], name="fk_cases_prediction_id_predictions"),
         sa.PrimaryKeyConstraint("prediction_id", name="pk_cases"),
     )
+    op.create_table(
+        "films",
+        sa.Column("episode_id", sa.String(32), nullable=False),
+        sa.Column("camera", sa.String(64), nullable=False),
+        sa.Column("digest", sa.String(64), nullable=False),
+        sa.ForeignKeyConstraint(["episode_id"], ["episodes.id"], name="fk_films_episode_id_episodes"),
+        sa.PrimaryKeyConstraint("episode_id", "camera", name="pk_films"),
+    )
     op.drop_column("predictions", "step")
     op.drop_column("idempotency_keys", "status")
 
@@ -41,5 +50,6 @@ def upgrade() -> None:
 def downgrade() -> None:
     op.add_column("idempotency_keys", sa.Column("status", sa.Integer(), nullable=False, server_default="200"))
     op.add_column("predictions", sa.Column("step", sa.Integer()))
+    op.drop_table("films")
     op.drop_table("cases")
     op.drop_table("runs")

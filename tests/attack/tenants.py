@@ -15,7 +15,7 @@ from app.services.api_keys import create_key
 from app.store import api_keys
 from app.store.store import Store
 from tests.e2e.processes import killable_server
-from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
+from tests.episodes import arrays, camera, film_npz, metadata, multipart, npz, pick_trajectory
 
 PLACE_M = (0.1, 0.1, 0.78)
 PICTURE = cv2.imencode(".png", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
@@ -76,7 +76,7 @@ def with_pictures(document):
 def taught(http, task, headers=None, **more):
     document = metadata(task, {"cube": PLACE_M}, cameras=[camera()], **more)
     trajectory = npz(**arrays(pick_trajectory(PLACE_M)))
-    files = multipart(document, trajectory, rgb_front=PICTURE, depth_front=DEPTH)
+    files = multipart(document, trajectory, rgb_front=PICTURE, depth_front=DEPTH, film_front=film_npz([0.0]))
     return http.post("/episodes", files=files, headers=headers)
 
 

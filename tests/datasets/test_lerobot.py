@@ -14,11 +14,11 @@ from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
-from app.untrusted_arrays import trajectory_from_npz
+from app.untrusted_arrays import film_from_npz, trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
-from tests.datasets.parcels import parcel, parcels
-from tests.episodes import camera, png
+from tests.datasets.parcels import PLACES_M, parcel, parcels
+from tests.episodes import camera, film_npz, jpeg, png
 
 FPS = 10
 LENGTHS = (6, 9)
@@ -73,6 +73,72 @@ def test_what_policies_train_on(tmp_path):
     stats = json.loads((tmp_path / "set/meta/stats.json").read_text())
     np.testing.assert_allclose(stats["action"]["mean"], action.mean(axis=0), rtol=1e-6)
     assert stats["action"]["count"] == [3 * frames]
+
+
+def with_films(parcel, **films):
+    return replace(parcel, files={**parcel.files, **films})
+
+
+TIMES_S = (0.003, 0.2, 0.45, 0.9)  # of a recording that begins at 0.003 s and has a row each 0.05 s
+ODD = film_npz(TIMES_S, [jpeg(number, 65, 49) for number in range(4)])
+
+
+def test_films_are_videos_with_a_picture_for_each_row(tmp_path):
+    sent = [with_films(parcel(place_m), film_front=ODD, film_wrist=film_npz(TIMES_S)) for place_m in PLACES_M[:2]]
+    said = []
+    write_lerobot(tmp_path / "set", [*sent, with_films(parcel(PLACES_M[2]), film_front=ODD)], said.append)
+    assert said == ["no video of wrist: not every episode has a film of that camera, of one size"]
+    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    key = "observation.images.front"
+    assert [name for name, item in info["features"].items() if item["dtype"] == "video"] == [key]
+    assert info["features"][key]["shape"] == [48, 64, 3]
+    (rows,) = (tmp_path / "set/meta/episodes").glob("*/*.parquet")
+    for row in pq.read_table(rows).to_pylist():
+        place = {name: row[f"videos/{key}/{name}_index"] for name in ("chunk", "file")}
+        path = info["video_path"].format(video_key=key, chunk_index=place["chunk"], file_index=place["file"])
+        with av.open(str(tmp_path / "set" / path)) as container:
+            pictures = list(container.decode(video=0))
+        assert [picture.time for picture in pictures] == pytest.approx(np.arange(row["length"]) / 20, abs=1e-4)
+        shades = [round(picture.to_ndarray(format="rgb24").mean() / 40) for picture in pictures]
+        assert shades == [0] * 4 + [1] * 5 + [2] * 9 + [3] * 3
+        assert row[f"videos/{key}/to_timestamp"] == pytest.approx(row["length"] / 20)
+        assert np.shape(row[f"stats/{key}/mean"]) == (3, 1, 1)
+    stats = json.loads((tmp_path / "set/meta/stats.json").read_text())[key]
+    assert np.shape(stats["std"]) == (3, 1, 1)
+    assert (np.min(stats["min"]), np.max(stats["max"])) == (0, pytest.approx(120 / 255, abs=0.01))
+
+
+def test_films_come_back_as_they_were_uploaded(tmp_path):
+    sent = with_films(parcel(), film_front=ODD, film_wrist=film_npz([0.5]))
+    write_lerobot(tmp_path / "set", [sent])
+    (entry,) = open_dataset(tmp_path / "set", ImportOptions()).entries
+    assert entry.read().files == sent.files
+    assert entry.read().key == sent.key
+
+
+def test_without_av_a_dataset_has_no_videos(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "av", None)
+    said = []
+    write_lerobot(tmp_path / "set", [with_films(parcel(), film_front=ODD)], said.append)
+    assert "no video of front: videos of LeRobot datasets need" in said[0]
+    assert json.loads((tmp_path / "set/meta/info.json").read_text())["video_path"] is None
+
+
+def test_a_film_of_what_is_no_picture_is_left_out(tmp_path):
+    damaged = film_npz([0.1, 0.2], [b"\xff\xd8\xff no picture \xff\xd9", jpeg()])
+    said = []
+    write_lerobot(tmp_path / "set", [with_films(parcel(), film_front=film) for film in (ODD, damaged)], said.append)
+    assert said == ["no video of front: not every episode has a film of that camera, of one size"]
+
+
+def test_measured_rates_near_one_whole_number_are_exported(tmp_path):
+    measured = [parcel(), parcel()]
+    for item, rate_hz in zip(measured, (19.93, 20.21), strict=True):
+        item.metadata["control_frequency_hz"] = rate_hz
+    write_lerobot(tmp_path / "set", measured)
+    assert json.loads((tmp_path / "set/meta/info.json").read_text())["fps"] == 20
+    read = [entry.read() for entry in open_dataset(tmp_path / "set", ImportOptions()).entries]
+    assert [item.key for item in read] == [item.key for item in measured]
 
 
 def test_nothing_is_overwritten_or_half_written(tmp_path):
@@ -235,6 +301,45 @@ def test_the_first_picture_of_a_video(filmed):
     read = [entry.read() for entry in open_dataset(filmed, options(cameras=[FRONT])).entries]
     for item, shade in zip(read, (60, 160), strict=True):
         np.testing.assert_allclose(decode_rgb("rgb", item.files["rgb_front"]), shade, atol=6)
+
+
+def test_videos_become_films(filmed):
+    """Ten pictures a second, of which every second is kept."""
+    for entry, length, shade in zip(open_dataset(filmed, options()).entries, LENGTHS, (60, 160), strict=True):
+        read = entry.read()
+        assert sorted(read.files) == ["film_front", "trajectory"]
+        film = film_from_npz("front", read.files["film_front"])
+        assert film.times_s.tolist() == pytest.approx(np.arange(0, length, 2) / FPS)
+        first, second = (decode_rgb("film", picture) for picture in film.pictures[:2])
+        np.testing.assert_allclose(first, shade, atol=6)
+        np.testing.assert_allclose(second, 10, atol=8)
+        assert read.notes[-1] == "calibration of observation.images.front: images are left out"
+    assert replace(read, files={"trajectory": read.files["trajectory"]}).key == read.key
+    (entry, _) = open_dataset(filmed, replace(options(), cameras=("side",))).entries
+    assert list(entry.read().files) == ["trajectory"]
+
+
+def test_a_video_that_cannot_be_read_costs_only_the_film(filmed, monkeypatch):
+    (filmed / "videos/chunk-000/observation.images.front/episode_000000.mp4").write_bytes(b"no video")
+    first, second = (entry.read() for entry in open_dataset(filmed, options()).entries)
+    assert "episode_000000.mp4: cannot be decoded" in first.notes[-1]
+    assert list(first.files) == ["trajectory"]
+    assert "film_front" in second.files
+    monkeypatch.setitem(sys.modules, "av", None)
+    without = open_dataset(filmed, options()).entries[1].read()
+    assert "film of observation.images.front: videos of LeRobot datasets need" in without.notes[-1]
+
+
+def test_a_dataset_that_does_not_say_where_its_videos_are(tmp_path):
+    write_3(tmp_path)
+    info = json.loads((tmp_path / "meta/info.json").read_text())
+    video = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+    for path, why in ((video, "does not say where"), (None, "names no video_path")):
+        changed = {**info, "features": features("video"), "video_path": path}
+        (tmp_path / "meta/info.json").write_text(json.dumps(changed))
+        read = open_dataset(tmp_path, options()).entries[0].read()
+        assert list(read.files) == ["trajectory"]
+        assert why in read.notes[-1]
 
 
 def test_videos_say_what_they_need(filmed, monkeypatch):

@@ -21,7 +21,8 @@ from .drafts import camera_record, episode_draft, predict, prediction_draft, rea
 def fill(store):
     for seed in range(3):
         digest = store.blobs.put(f"image {seed}".encode())
-        upload(store, episode_draft(seed, cameras=(camera_record(rgb_digest=digest),)))
+        film = {"front": store.blobs.put(f"film {seed}".encode())}
+        upload(store, episode_draft(seed, cameras=(camera_record(rgb_digest=digest),), films=film))
     seen = store.blobs.put(b"seen")
     added = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=seen),)))
     with store.write() as connection:
@@ -66,7 +67,7 @@ def test_what_was_backed_up_comes_back(tmp_path, open_new, source, target):
     fill(store)
     before = digest_of(store)
     summary = back_up(store, tmp_path / "backup.tar")
-    assert summary.num_blobs == 4
+    assert summary.num_blobs == 7
     assert summary.rows["episodes"] == 3
     restored = open_new(target)
     assert restore(restored, tmp_path / "backup.tar") == summary
@@ -116,7 +117,7 @@ def rewrite(path, change):
     ("change", "message"),
     [
         (lambda name, data: (name, data if name.endswith(".db") else b"x" + data), "do not match its name"),
-        (lambda name, data: None if name.startswith("blobs/") else (name, data), "lacks 4 blobs"),
+        (lambda name, data: None if name.startswith("blobs/") else (name, data), "lacks 7 blobs"),
         (lambda name, data: None if name.endswith(".db") else (name, data), r"has no roboprompt\.db"),
         (lambda name, data: (f"../{name}", data), "does not belong there"),
         (lambda name, data: (name, b"not a database" * 99 if name.endswith(".db") else data), "not a database"),

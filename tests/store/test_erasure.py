@@ -21,7 +21,8 @@ def remember(store, scope, key, response):
 
 def fill(store, task):
     """An episode, a label, a prediction with an outcome, a job with something staged, the answers to both requests."""
-    episode, asked = upload(store, episode_draft(task=task)), predict(store, prediction_draft(task))
+    episode = upload(store, episode_draft(task=task, films={"front": "c" * 64}))
+    asked = predict(store, prediction_draft(task))
     remember(store, idempotency.UPLOAD, f"up {task}", {"id": episode.id, "task": task})
     remember(store, idempotency.PREDICT, f"ask {task}", {"id": asked.id, "actions": []})
     with store.write() as connection:
@@ -41,7 +42,7 @@ def extraction_of(episode_id):
 def counts(store):
     listed = (
         *(tables.tasks, tables.episodes, tables.labels, tables.predictions, tables.jobs),
-        *(tables.staged_extractions, tables.idempotency_keys),
+        *(tables.staged_extractions, tables.idempotency_keys, tables.films),
     )
     with store.read() as connection:
         return {table.name: connection.scalar(select(func.count()).select_from(table)) for table in listed}

@@ -5,7 +5,7 @@ import json
 import pytest
 from playwright.sync_api import expect
 
-from tests.episodes import arrays, camera, metadata, npz, pick_trajectory
+from tests.episodes import arrays, camera, film_npz, metadata, npz, pick_trajectory
 from tests.web.conftest import PLACES_M, picture
 
 
@@ -16,6 +16,7 @@ def parts(task, place_m):
         "metadata.json": json.dumps(document).encode(),
         "trajectory.npz": npz(**arrays(pick_trajectory(place_m))),
         "rgb_front.jpg": picture(60),
+        "film_side.npz": film_npz([0.0, 0.5]),
     }
 
 
@@ -45,6 +46,7 @@ def test_dropped_files_become_an_episode(page, http, tmp_path):
     (episode,) = http.get("/episodes", params={"task": "dropped"}).json()["episodes"]
     assert page.url.endswith(episode["id"])
     assert episode["cameras"] == ["front"]
+    assert http.get(f"/episodes/{episode['id']}").json()["films"] == ["side"]
 
 
 def test_a_folder_of_folders_is_sent_in_order(page, http, tmp_path):

@@ -26,6 +26,7 @@ _IMAGES = {
     "depth": f"16-bit PNG, or .npy in meters: the depth {_OF_CAMERA.format(kind='depth')}",
     "mask": f"16-bit PNG or .npy: ids of the objects' pixels, the mask {_OF_CAMERA.format(kind='mask')}",
 }
+_FILM = ".npz: pictures that the camera `front` took during the motion; `film_NAME` for a camera NAME"
 
 
 async def get_services(request: Request) -> Services:
@@ -43,22 +44,28 @@ def problems(**meanings: str) -> dict[int | str, dict[str, object]]:
 
 
 def body_of(
-    json_model: type[BaseModel], metadata_model: type[BaseModel] | None = None, *files: str, packed: bool = False
+    json_model: type[BaseModel],
+    metadata_model: type[BaseModel] | None = None,
+    *files: str,
+    films: bool = False,
+    packed: bool = False,
 ) -> dict[str, Any]:
     """`openapi_extra` for a body that is one JSON document, or multipart with a part `metadata`.
 
     Args:
         metadata_model: None: the same.
         files: names of further required parts.
+        films: what cameras took during a motion is read, too.
         packed: MessagePack is read, too.
     """
     # Forms offer only parts with a name: those of one camera stand for those of all.
-    images = {f"{kind}_front": {**_BINARY, "description": about} for kind, about in _IMAGES.items()}
+    kinds = _IMAGES | ({"film": _FILM} if films else {})
+    images = {f"{kind}_front": {**_BINARY, "description": about} for kind, about in kinds.items()}
     multipart = {
         "type": "object",
         "required": ["metadata", *files],
         "properties": {"metadata": _reference(metadata_model or json_model), **dict.fromkeys(files, _BINARY), **images},
-        "patternProperties": {f"^{kind}_.+$": _BINARY for kind in _IMAGES},
+        "patternProperties": {f"^{kind}_.+$": _BINARY for kind in kinds},
     }
     content: dict[str, dict[str, Any]] = {
         "application/json": {"schema": _reference(json_model)},

@@ -34,7 +34,7 @@ from app.perception.poses_wire import poses_document
 from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
-from app.services.scene_images import overlay_of_episode, overlay_of_prediction
+from app.services.scene_images import overlay_of
 from app.services.teach import learn
 from app.services.teach.labels import LabelDraft
 from app.store import labels
@@ -96,7 +96,7 @@ def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
 )
 async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A camera's first image with the found objects drawn into it."""
-    png = await image_work(request).run(request, overlay_of_episode, services.store, episode_id, camera)
+    png = await image_work(request).run(request, overlay_of, services.store, "episode", episode_id, camera)
     return Response(png, media_type=PNG)
 
 
@@ -109,7 +109,7 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
 )
 async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
     """A camera's image of the request, with the found objects drawn into it."""
-    png = await image_work(request).run(request, overlay_of_prediction, services.store, prediction_id, camera)
+    png = await image_work(request).run(request, overlay_of, services.store, "prediction", prediction_id, camera)
     return Response(png, media_type=PNG)
 
 

@@ -87,9 +87,10 @@ class ListedEpisode(BaseModel):
 
 
 class EpisodeOut(ListedEpisode):
-    """An episode with the `extra` of its upload."""
+    """An episode with the `extra` of its upload, and the cameras that took pictures during the motion."""
 
     extra: dict[str, Any]
+    films: list[str]
 
 
 class UploadedEpisodeOut(EpisodeOut):

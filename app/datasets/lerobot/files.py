@@ -50,6 +50,11 @@ def write_scene(root: Path, index: int, parcel: Parcel) -> None:
             (folder / name).write_bytes(data)
 
 
+def read_file(root: Path, index: int, name: str) -> bytes:
+    """Return a file that `write_scene` wrote."""
+    return (_folder(root, index) / name).read_bytes()
+
+
 def _folder(root: Path, index: int) -> Path:
     return root / FOLDER / f"episode_{int(index):06d}"
 

@@ -1,7 +1,8 @@
 """Reads LeRobot datasets, versions 3.0, 2.1 and 2.0.
 
 A dataset exported by this project contains its scenes (`meta/roboprompt`). Other datasets need a mapping of their
-columns, unless these are named as in `DEFAULTS`. A camera's first frame is an embedded image or the start of a video.
+columns, unless these are named as in `DEFAULTS`. A camera's first frame is an embedded image or the start of a video;
+videos become films, embedded images do not.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,18 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.bounds import Budget, DamagedError, MissingPackageError, read_inside
+from app.datasets.bounds import Budget, DamagedError, DatasetError, read_inside
 from app.datasets.columns import Columns, parcel_of, trajectory_of
-from app.datasets.lerobot.files import INFO, Info, Place, path_of, read_info, read_places, read_scene
+from app.datasets.lerobot.files import INFO, Info, Place, read_info, read_places, read_scene
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
+from app.datasets.lerobot.video_reader import KEY, film_from_video, first_picture
 from app.datasets.options import FeatureMap, ImportOptions, as_name
-from app.datasets.parcel import Dataset, Entry, Parcel, rgb_png
+from app.datasets.parcel import Dataset, Entry, Parcel
+from app.untrusted_arrays import trajectory_from_npz
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.film import npz_from_film
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
-# FFmpeg detects containers by content, and some refer to other files or addresses: those are not allowed.
-VIDEO_OPTIONS = {"format_whitelist": "mov,matroska,avi", "protocol_whitelist": "file"}
-RGB_BYTES = 3
-NEAR_S = 0.5  # tolerance for the time of a picture, in frame durations
 JOINT_VELOCITIES = "observation.joint_velocities"
 JOINT_POSITIONS = "observation.joint_positions"
 POSITIONS = "observation.end_effector_position"
@@ -51,8 +52,7 @@ def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: s
         raise DamagedError(root, f"has no images {feature}")
     if info.features[feature]["dtype"] == "image":
         return _embedded(root, place, feature, budget)
-    path, start_s = _video(root, info, place, feature)
-    return _first_picture(path, start_s, info.fps, budget)
+    return first_picture(root, info, place, feature, budget)
 
 
 def _embedded(root: Path, place: Place, feature: str, budget: Budget) -> bytes:
@@ -63,37 +63,6 @@ def _embedded(root: Path, place: Place, feature: str, budget: Budget) -> bytes:
     if image.get("path"):
         return read_inside(root, str(image["path"]), budget)
     raise DamagedError(place.data_file, f"{feature} has no image in row {place.first_row or 0}")
-
-
-def _video(root: Path, info: Info, place: Place, feature: str) -> tuple[Path, float]:
-    """The video file, and when in it the episode begins, s."""
-    if info.video_path is None:
-        raise DamagedError(root / "meta/info.json", f"names no video_path for {feature}")
-    if info.version == "v3.0":
-        numbers = {f"{name}_index": place.row[f"videos/{feature}/{name}_index"] for name in ("chunk", "file")}
-        path = path_of(root, info.video_path, video_key=feature, **numbers)
-        return path, float(place.row[f"videos/{feature}/from_timestamp"])
-    chunk = place.index // info.chunks_size
-    return path_of(root, info.video_path, video_key=feature, episode_chunk=chunk, episode_index=place.index), 0.0
-
-
-def _first_picture(path: Path, start_s: float, fps: float, budget: Budget) -> bytes:
-    try:
-        import av
-    except ImportError as error:
-        raise MissingPackageError("videos of LeRobot datasets", "av") from error
-    try:
-        with av.open(str(path), container_options=VIDEO_OPTIONS) as container:
-            stream = container.streams.video[0]
-            budget.take(stream.width * stream.height * RGB_BYTES, path)
-            if start_s > 0 and stream.time_base is not None:
-                container.seek(int(start_s / stream.time_base), stream=stream)
-            for picture in container.decode(stream):
-                if picture.time is not None and picture.time >= start_s - NEAR_S / fps:
-                    return rgb_png(np.asarray(picture.to_ndarray(format="rgb24"), np.uint8))
-    except (OSError, ValueError, IndexError) as error:  # av's own errors are among both
-        raise DamagedError(path, f"cannot be decoded: {error}") from error
-    raise DamagedError(path, f"ends before {start_s:.3f} s")
 
 
 def looks_like(path: Path) -> bool:
@@ -132,7 +101,7 @@ def _read(
         raise DamagedError(place.data_file, f"has {rows} rows of episode {place.index}, expected {place.length}")
     if (scene := read_scene(root, place.index, budget)) is not None:
         return _exported(*scene, columns, mapping, options)
-    return parcel_of(
+    parcel = parcel_of(
         name=f"episode_{place.index:06d}",
         source=f"LeRobot {info.version}",
         task=as_name(root.name),
@@ -144,6 +113,24 @@ def _read(
         image=partial(first_image, root, info, place, budget),
         image_columns=info.named("image", "video"),
     )
+    return _with_films(parcel, root, info, place, options, budget)
+
+
+def _with_films(parcel: Parcel, root: Path, info: Info, place: Place, options: ImportOptions, budget: Budget) -> Parcel:
+    """Return the parcel with the episode's videos; a note says why one is left out."""
+    trajectory = trajectory_from_npz(parcel.files["trajectory"])
+    times_s = np.arange(len(trajectory)) / info.fps if trajectory.timestamps_s is None else trajectory.timestamps_s
+    films: dict[str, bytes] = {}
+    notes = []
+    for feature in info.named("video"):
+        camera = as_name(feature.removeprefix(KEY))
+        if options.wants(camera):
+            try:
+                film = film_from_video(root, info, place, feature, camera, times_s, budget)
+                films[film.field] = npz_from_film(film)
+            except (DatasetError, InvalidInputError) as error:
+                notes.append(f"film of {feature}: {error}")
+    return replace(parcel, files={**parcel.files, **films}, notes=(*parcel.notes, *notes))
 
 
 def _exported(

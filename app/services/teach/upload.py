@@ -1,7 +1,7 @@
 """`POST /episodes`: check an episode, extract keyframes and object poses, compare it with its task, store one row."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import NamedTuple
 
 from sqlalchemy import Connection
@@ -41,6 +41,7 @@ class Upload:
 
     Attributes:
         images: per camera of `episode.frames`, by name.
+        films: `.npz` files by camera, checked.
         prediction_id: of the prediction that the robot carried out in this episode.
         left_out, note, uploaded_instruction: see `EpisodeFields`; of an episode that was edited elsewhere.
         alike: the objects that came with one name, and are numbered in `objects`.
@@ -58,6 +59,7 @@ class Upload:
     note: str = ""
     uploaded_instruction: str | None = None
     alike: tuple[Alike, ...] = ()
+    films: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
@@ -92,7 +94,7 @@ class Upload:
     def draft(
         self, instruction: str, keyframes: tuple[KeyframeRecord, ...], objects: tuple[ObjectRecord, ...]
     ) -> EpisodeDraft:
-        """The episode as it is to be stored, its images aside."""
+        """The episode as it is to be stored, its images and films aside."""
         episode, uploaded = self.episode, self.uploaded_instruction
         return EpisodeDraft(
             task=self.task,
@@ -182,7 +184,8 @@ class UploadEpisode:
             extra=episode.extra,
             others=[record.demonstration() for record in task.demonstrations],
         )
-        draft = replace(draft, cameras=put_images(blobs, upload.cameras, upload.images))
+        films = {camera: blobs.put(data) for camera, data in sorted(upload.films.items())}
+        draft = replace(draft, cameras=put_images(blobs, upload.cameras, upload.images), films=films)
         return _Extracted(settings, draft, (*others, *findings))
 
     def _commit(self, upload: Upload, task: StoredTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:

@@ -19,17 +19,18 @@ from app.pipeline.keyframes import Motion, Rule
 from app.pipeline.representation import usual_format
 from app.services.container import Services
 from app.services.predict.demonstrations import Demonstrations, recordings_of
-from app.services.scene_images import read_frame
+from app.services.scene_images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
-from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
+from app.store.records import EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
+from app.untrusted_arrays import film_from_npz
 from app.web.episode_views import EpisodeText, Preview, episode_texts, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.play import point_cloud, recorded_motion
+from app.web.play import film_bytes, point_cloud, recorded_motion
 from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
@@ -126,6 +127,14 @@ async def episode_points(request: Request, services: Wired, episode_id: str) -> 
     return Response(data, media_type="application/octet-stream", headers=HEADERS)
 
 
+@documents.get("/ui/episodes/{episode_id}/films/{camera}")
+def episode_film(services: Wired, episode_id: str, camera: str) -> Response:
+    """What a camera took during the motion, as `film_bytes` writes it."""
+    film = film_from_npz(camera, stored_film(services.store, episode_id, camera))
+    data = film_bytes(film, _recording(services, episode_id).motion.trajectory)
+    return Response(data, media_type="application/octet-stream", headers=HEADERS)
+
+
 def _points(services: Services, episode_id: str) -> bytes:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
@@ -156,11 +165,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
     else:
         out = "Left out of prompts; shown here as it would be read after them. " if record.left_out else ""
         where = f"{out}Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
-        prompted += (
-            DemonstrationRecord(
-                record.id, record.instruction, record.objects, record.keyframes, record.control_frequency_hz
-            ),
-        )
+        prompted += (record,)
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:

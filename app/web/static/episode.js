@@ -3,6 +3,7 @@
 import { call, root, send } from "./api.js";
 import { attempt, byId, confirmed, data, element, say, sayProblem } from "./dom.js";
 import { deleted } from "./episodes.js";
+import { mountFilm } from "./film.js";
 import { drawMotion } from "./motion_plot.js";
 import { mountPlayer } from "./player.js";
 import { drawScene } from "./scene3d.js";
@@ -136,6 +137,10 @@ const texts = new IntersectionObserver(([{ isIntersecting, target }]) => {
 });
 texts.observe(byId("text"));
 
+for (const canvas of document.querySelectorAll("[data-film]")) {
+  const caption = canvas.parentNode.querySelector("figcaption span");
+  attempt(caption, () => mountFilm(byId("space-view"), canvas, caption));
+}
 followNumber();
 arrange();
 drawSpeed();

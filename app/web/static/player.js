@@ -103,6 +103,7 @@ class Player {
     const moment = momentOf(this.motion, this.time_s);
     showMoment(this.view, moment, this.beside && momentOf(this.beside, this.timeBeside()));
     this.timeline.at(this.time_s);
+    this.view.dispatchEvent(new CustomEvent("moment", { detail: this.time_s })); // for films
     // Words that change faster than people read them only cost frames.
     const now_ms = performance.now();
     if (playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;

@@ -1,6 +1,6 @@
 // Files -> demonstrations: folders with metadata.json and trajectory.npz, or single .json files.
 
-const PART = /^(metadata\.json|trajectory\.npz|(rgb|depth|mask)_.+\.(png|jpe?g|npy))$/i;
+const PART = /^(metadata\.json|(trajectory|film_.+)\.npz|(rgb|depth|mask)_.+\.(png|jpe?g|npy))$/i;
 const NEEDED = ["metadata.json", "trajectory.npz"];
 
 /** Every file that was dropped, those in folders too, with its path. */

@@ -89,7 +89,7 @@ class FrameFolder:
 
     def __init__(self, folder: str, *, recorded: bool = False) -> None:
         self._cv2 = import_extra("cv2", "opencv-python-headless", "images")
-        self._folder, self._recorded = Path(folder), recorded
+        self._folder, self.recorded = Path(folder), recorded
         try:
             document = json.loads((self._folder / CALIBRATION).read_text())
             self._intrinsics = Intrinsics.from_json(f"{CALIBRATION}: intrinsics", document["intrinsics"])
@@ -102,8 +102,8 @@ class FrameFolder:
         self._last = ""
 
     def read(self) -> Picture:
-        color = self._next() if self._recorded else self._newest(time.time())
-        taken_s = time.time() if self._recorded else color.stat().st_mtime
+        color = self._next() if self.recorded else self._newest(time.time())
+        taken_s = time.time() if self.recorded else color.stat().st_mtime
         self._last = color.name
         bgr = self._cv2.imread(str(color), self._cv2.IMREAD_COLOR | self._cv2.IMREAD_IGNORE_ORIENTATION)
         if bgr is None:

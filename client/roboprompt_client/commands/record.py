@@ -10,9 +10,10 @@ from roboprompt_client.commands.look import AddCommand, add_find, asking_robot, 
 from roboprompt_client.commands.record_live import record_live
 from roboprompt_client.commands.terminal import ask, ask_yes, say
 from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recording.recorder import RATE_HZ, HasState
+from roboprompt_client.recording.recorder import RATE_HZ, HasState, films_from_journal
 from roboprompt_client.recording.spool import JOURNAL, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
+from roboprompt_client.types.film import FILM_HZ
 
 SPOOL = Path("recordings")
 
@@ -35,6 +36,12 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     )
     record.add_argument(
         "--rate-hz", type=float, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
+    )
+    record.add_argument(
+        "--film-hz",
+        type=float,
+        default=FILM_HZ,
+        help="pictures a second that each camera of the cell takes meanwhile; 0: none (default: %(default)g)",
     )
     led = record.add_mutually_exclusive_group()
     what = "let the arm carry its own weight and yield to your hand (Franka only)"
@@ -84,7 +91,7 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
         return
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
-    how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None}
+    how = {"objects": None, "rate_hz": RATE_HZ, "film_hz": FILM_HZ, "guide": guide, "teleop": None}
     _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
     _send_all(client, spool)
 
@@ -98,8 +105,9 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
         return
     folder = spool.new(shown.task, shown.instruction, seen)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
+    how = {"guide": shown.guide, "teleop": shown.teleop, "film_hz": shown.film_hz}
     try:
-        trajectory = record_live(arm, folder / JOURNAL, shown.rate_hz, guide=shown.guide, teleop=shown.teleop)
+        trajectory = record_live(arm, folder / JOURNAL, shown.rate_hz, **how)
     except (MotionError, InvalidInputError) as error:
         if (folder / JOURNAL).exists():
             say(f"{error}; the recording until then is kept in {folder}")
@@ -115,7 +123,8 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
     if trajectory is None:
         spool.discard(folder)
         return
-    say(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
+    films = [f"film of {film.camera}: {len(film.pictures)}" for film in films_from_journal(folder / JOURNAL)]
+    say(", ".join([f"{len(trajectory)} frames", f"{trajectory.num_joints} joints", *films]))
 
 
 def _seen(robot: Robot, objects: Path | None) -> Observation:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from roboprompt_client.arms.arm import Steer
+from roboprompt_client.arms.arm import Arm, Steer
+from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.recording.recorder import HasState, Progress, Recorder
 from roboprompt_client.recording.teleop import END, MOVES, SPEED_M_S, TICK_S, TURN_RAD_S, Read, Said, keyboard, opened
+from roboprompt_client.types.film import FILM_HZ
 from roboprompt_client.types.trajectory import Trajectory
 
 KEYS = "o: open the gripper   c: close it   x: discard   Enter: keep"
@@ -21,13 +23,20 @@ AN_ARM = "an Arm, such as that of a cell's file"
 
 
 def record_live(
-    arm: HasState, journal: Path, rate_hz: float, *, guide: bool = False, teleop: str | None = None
+    arm: HasState,
+    journal: Path,
+    rate_hz: float,
+    *,
+    guide: bool = False,
+    teleop: str | None = None,
+    film_hz: float = FILM_HZ,
 ) -> Trajectory | None:
     """Record until the person ends it; keys open and close the gripper, and a line shows the progress.
 
     Args:
         guide: let the arm yield to the person's hand.
         teleop: `keyboard` or `spacemouse`, to steer the hand with; None: neither.
+        film_hz: pictures a second that the arm's cameras take; 0: none.
 
     Returns:
         the recording, or None if the person discards it.
@@ -39,7 +48,7 @@ def record_live(
     with ExitStack() as led:
         read = _no_motion if teleop is None else led.enter_context(opened(teleop))
         steer = _led(arm, led, guide=guide, steers=teleop is not None)
-        recorder = Recorder(arm, journal, rate_hz)
+        recorder = Recorder(arm, journal, rate_hz, _filming(arm), film_hz)
         recorder.start()
         try:
             keep = _until_ended(arm, recorder, read, steer)
@@ -49,6 +58,12 @@ def record_live(
             raise
         trajectory = recorder.stop()
     return trajectory if keep else None
+
+
+def _filming(arm: HasState) -> list[MountedCamera]:
+    """Return the cameras that can film: not those that replay recorded frames, which a later picture needs."""
+    rig = arm.cameras if isinstance(arm, Arm) else None
+    return [] if rig is None else [item for item in rig.cameras if not getattr(item.driver, "recorded", False)]
 
 
 def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any
@@ -11,10 +12,11 @@ import numpy as np
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
+from roboprompt_client.types.film import MAX_PICTURE_PIXELS
 from roboprompt_client.types.poses import object_json
 
 Part = tuple[str, bytes, str]
-JPEG_QUALITY = 95
+JPEG_QUALITY, FILM_QUALITY = 95, 85
 _MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
 
 
@@ -60,15 +62,30 @@ def npy_part(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
     return f"{name}.npy", stream.getvalue(), "application/octet-stream"
 
 
+def npz_part(name: str, data: bytes) -> Part:
+    """Return a `.npz` file, such as a trajectory's."""
+    return f"{name}.npz", data, "application/octet-stream"
+
+
 def _compressed(name: str, image: np.ndarray[Any, Any], frame: RgbdFrame) -> Part:
     import cv2
 
     if image is frame.rgb:
-        jpeg = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-        return f"{name}.jpg", jpeg.tobytes(), "image/jpeg"
+        return f"{name}.jpg", jpeg(cv2, image), "image/jpeg"
     if image is frame.depth_m:
         image = np.minimum(np.rint(image / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
     return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
+
+
+def film_jpeg(cv2: Any, rgb: np.ndarray[Any, Any]) -> bytes:  # noqa: ANN401
+    """Return a picture of a film: of a large image every second row and column, or fewer."""
+    step = math.ceil(math.sqrt(rgb[..., 0].size / MAX_PICTURE_PIXELS))
+    return jpeg(cv2, rgb[::step, ::step], FILM_QUALITY)
+
+
+def jpeg(cv2: Any, rgb: np.ndarray[Any, Any], quality: int = JPEG_QUALITY) -> bytes:  # noqa: ANN401
+    """Return an image (H, W, 3) of uint8, red first, as a JPEG file."""
+    return bytes(cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
 
 
 def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:

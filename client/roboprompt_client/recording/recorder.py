@@ -1,23 +1,28 @@
-"""Record an arm's state while a person moves it; each sample is on disk within a second."""
+"""Record an arm's state while a person moves it, and film it; each sample is on disk within a second."""
 
 import json
-import os
 import threading
 import time
+from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.recording.filming import Filming, film_files, film_from_file
+from roboprompt_client.recording.private import create_private
 from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.film import FILM_HZ, Film
 from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
 MIN_RATE_HZ = 20.0
+MAX_FILM_HZ = 60.0
 FLUSH_S = 1.0
 OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
 _FIXED_COLUMNS = 10  # time, position, quaternion, width, open; joint positions, joint velocities and wrench follow
@@ -48,33 +53,47 @@ class HasState(Protocol):
 class Recorder:
     """Samples an arm in a thread, and writes the samples to a journal file.
 
-        recorder = Recorder(arm, Path("pick-1.journal"))
+        recorder = Recorder(arm, Path("pick-1.journal"), cameras=arm.cameras.cameras)
         recorder.start()
         input("Guide the arm, then press Enter: ")
-        client.upload("pick", "pick up the cube", recorder.stop(), observation)
+        trajectory = recorder.stop()
+        client.upload("pick", "pick up the cube", trajectory, observation, films=recorder.films)
 
     Args:
         journal: path of a new file; `trajectory_from_journal` reads it, also after a crash.
         rate_hz: at least 20.
+        cameras: film the recording, such as those of an Arm's `cameras`; nothing else may use them meanwhile.
+        film_hz: pictures a second; a camera may be slower. 0: no film.
 
     Raises:
         InvalidInputError: for a rate out of range, or a journal that exists.
     """
 
-    def __init__(self, arm: HasState, journal: Path, rate_hz: float = RATE_HZ) -> None:
+    def __init__(
+        self,
+        arm: HasState,
+        journal: Path,
+        rate_hz: float = RATE_HZ,
+        cameras: Iterable[MountedCamera] = (),
+        film_hz: float = FILM_HZ,
+    ) -> None:
         if not MIN_RATE_HZ <= rate_hz <= 1000:
             raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
+        if not 0 <= film_hz <= MAX_FILM_HZ:
+            raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
+        self._cameras, self._film_hz, self._films = tuple(cameras) if film_hz else (), film_hz, list[Filming]()
         self._ended = threading.Event()
         self._progress: Progress | None = None
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
     def start(self) -> None:
-        """Begin to sample."""
+        """Begin to sample and to film."""
         self._thread.start()
+        self._films = [Filming(camera, self._journal, self._film_hz) for camera in self._cameras]
 
     @property
     def progress(self) -> Progress | None:
@@ -92,9 +111,16 @@ class Recorder:
         """
         self._ended.set()
         self._thread.join()
+        for film in self._films:
+            film.stop()
         if self._error is not None:
             raise self._error
         return trajectory_from_journal(self._journal)
+
+    @property
+    def films(self) -> tuple[Film, ...]:
+        """What the cameras took, after `stop`; none of a camera that took nothing."""
+        return films_from_journal(self._journal)
 
     def _run(self) -> None:
         try:
@@ -108,7 +134,7 @@ class Recorder:
         began_s, state = self._read()
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
         with create_private(self._journal) as file:
-            file.write(json.dumps({"joints": joints, "wrench": WRENCH}).encode() + b"\n")
+            file.write(json.dumps({"joints": joints, "wrench": WRENCH, "began_s": began_s}).encode() + b"\n")
             flushed_s = due_s = seen_s = began_s
             for frames in count(1):  # at least one sample
                 self._progress = Progress(frames, seen_s - began_s, state)
@@ -128,14 +154,10 @@ class Recorder:
         return (asked_s + time.monotonic()) / 2, state
 
 
-def create_private(path: Path) -> BinaryIO:
-    """Return a new file that only this user may read; raises FileExistsError if `path` exists."""
-    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb")
-
-
 def trajectory_from_journal(path: Path) -> Trajectory:
     """Return a journal's trajectory, without a row that a crash cut off; raises InvalidInputError if it is invalid."""
-    rows, joints = _rows(path)
+    rows, head = _rows(path)
+    joints = head["joints"]
     if not len(rows):
         raise InvalidInputError("recording", f"{path} has no frames", "at least one")
     times_s, widths_m, states = rows[:, 0], rows[:, 8], rows[:, 9]
@@ -178,13 +200,22 @@ def _row(time_s: float, state: ArmState, joints: int) -> Array:
     ).astype("<f8")
 
 
-def _rows(path: Path) -> tuple[Array, int]:
+def films_from_journal(path: Path) -> tuple[Film, ...]:
+    """Return the films beside a journal, by its clock; raises InvalidInputError if it is invalid."""
+    rows, head = _rows(path)
+    if not len(rows) or "began_s" not in head:
+        return ()
+    films = (film_from_file(file, float(head["began_s"]), rows[-1, 0]) for file in film_files(path))
+    return tuple(film for film in films if film is not None)
+
+
+def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
     head, _, body = path.read_bytes().partition(b"\n")
     try:
-        known = json.loads(head)
+        known = dict(json.loads(head))
         joints, wrench = int(known["joints"]), int(known.get("wrench", 0))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InvalidInputError("recording", f"{path} is not a journal", "a file of roboprompt-robot record") from error
     width = _FIXED_COLUMNS + 2 * joints + wrench
     whole = len(body) // (8 * width) * width
-    return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints
+    return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), known

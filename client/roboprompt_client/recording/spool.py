@@ -17,9 +17,12 @@ from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.http.encoding import Part, images_of, npy_part, scene_json
-from roboprompt_client.recording.recorder import create_private, trajectory_from_journal
+from roboprompt_client.http.encoding import Part, images_of, npy_part, npz_part, scene_json
+from roboprompt_client.recording.filming import film_files
+from roboprompt_client.recording.private import create_private
+from roboprompt_client.recording.recorder import films_from_journal, trajectory_from_journal
 from roboprompt_client.robot import Observation
+from roboprompt_client.types.film import npz_from_film
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
@@ -104,7 +107,7 @@ class Spool:
 
 
 def _parts(folder: Path) -> dict[str, Part]:
-    """Return the parts of `POST /episodes`: metadata, images by the names of their files, and the trajectory."""
+    """Return the parts of `POST /episodes`: metadata, images by the names of their files, trajectory and films."""
     _require_own(folder, stat.S_ISDIR)
     try:
         scene = json.loads(_read(folder / SCENE))
@@ -113,12 +116,14 @@ def _parts(folder: Path) -> dict[str, Part]:
     except (OSError, ValueError) as error:
         raise InvalidInputError("recording", f"{folder}: {error}", OWN_FOLDER) from error
     journal = folder / JOURNAL
-    _require_own(journal, stat.S_ISREG)
+    for path in (journal, *film_files(journal)):
+        _require_own(path, stat.S_ISREG)
     trajectory = npz_from_trajectory(trajectory_from_journal(journal))
     images = sorted(path for path in folder.iterdir() if IMAGE.fullmatch(path.name))
     return {
         "metadata": ("metadata.json", json.dumps(scene).encode(), "application/json"),
-        "trajectory": ("trajectory.npz", trajectory, "application/octet-stream"),
+        "trajectory": npz_part("trajectory", trajectory),
+        **{film.field: npz_part(film.field, npz_from_film(film)) for film in films_from_journal(journal)},
         **{path.stem: (path.name, _read(path), "application/octet-stream") for path in images},
     }
 
