@@ -1,8 +1,13 @@
-"""When two spellings are one name: instructions, prompts, settings and the store must all mean the same object."""
+"""Names of objects: when two spellings are one name, and whether given names are those of a task.
+
+Instructions, prompts, settings and the store must all mean the same object by a name.
+"""
 
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
+
+from app.pipeline.errors import ObjectSetError
 
 _SEPARATORS = re.compile(r"[\s_\-\u2010\u2011]+")
 
@@ -22,3 +27,30 @@ def alike(names: Iterable[str]) -> list[tuple[str, str]]:
     first: dict[str, str] = {}
     pairs = ((first.setdefault(folded(name), name), name) for name in names)
     return [(one, other) for one, other in dict.fromkeys(pairs) if one != other]
+
+
+def check_object_names(given: Sequence[str], names: Sequence[str], needed: Collection[str] | None = None) -> None:
+    """Refuse object names that are not those of the task.
+
+    A name must be spelled as the task spells it, and no two may differ in case, width or separators only: an
+    instruction could not tell them apart.
+
+    Args:
+        needed: the names that must be given; the others may be missing, and new ones may be given. None: exactly
+            `names`.
+
+    Raises:
+        ObjectSetError: names what is missing, unknown, given twice or too much alike.
+    """
+    spelled = {folded(name): name for name in names}
+    missing = [name for name in names if name not in given and (needed is None or name in needed)]
+    unknown = [
+        f"{name} (here: {spelled[folded(name)]})" if folded(name) in spelled else name
+        for name in dict.fromkeys(given)
+        if name not in names and (needed is None or folded(name) in spelled)
+    ]
+    twice = sorted({name for name in given if list(given).count(name) > 1})
+    same = [f"{one} and {other}" for one, other in alike(given)]
+    differences = {"missing": missing, "not of this task": unknown, "given twice": twice, "one name": same}
+    if said := "; ".join(f"{what}: {', '.join(which)}" for what, which in differences.items() if which):
+        raise ObjectSetError("objects", said, ", ".join(names))

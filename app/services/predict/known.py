@@ -10,7 +10,7 @@ from app.perception.registry import estimate_poses
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_scene_units
-from app.pipeline.prompt import check_object_names
+from app.pipeline.names import check_object_names
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers

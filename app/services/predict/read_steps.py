@@ -8,9 +8,9 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
+from app.pipeline.names import check_object_names
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
-from app.pipeline.prompt import check_object_names
 from app.pipeline.steps.reading import Scene, Skill, Step, read_steps
 from app.services.cache import Cache
 from app.services.predict.instruction import MAX_TASKS, is_english, taught_of

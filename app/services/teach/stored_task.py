@@ -18,11 +18,11 @@ from app.pipeline.findings.arrangement import FEWEST
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
+from app.pipeline.names import check_object_names
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
 from app.pipeline.plans import Recording
 from app.pipeline.plans.recording import GRASPED_M
-from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings

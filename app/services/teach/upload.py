@@ -13,7 +13,7 @@ from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.units import check_recording
 from app.pipeline.findings.upload import upload_findings
-from app.pipeline.prompt import check_object_names
+from app.pipeline.names import check_object_names
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
