@@ -88,17 +88,17 @@ def assert_one_line(url, folder, expected):
     assert list(folder.iterdir()) == []
 
 
-def test_another_server(stranger, tmp_path):
+def test_an_address_of_another_server_is_named(stranger, tmp_path):
     assert_one_line(stranger, tmp_path, "what answers there is not a RoboPrompt service")
 
 
-def test_nobody_listens(tmp_path):
+def test_an_unreachable_service_is_named(tmp_path):
     url = f"http://127.0.0.1:{free_port()}"
     assert_one_line(url, tmp_path, f"GET {url}/healthz: ")
 
 
 @pytest.mark.parametrize("url", ["127.0.0.1:8000", "localhost", "ftp://localhost", "http://", "http://localhost:99999"])
-def test_addresses_that_are_none(url, tmp_path):
+def test_invalid_addresses_are_refused(url, tmp_path):
     assert_one_line(url, tmp_path, f"{url!r} is not the address of a service (valid: one like http://127.0.0.1:8000)")
 
 

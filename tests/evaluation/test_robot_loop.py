@@ -42,7 +42,7 @@ def test_a_ledger_keeps_the_shift():
         (["--shift", "0.03", "--method", "expert"], "'expert' does not ask the service"),
     ],
 )
-def test_options_that_cannot_be(wrong, said):
+def test_options_that_contradict_each_other_are_refused(wrong, said):
     run = CliRunner().invoke(application, ["eval", *wrong])
     assert run.exit_code == 2
     assert said in " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())

@@ -165,7 +165,7 @@ def test_the_page_of_failures(tmp_path):
         (["--seed", "-1"], "or equal to 0"),
     ],
 )
-def test_options_that_there_are_not(wrong, said):
+def test_unknown_choices_of_options_are_refused(wrong, said):
     run = CliRunner().invoke(application, ["eval", *wrong])
     assert run.exit_code == 2
     assert said in " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())

@@ -9,5 +9,5 @@ def test_english_words(word):
 
 
 @pytest.mark.parametrize("word", ["", "yelow", "buton", "zzzz", "über", '"', ":", "clock:", "12"])
-def test_what_is_none(word):
+def test_other_words_are_not_english(word):
     assert not is_english(word)
