@@ -18,11 +18,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from app.settings import Settings, load_env_file
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError, ServiceProblemError
+from roboprompt_client.http.connection import MAX_PORT
 
 if TYPE_CHECKING:
     from app.store.store import Store
 
-MAX_PORT = 65535
+INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
 DOT_ENV = Path(".env")
 Url = Annotated[str, typer.Option(help="address of the running service")]
 Data = Annotated[Path | None, typer.Option(help="folder of the database and images; default: ROBOPROMPT_DATA")]

@@ -22,7 +22,7 @@ def folded(name: str) -> str:
     return _SEPARATORS.sub(" ", folded_characters(name)).strip()
 
 
-def alike(names: Iterable[str]) -> list[tuple[str, str]]:
+def spelling_variants(names: Iterable[str]) -> list[tuple[str, str]]:
     """The pairs of different spellings among `names` that are one name."""
     first: dict[str, str] = {}
     pairs = ((first.setdefault(folded(name), name), name) for name in names)
@@ -50,7 +50,7 @@ def check_object_names(given: Sequence[str], names: Sequence[str], needed: Colle
         if name not in names and (needed is None or folded(name) in spelled)
     ]
     twice = sorted({name for name in given if list(given).count(name) > 1})
-    same = [f"{one} and {other}" for one, other in alike(given)]
+    same = [f"{one} and {other}" for one, other in spelling_variants(given)]
     differences = {"missing": missing, "not of this task": unknown, "given twice": twice, "one name": same}
     if said := "; ".join(f"{what}: {', '.join(which)}" for what, which in differences.items() if which):
         raise ObjectSetError("objects", said, ", ".join(names))

@@ -46,7 +46,7 @@ class Shape(TypedDict, total=False):
     friction: float
 
 
-class Part:
+class SceneBody:
     """A body under construction in a mujoco.MjSpec. Methods return the part, so that calls chain.
 
     Args:

@@ -18,7 +18,7 @@ from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
 FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
-Order = Literal["successes", "newest", "failures"]
+ListOrder = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
 _NO_OUTCOME = _P.c.outcome_success.is_(None)
@@ -113,7 +113,7 @@ class SummaryPage:
 
 
 def list_page(
-    connection: Connection, chosen: PredictionFilter, order: Order, limit: int, cursor: ListCursor | None = None
+    connection: Connection, chosen: PredictionFilter, order: ListOrder, limit: int, cursor: ListCursor | None = None
 ) -> SummaryPage:
     """At most `limit` predictions: the newest first, or by their fate and then the newest."""
     fates = FATES if order == "failures" else FATES[::-1]
@@ -190,7 +190,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Attempt:
     """A prediction of which a robot's outcome may be known.
 
     Attributes:
@@ -223,12 +223,14 @@ def counts_by_configuration(connection: Connection, task: str | None = None) -> 
     return {Configuration(*row[:6]): Counts(*row[6:]) for row in rows}
 
 
-def latest_by_configuration(connection: Connection, task: str | None = None) -> dict[Configuration, tuple[Trial, ...]]:
+def latest_by_configuration(
+    connection: Connection, task: str | None = None
+) -> dict[Configuration, tuple[Attempt, ...]]:
     """Return the latest predictions as trials by configuration, oldest first."""
     query = of_visible_predictions(select(*_CONFIGURATION, _P.c.outcome_success, _P.c.timings_ms, _P.c.usage), task)
     rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(MAX_LATEST)).all()
-    found: dict[Configuration, list[Trial]] = defaultdict(list)
+    found: dict[Configuration, list[Attempt]] = defaultdict(list)
     for *key, success, timings_ms, usage in reversed(rows):
         tokens = (usage["prompt_tokens"], usage["completion_tokens"]) if usage else None
-        found[Configuration(*key)].append(Trial(success, timings_ms.get("llm"), tokens))
+        found[Configuration(*key)].append(Attempt(success, timings_ms.get("llm"), tokens))
     return {key: tuple(trials) for key, trials in found.items()}

@@ -4,11 +4,11 @@ from dataclasses import replace
 import pytest
 
 from app.llm.base import ModelUnavailableError
-from app.llm.resilient import Circuit, Limits, Places
+from app.llm.resilient import Circuit, Places, ProviderLimits
 
 pytestmark = pytest.mark.anyio
 
-LIMITS = Limits(concurrent=2, queued=1, failures=3, pause_s=10.0)
+LIMITS = ProviderLimits(concurrent=2, queued=1, failures=3, pause_s=10.0)
 
 
 class Clock:

@@ -1,7 +1,7 @@
 import pytest
 
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.names import alike, check_object_names, folded
+from app.pipeline.names import check_object_names, folded, spelling_variants
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.order.words import tokens_of
 from app.services.task_settings import TaskSettings
@@ -14,12 +14,12 @@ ONE_NAME += [("caf\u00e9", "cafe\u0301"), ("STRASSE", "stra\u00dfe"), ("red  cub
 @pytest.mark.parametrize(("one", "other"), ONE_NAME)
 def test_spellings_of_one_name_are_folded_into_one(one, other):
     assert folded(one) == folded(other)
-    assert alike(["bowl", one, other]) == [(one, other)]
+    assert spelling_variants(["bowl", one, other]) == [(one, other)]
 
 
 @pytest.mark.parametrize(("one", "other"), [("part 1", "part 2"), ("part1", "part 1"), ("red cube", "blue cube")])
 def test_other_names_stay_two(one, other):
-    assert not alike([one, other, one])
+    assert not spelling_variants([one, other, one])
 
 
 @pytest.mark.parametrize(("one", "other"), ONE_NAME[:4])

@@ -14,7 +14,7 @@ from app.pipeline.order.words import IsWord
 MAX_CHOICES = 200  # instructions that a model can be asked to choose from
 
 
-class Taught:
+class TaughtWords:
     """The vocabulary and taught instructions that new instructions are parsed against. Built once per task version.
 
     Args:

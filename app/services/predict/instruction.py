@@ -19,7 +19,7 @@ from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
+from app.pipeline.order.taught import TaughtWords
 from app.pipeline.prompt import Prompt
 from app.services.predict.known import Known
 from app.services.predict.request import PredictRequest
@@ -109,9 +109,9 @@ def _grounded(
 @lru_cache(MAX_TASKS)
 def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
-) -> Taught:
+) -> TaughtWords:
     """Return what instructions about these objects are parsed against; cached, because robots repeat themselves."""
-    return Taught(names, dict(aliases), instructions, is_english)
+    return TaughtWords(names, dict(aliases), instructions, is_english)
 
 
 async def ask_meaning(

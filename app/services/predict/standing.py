@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from app.llm.baselines import YARDSTICKS
 from app.pipeline.success_rate import Pairs
 from app.store import prediction_lists, tasks
-from app.store.prediction_lists import Configuration, Counts, Trial
+from app.store.prediction_lists import Attempt, Configuration, Counts
 from roboprompt_client.errors import InvalidInputError
 
 MAX_COMPARED = 8
@@ -22,7 +22,7 @@ class Standing:
 
     configuration: Configuration
     counts: Counts
-    latest: tuple[Trial, ...]
+    latest: tuple[Attempt, ...]
 
     @property
     def is_yardstick(self) -> bool:

@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
+from app.pipeline.order.taught import TaughtWords
 from app.services.predict.instruction import is_english
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
@@ -92,7 +92,7 @@ def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettin
         UngroundedInstructionError: saying which.
     """
     names = [item.name for item in record.objects]
-    words = Taught(names, settings.aliases, (*taught, record.instruction), is_english)
+    words = TaughtWords(names, settings.aliases, (*taught, record.instruction), is_english)
     places_m = {item.name: np.array(item.position_m) for item in record.objects}
     with suppress(UnfamiliarInstructionError):  # other words than before are why it is corrected
         read(instruction, words, Layout(places_m, np.array(settings.robot_base)))

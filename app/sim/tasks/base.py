@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from app.sim import panda
 from app.sim.moves import Move, nearest_yaw_rad, tool_down
-from app.sim.scene import NO_TURN, Part, about_z
+from app.sim.scene import NO_TURN, SceneBody, about_z
 from app.sim.world import OBJECT_CONTACT, base_spec, place_arm
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -119,12 +119,12 @@ class SimTask(ABC):
         rotation: Rotation = NO_TURN,
         *,
         free: bool = False,
-        parent: Part | None = None,
-    ) -> Part:
+        parent: SceneBody | None = None,
+    ) -> SceneBody:
         """A new body, of the world or of another part, which it then does not collide with; for use in `build`."""
         if parent is not None:
             self._spec.add_exclude(bodyname1=parent.body.name, bodyname2=name)
-        return Part(self._spec.worldbody if parent is None else parent.body, name, position_m, rotation, free=free)
+        return SceneBody(self._spec.worldbody if parent is None else parent.body, name, position_m, rotation, free=free)
 
     def add_cube(
         self,
