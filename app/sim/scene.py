@@ -199,8 +199,7 @@ class SceneBody:
         axis: Vector,
         range_rad: tuple[float, float],
         *,
-        damping: float,
-        dry_friction_nm: float = 0.0,
+        dry_friction_nm: float,
     ) -> Self:
         """A turning joint towards the parent, about an axis through the body's origin; it starts at 0."""
         self.body.add_joint(
@@ -210,7 +209,7 @@ class SceneBody:
             range=range_rad,
             limited=1,
             armature=0.001,
-            damping=[damping, 0, 0],
+            damping=[0.02, 0, 0],
             frictionloss=dry_friction_nm,
         )
         return self

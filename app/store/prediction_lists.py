@@ -28,6 +28,7 @@ _FATES: dict[Fate, ColumnElement[bool]] = {
     "unknown": and_(_NO_OUTCOME, _P.c.status == "ok"),
     "success": _P.c.outcome_success.is_(True),
 }
+NUM_TIMED = 20  # latest answers of a model, whose median duration says how long the next one takes
 MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
 _num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
 
@@ -138,10 +139,10 @@ def models(connection: Connection) -> tuple[str, ...]:
     return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
 
 
-def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:
+def usual_llm_ms(connection: Connection, model: str) -> float | None:
     """Return the median duration of the model's latest answers, or None if there are none."""
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
-    latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(number))
+    latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(NUM_TIMED))
     return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
 
 

@@ -189,7 +189,7 @@ class TurnTap(SimTask):
             handle = self.add_part(name, [0, y_m, BAR_HEIGHT_M], parent=tap).box(BAR_HALF_M, color)
             stem_m = BAR_HEIGHT_M - 2 * PIPE_HALF_M[2] - BAR_HALF_M[2]
             handle.cylinder(STEM_RADIUS_M, stem_m / 2, "grey", at_m=[0, 0, -BAR_HALF_M[2] - stem_m / 2])
-            handle.hinge(name, (0, 0, 1), (-0.05, TAP_MAX_TURN_RAD), damping=0.02, dry_friction_nm=0.05)
+            handle.hinge(name, (0, 0, 1), (-0.05, TAP_MAX_TURN_RAD), dry_friction_nm=0.05)
 
     def expert(self) -> list[Move]:
         bar = self.position_m("left tap")

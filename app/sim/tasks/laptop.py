@@ -73,7 +73,7 @@ class CloseLaptop(LaptopTask):
         self._opened_rad = random.uniform(MIN_OPEN_RAD, MAX_OPEN_RAD)
         laptop = self.add_laptop([*point, TABLE_TOP_M + CENTER_HEIGHT_M], turn)
         lid = self.add_lid(laptop)
-        lid.hinge("lid", (0, -1, 0), (0, MAX_HINGE_RAD), damping=0.02, dry_friction_nm=HINGE_FRICTION_NM)
+        lid.hinge("lid", (0, -1, 0), (0, MAX_HINGE_RAD), dry_friction_nm=HINGE_FRICTION_NM)
 
     def after_reset(self) -> None:
         self.data.joint("lid").qpos = self._opened_rad
