@@ -152,15 +152,14 @@ def learn_from_labels(
         )
     views = [_view(store, record) for record in records]
     learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
-    template = learned.template
     model = RegisteredModel(
-        store.blobs.put(template.to_bytes()),
-        "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
+        store.blobs.put(learned.template.to_bytes()),
+        symmetric if symmetric in ("none", "yaw") else float(symmetric),
         yaw_may_be_unknown,
         views=tuple(records[number].id for number in learned.merged),
-        scores=tuple(round(score, 3) for score in template.scores),
+        scores=tuple(round(score, 3) for score in learned.template.scores),
         left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
-        num_points=len(template),
+        num_points=len(learned.template),
     ).as_json()
     if not dry_run:
         configure_task(task, {}, learned={name: model})
