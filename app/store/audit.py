@@ -20,7 +20,7 @@ from app.store import tables
 from app.store.database import lock
 
 LOCAL = "local"  # the command line, or a service that requires no keys
-FIRST = "0" * 64  # what the first entry holds in the place of a digest
+NO_DIGEST = "0" * 64  # what the first entry holds in the place of a digest
 _LOG = tables.audit_log
 _LOCK = "roboprompt audit log"
 _actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
@@ -81,7 +81,7 @@ def record(
     last = connection.execute(select(_LOG.c.number, _LOG.c.digest).order_by(_LOG.c.number.desc()).limit(1)).first()
     text = json.dumps(details or {}, sort_keys=True, separators=(",", ":"))
     # As text even if it was changed to another type: the log goes on, and `verified` shows where it broke.
-    number, previous = (1, FIRST) if last is None else (last.number + 1, str(last.digest))
+    number, previous = (1, NO_DIGEST) if last is None else (last.number + 1, str(last.digest))
     entry = AuditEntry(number, datetime.now(UTC), actor or _actor.get(), action, subject, text, previous, "")
     values = {**asdict(entry), "digest": entry.expected_digest()}
     connection.execute(insert(_LOG).values(values))
@@ -101,7 +101,7 @@ def entries(connection: Connection) -> Iterator[AuditEntry]:
 
 def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
     """The entries, each after it was compared with the one before; raises BrokenChainError at the first change."""
-    previous = FIRST
+    previous = NO_DIGEST
     following = iter(log)
     for number in itertools.count(1):
         try:

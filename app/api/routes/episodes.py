@@ -27,7 +27,7 @@ from app.services.measures import note
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
-from app.services.teach.upload import SCOPE, Upload
+from app.services.teach.upload import Upload
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store
@@ -235,7 +235,7 @@ def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, or
 def get_upload(services: Wired, idempotency_key: str) -> Response:
     """The episode that an upload with this `Idempotency-Key` made."""
     with services.store.read() as connection:
-        stored = idempotency.answered(connection, SCOPE, idempotency_key)
+        stored = idempotency.answered(connection, idempotency.UPLOAD, idempotency_key)
         if stored is None or not episodes.exist(connection, stored["id"]):
             raise NotFoundError("upload", idempotency_key)
     return JSONResponse({"episode_id": stored["id"]})

@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_all_again
-from app.services.teach.workspace import FIRST, Shown, spanned, widened
+from app.services.teach.workspace import NUM_FIRST, Shown, spanned, widened
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
@@ -134,7 +134,7 @@ def with_workspace(settings: TaskSettings, episodes: Sequence[Shown], changes: M
     if "workspace" in changes:
         return settings.within(spanned(box, episodes))
     for episode in episodes:
-        box = widened(box, episode, episodes[:FIRST])
+        box = widened(box, episode, episodes[:NUM_FIRST])
     return settings.within(box)
 
 

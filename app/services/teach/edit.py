@@ -16,7 +16,7 @@ from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job
 from app.services.teach.extract import extract_again
-from app.services.teach.workspace import FIRST, remaining, uploaded
+from app.services.teach.workspace import NUM_FIRST, remaining, uploaded
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
@@ -51,7 +51,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
         if again:
             require_no_job(connection, task.name)
             episodes.replace_extractions(connection, task.name, task.version, again)
-            first = episodes.demonstrations(connection, task.name, FIRST)
+            first = episodes.demonstrations(connection, task.name, NUM_FIRST)
         episodes.edit(connection, record, changes)
         if again:
             _set_workspace(connection, task, uploaded(settings.workspace, again[0], first)[0])

@@ -26,7 +26,7 @@ from app.pipeline.plans.recording import GRASPED_M
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
-from app.services.teach.workspace import FIRST
+from app.services.teach.workspace import NUM_FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
 from app.store.values import JsonObject
@@ -76,7 +76,7 @@ class StoredTask:
     @property
     def first(self) -> tuple[DemonstrationRecord, ...]:
         """The demonstrations whose extent bounds how far an upload may widen the workspace."""
-        return self.demonstrations[:FIRST]
+        return self.demonstrations[:NUM_FIRST]
 
     def locked(self, connection: Connection) -> "StoredTask | None":
         """Lock the task and return it as it is now, or None where the episode must be extracted again.
@@ -92,7 +92,7 @@ class StoredTask:
             return None
         if (task.object_names, _extracting(task.settings)) != (self.object_names, _extracting(self.stored)):
             return None
-        shown = episodes.demonstrations(connection, self.name, FIRST)
+        shown = episodes.demonstrations(connection, self.name, NUM_FIRST)
         return replace(self, stored=task.settings, demonstrations=shown)
 
 

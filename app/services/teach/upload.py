@@ -32,7 +32,6 @@ from roboprompt_client.types.names import checked_instruction, checked_name
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
-SCOPE = idempotency.UPLOAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +196,7 @@ class UploadEpisode:
                 settings, answer = _outcome(now, extracted, respond)
             episodes.add(connection, extracted.draft)
             if upload.idempotency_key is not None:
-                idempotency.save(connection, SCOPE, upload.idempotency_key, upload.digest, answer)
+                idempotency.save(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
         return answer
 
@@ -206,7 +205,7 @@ def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
     """Return the stored answer to the same request; None if it is new, or its episode was deleted since."""
     if upload.idempotency_key is None:
         return None
-    stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
+    stored = idempotency.find(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest)
     return stored if stored is not None and episodes.exist(connection, stored["id"]) else None
 
 
