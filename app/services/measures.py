@@ -161,7 +161,7 @@ class Metrics:
         timings_ms: Mapping[str, float],
         tokens: Mapping[str, int],
     ) -> None:
-        """Note a prediction, however it ended."""
+        """Note a prediction, whatever its outcome."""
         model = self._label(model)
         self._predictions.labels(model, representation, status).inc()
         for stage, milliseconds in timings_ms.items():

@@ -1,4 +1,4 @@
-"""A log that shows what was done to it: each entry holds the SHA-256 of the one before.
+"""A tamper-evident log: each entry holds the SHA-256 of the one before.
 
 An entry that is changed, left out or put in between breaks the chain from there on. Entries cut off at the end leave no
 trace in the log itself, only a digest that was kept elsewhere shows it.
@@ -20,7 +20,7 @@ from app.store import tables
 from app.store.database import lock
 
 LOCAL = "local"  # the command line, or a service that requires no keys
-NO_DIGEST = "0" * 64  # what the first entry holds in the place of a digest
+NO_DIGEST = "0" * 64  # in the first entry, which has none before it
 _LOG = tables.audit_log
 _LOCK = "roboprompt audit log"
 _actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
@@ -56,7 +56,7 @@ class BrokenChainError(Exception):
 
 @contextmanager
 def acting(name: str) -> Iterator[None]:
-    """Let entries that are made within name this actor."""
+    """Name this actor in the entries that are made inside the block."""
     token = _actor.set(name)
     try:
         yield
@@ -71,7 +71,7 @@ def record(
     details: Mapping[str, Any] | None = None,
     actor: str | None = None,
 ) -> None:
-    """Add an entry; call it last in the transaction of the deed, so that both are there or neither.
+    """Add an entry; call it last in the transaction that it describes, so that both are stored or neither.
 
     Args:
         details: JSON.

@@ -1,4 +1,4 @@
-"""All that is stored in one file, and such a file back into a store.
+"""Backup of a store into one file, and restoring it.
 
 The file is a tar archive: `roboprompt.db`, a SQLite database with every row of one moment, whatever database they came
 from; then `blobs/DIGEST` for each blob that a row refers to. The service goes on meanwhile. A file to be restored may

@@ -158,7 +158,7 @@ def remove(connection: Connection, episode_id: str) -> str:
     """Delete an episode; returns its task, whose version grows, and whose object names go with the last episode.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is no such episode.
     """
     task: str | None = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
     if task is None or not present().has_task(task):

@@ -44,7 +44,7 @@ class Visibility:
             raise ForbiddenError("another key asked for this prediction: that key records its outcome, or an admin key")
 
     def require_demonstrations(self) -> None:
-        """Refuse to show what was taught to who may not read it; raises ForbiddenError."""
+        """Refuse to show demonstrations to a key that may not read them; raises ForbiddenError."""
         if not self.demonstrations:
             raise ForbiddenError("a dry run shows the demonstrations: this needs a key with the scope read, too")
 
@@ -60,7 +60,7 @@ def present() -> Visibility:
 
 @contextmanager
 def seeing(visibility: Visibility) -> Iterator[None]:
-    """Let queries that run within show no more than this."""
+    """Restrict the queries inside the block to this visibility."""
     token = _present.set(visibility)
     try:
         yield

@@ -128,7 +128,7 @@ class ConfigureTask:
 def with_workspace(settings: TaskSettings, episodes: Sequence[Shown], changes: Mapping[str, Any]) -> TaskSettings:
     """Changed settings with a workspace for the task's episodes, where it follows from them.
 
-    Only who names the workspace accepts episodes that reach far beyond the others.
+    Episodes that reach far beyond the others widen it only if the change names the workspace.
     """
     box = settings.workspace
     if "workspace" in changes:

@@ -30,7 +30,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
     `auto` is what the shown ones span.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is no such episode.
         InvalidInputError: if the instruction names no object of the task, or the episode cannot be extracted again.
         ConflictError: if the task changed meanwhile, or a job extracts its episodes again.
     """
@@ -67,7 +67,7 @@ def remove_episode(store: Store, episode_id: str) -> str:
         The task.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is no such episode.
     """
     with store.write() as connection:
         name = episodes.remove(connection, episode_id)

@@ -1,4 +1,4 @@
-"""Labels: what a person says of where an object is -> masks in the cameras' images, previewed or stored."""
+"""Labels of objects by a person (clicks, boxes, polygons, masks) -> masks in the cameras' images."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -102,7 +102,7 @@ class LabelObjects:
 
         Raises:
             NotFoundError: if there is no such task or episode.
-            InvalidInputError: if the object is none of the task's, or no camera has color and depth.
+            InvalidInputError: if the task has no such object, or no camera has color and depth.
         """
         with self._store.read() as connection:
             task = tasks.get(connection, draft.task)

@@ -63,7 +63,7 @@ class RunJobs:
         self._stopping.wait(seconds)
 
     def run_next(self) -> bool:
-        """Take a job, also one that a dead process left, and work at it to its end; whether there was one.
+        """Claim the next job, also one that a dead process left, and finish it; return whether there was one.
 
         Raises:
             StoreError: if the store fails; the job is taken up again when its claim has run out.
