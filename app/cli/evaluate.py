@@ -98,7 +98,7 @@ class EvaluateOptions:
 
     @cached_property
     def folder(self) -> Path:
-        """Where results go."""
+        """The folder of the results."""
         return self.out or Path("reports") / f"eval-{self.sweep_name}-{datetime.now():%Y%m%d-%H%M%S}"
 
     @property

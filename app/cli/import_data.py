@@ -31,7 +31,7 @@ MAX_SHOWN = 10  # reasons on the terminal; --json has all
 
 @dataclass(frozen=True)
 class ImportResult:
-    """What became of one episode.
+    """The outcome of one episode.
 
     Attributes:
         detail: the reason, where it was not imported.
@@ -58,7 +58,7 @@ def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[Impor
 
 
 def check_dataset(dataset: Dataset) -> Iterator[ImportResult]:
-    """What an import would do, as far as it is known without the service."""
+    """Yield the outcomes of an import, as far as they are known without the service."""
     return _each(dataset, _check)
 
 
@@ -182,7 +182,7 @@ def import_data(
 
 
 def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, Any]:
-    """What became of each episode; `extend` keeps those before an interruption."""
+    """Return the outcome of each episode; `extend` keeps those before an interruption."""
     results: list[ImportResult] = []
     stopped: str | None = None
     total = len(dataset.entries)

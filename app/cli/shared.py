@@ -1,4 +1,4 @@
-"""What commands share: checks before any work starts, store and service, a progress bar, the distribution's extras.
+"""Shared by commands: checks before any work starts, store and service, a progress bar, the distribution's extras.
 
 Each refusal names the option and what would be valid.
 """

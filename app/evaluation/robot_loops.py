@@ -53,7 +53,7 @@ class ShiftedPanda:
         return replace(seen, objects=disturbed(seen.objects, self._noise, self._seed))
 
     def execute(self, action: EndEffectorAction) -> None:
-        """As the robot does."""
+        """Carry out the action as the simulated robot does."""
         self._change()
         self.actions.append(action)
         self._robot.execute(action)
@@ -69,7 +69,7 @@ class WaitingPanda(ShiftedPanda):
     """The same in a scene that goes on while the robot looks: what it sees is `LOOK_S` old once it knows it."""
 
     def observe(self) -> Observation:
-        """As they lay when the picture was taken."""
+        """The objects as they lay when the picture was taken."""
         seen = super().observe()
         self._robot.hold(LOOK_S)
         return seen

@@ -25,7 +25,7 @@ RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors with
 
 @dataclass(frozen=True)
 class Quirks:
-    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best."""
+    """The fields that a model accepts. A pattern to continue needs no thinking, and greedy decoding suits it best."""
 
     fields: Mapping[str, Any]  # of every request; they turn thinking off, or down where it cannot be turned off
     thinks: bool = False  # thinking stays on
@@ -91,7 +91,7 @@ def quirks_of(model: str) -> Quirks:
 
 
 def request_headers(model: str, api_key: str) -> dict[str, str]:
-    """What every request for the model carries."""
+    """Return the headers of every request for the model."""
     version = VERSION_WITH_TEMPERATURE if quirks_of(model).temperature else VERSION
     return {"x-api-key": api_key, "anthropic-version": version}
 
@@ -130,7 +130,7 @@ class EventParser:
         self._usage = Usage()
 
     def __call__(self, data: str) -> Chunk | None:
-        """What the `data` of one event says; None at the end. Raises ModelResponseError, also for another format."""
+        """Return one event as a Chunk; None at the end. Raises ModelResponseError, also for another format."""
         try:
             event = _Event.model_validate_json(data)
         except ValidationError:

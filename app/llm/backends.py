@@ -88,7 +88,7 @@ def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
 
 
 def _provider(name: str, model: str, settings: LlmSettings) -> Server:
-    """Where a provider's model is asked, which needs a key."""
+    """Return the server of a provider's models, which need a key."""
     _require_model_name(name, model)
     server = _server(name, settings)
     if not server.key:

@@ -176,7 +176,7 @@ def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict
 
 
 def parse_event(data: str) -> Chunk | None:
-    """What the `data` of one event says; None at the end. Raises ModelResponseError for an error or another format."""
+    """Return one event as a Chunk; None at the end. Raises ModelResponseError, also for another format."""
     if data == END:
         return None
     try:

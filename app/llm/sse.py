@@ -46,7 +46,7 @@ Parse = Callable[[str], Chunk | None]
 
 @dataclass(frozen=True)
 class Server:
-    """Where a provider's models are asked.
+    """The server of a provider's models.
 
     Attributes:
         base_url: up to and including the version, e.g. ``http://127.0.0.1:11434/v1``.
@@ -167,7 +167,7 @@ class SseModel:
             raise type(error)(text, retryable=error.retryable, retry_after_s=error.retry_after_s) from None
 
     def _refusal(self, response: httpx.Response) -> LanguageModelError:
-        """What a status other than 200 means."""
+        """Return the error that a status other than 200 stands for."""
         status, said = response.status_code, f"HTTP {response.status_code}: {error_message(response.text)}"
         if status in (httpx.codes.UNAUTHORIZED, httpx.codes.FORBIDDEN):
             remedy = f"; set {self._server.key_variable} to a valid key" if self._server.key_variable else ""

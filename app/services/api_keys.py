@@ -39,7 +39,7 @@ LONGEST = timedelta(days=7)
 
 @dataclass(frozen=True)
 class Caller:
-    """Who sent a request.
+    """The sender of a request.
 
     Attributes:
         scopes: what the caller may do; `admin` includes the others.

@@ -1,4 +1,4 @@
-"""What is measured and logged of a request: milliseconds per stage, Prometheus's counters and fields of log lines."""
+"""Measurements of a request: milliseconds per stage, Prometheus's counters, and fields of log lines."""
 
 import time
 from collections.abc import Iterator, Mapping

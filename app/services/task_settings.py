@@ -1,4 +1,4 @@
-"""What can be set per task. Everything has a default; a first upload creates the task with it."""
+"""The settings of a task. Each has a default; a first upload creates the task with the defaults."""
 
 import json
 import re
@@ -161,7 +161,7 @@ class TaskSettings(BaseModel):
 
     @classmethod
     def of(cls, connection: Connection, name: str) -> Self:
-        """Those of the task of that name; raises NotFoundError."""
+        """Read the settings of the task of that name; raises NotFoundError."""
         return cls.model_validate(tasks.get(connection, name).settings)
 
     def within(self, workspace: WorkspaceSettings) -> "TaskSettings":
@@ -169,7 +169,7 @@ class TaskSettings(BaseModel):
         return self.model_copy(update={"workspace": workspace})
 
     def limits_of_motion(self) -> MotionLimits:
-        """What every action of a prediction must keep to."""
+        """Return the limits of every action of a prediction."""
         return self.motion_limits.limits(self.workspace)
 
     def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":

@@ -38,7 +38,7 @@ Point2 = tuple[float, float]
 
 
 class Shape(TypedDict, total=False):
-    """What any rigid shape of a body may have: where it is in the body's frame, its weight, its friction."""
+    """Options of a rigid shape: its pose in the body's frame, its weight, its friction."""
 
     at_m: npt.ArrayLike
     rotation: Rotation

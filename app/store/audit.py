@@ -28,7 +28,7 @@ _actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
 
 @dataclass(frozen=True)
 class AuditEntry:
-    """What was done."""
+    """An entry of the log."""
 
     number: int  # 1, 2, 3
     at: datetime
@@ -40,7 +40,7 @@ class AuditEntry:
     digest: str  # of all the others
 
     def expected_digest(self) -> str:
-        """What `digest` is if the entry was not changed."""
+        """Return the digest of the present content; another `digest` shows that the entry was changed."""
         values = {**asdict(self), "at": self.at.astimezone(UTC).isoformat(timespec="microseconds")}
         del values["digest"]
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -37,7 +37,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BackupSummary:
-    """What a backup holds: rows by table, and blobs."""
+    """The contents of a backup: rows by table, and blobs."""
 
     rows: dict[str, int]
     num_blobs: int
@@ -199,7 +199,7 @@ def _is_whole(source: Connection) -> bool:
 
 
 def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, Any]:
-    """What the audit log says of a restore."""
+    """Return the audit log's details of a restore."""
     newest = audit.newest(source)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

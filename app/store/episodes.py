@@ -76,7 +76,7 @@ def list_page(
 
 
 def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
-    """Those of the episodes that the task still has, by id, in the order of `ids`."""
+    """Return the episodes that the task still has, by id, in the order of `ids`."""
     query = select(*LISTED).where(_EPISODES.c.id.in_(ids))
     found = {row.id: row for row in connection.execute(query) if row.task == task}
     return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
@@ -188,7 +188,7 @@ def scenes(connection: Connection, task: str) -> dict[str, tuple[ObjectRecord, .
 
 
 def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
-    """Those episodes of the task as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
+    """Return the task's episodes as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
     # The task is compared here: in the statement it would tempt SQLite to walk through the whole task.
     rows = connection.execute(select(_EPISODES.c.task, *_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids)))
     found = {row.id: DemonstrationRecord(*row[1:]) for row in rows if row.task == task}
@@ -199,7 +199,7 @@ def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) 
 
 
 def left_out_of(connection: Connection, ids: Sequence[str]) -> set[str]:
-    """Those of the episodes that are left out of prompts."""
+    """Return the ids of the episodes that are left out of prompts."""
     query = select(_EPISODES.c.id).where(_EPISODES.c.id.in_(ids), ~_SHOWN)
     return set(connection.scalars(query))
 

@@ -74,7 +74,7 @@ _SUMMARY = [
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionFilter:
-    """Which predictions; None does not narrow."""
+    """A filter of predictions; a field that is None filters nothing."""
 
     task: str | None = None
     model: str | None = None
@@ -99,7 +99,7 @@ class PredictionFilter:
 
 @dataclass(frozen=True)
 class ListCursor:
-    """Where a list goes on: the last row's group and number."""
+    """The place where a list continues: the last row's group and number."""
 
     group: int
     sequence: int

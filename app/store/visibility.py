@@ -1,4 +1,4 @@
-"""What the present request may see. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
+"""The visibility of a request. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ _PREDICTIONS = tables.predictions
 
 @dataclass(frozen=True)
 class Visibility:
-    """What one key may see; without arguments everything."""
+    """The rows that one key may see; without arguments all."""
 
     key_id: str = NO_KEY  # whose request it is
     tasks: tuple[str, ...] | None = None  # the only tasks that the key is for; None: any
@@ -54,7 +54,7 @@ _present: ContextVar[Visibility] = ContextVar("visibility", default=_EVERYTHING)
 
 
 def present() -> Visibility:
-    """What may be seen here and now."""
+    """Return the visibility of the present request."""
     return _present.get()
 
 

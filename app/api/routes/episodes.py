@@ -73,7 +73,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
 
 
 def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upload:
-    """What is to be stored, checked and decoded."""
+    """Return the upload, checked and decoded."""
     document, parts = dict(body.document), dict(body.parts)
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)

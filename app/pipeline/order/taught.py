@@ -1,4 +1,4 @@
-"""What a task knows: object names, aliases, and its taught instructions as frames."""
+"""The words of a task: object names, aliases, and its taught instructions as frames."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property

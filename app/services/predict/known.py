@@ -1,4 +1,4 @@
-"""What is known of a request: the observed scene, and in one transaction the task, its settings and demonstrations."""
+"""Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -59,7 +59,7 @@ class RepeatedPredictions:
         return await anyio.to_thread.run_sync(self._store.turns.take, name)
 
     async def answer_to(self, key: str, digest: str, request: PredictRequest) -> JsonObject | None:
-        """What the same request was answered with, or None if it is new.
+        """Return the stored answer to the same request; None if it is new.
 
         Args:
             digest: of the request's content.

@@ -74,7 +74,7 @@ class ConfigureTask:
     def at_once_or_as_job(
         self, name: str, changes: Mapping[str, Any], version: int | None = None
     ) -> TaskRecord | JobRecord:
-        """As the call; but if more than `max_at_once` episodes must be extracted again, a job that does it.
+        """Do as the call does; if more than `max_at_once` episodes must be extracted again, return a job that does it.
 
         Raises:
             as the call; also ConflictError: if the task has such a job already.

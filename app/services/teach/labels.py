@@ -26,7 +26,7 @@ MAX_VIEWS_KEPT = 2  # decoded, for the next click on the same pictures
 
 @dataclass(frozen=True, eq=False)
 class LabelDraft:
-    """Where an object is in images.
+    """The place of an object in images.
 
     Attributes:
         episode_id: whose images they are; None for those of `frames`.

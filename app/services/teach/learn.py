@@ -31,7 +31,7 @@ MAX_VIEWS = 10  # labeled, that an object is learned from
 
 @dataclass(frozen=True)
 class LearnedModels:
-    """What came of it.
+    """The learned models, and the reasons why others were not learned.
 
     Attributes:
         object_models: by object, as the task now has them.
@@ -172,7 +172,7 @@ def _view(store: Store, record: LabelRecord) -> LabeledView:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """What a model makes of an episode; all None where it has no images.
+    """The pose that a model finds in an episode; all None if the episode has no images.
 
     Attributes:
         refusal: why the object is not found.

@@ -101,7 +101,7 @@ class RunJobs:
             jobs.fail(connection, job, error)
 
     def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
-        """As they will be: what else has been set meanwhile stays.
+        """Return the settings as they will be: what else has been set meanwhile stays.
 
         Raises:
             InvalidInputError: if that and the job's changes do not go together.

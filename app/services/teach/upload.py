@@ -85,7 +85,7 @@ class Upload:
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """Those of the images."""
+        """The cameras of the images."""
         return tuple(frame.camera for frame in self.episode.frames)
 
     def draft(

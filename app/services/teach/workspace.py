@@ -23,7 +23,7 @@ MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span
 
 
 class Shown(Protocol):
-    """What an episode shows: where the hand and the objects were."""
+    """The positions of hand and objects in an episode."""
 
     @property
     def keyframes(self) -> Sequence[KeyframeRecord]: ...

@@ -1,4 +1,4 @@
-"""What a task is: a scene drawn from a seed, an instruction, an expert that solves it and a test of success.
+"""The base of a task: a scene drawn from a seed, an instruction, an expert that solves it and a test of success.
 
 To add a task, write a subclass of SimTask in the module of its domain and name it in `app.sim.tasks`.
 """
@@ -102,7 +102,7 @@ class SimTask(ABC):
     @property
     @abstractmethod
     def instruction(self) -> str:
-        """What the robot is asked to do."""
+        """The instruction for the robot."""
 
     @abstractmethod
     def expert(self) -> list[Move]:
