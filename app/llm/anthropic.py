@@ -12,14 +12,12 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
-from app.llm.sse import Server, SseModel
+from app.llm.sse import THINKING_TOKENS, Server, SseModel
 from app.llm.streaming import Chunk, error_message
 
 # ("Versions" of the documentation) The newer one has no field `temperature` for any model.
 VERSION = "2026-10-21"
 VERSION_WITH_TEMPERATURE = "2023-06-01"
-# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
-THINKING_TOKENS = 8192
 RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors within a stream that may pass
 
 

@@ -30,6 +30,9 @@ from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, assembled, error_mess
 from roboprompt_client.http.connection import without_proxy
 
 MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
+# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
+# OpenAI's guide "Reasoning models" advises to reserve 25,000 at first; a pattern to continue takes far fewer.
+THINKING_TOKENS = 8192
 READ_OUT_S = 0.1  # the end of the HTTP message comes with the end of the reply or right after it
 # Idle connections that are kept, by scheme. A new one costs round trips to a distant server, which is reached over TLS.
 # A plain one is near; and llama.cpp hangs up on a kept one, so that the next request fails.

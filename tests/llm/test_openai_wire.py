@@ -1,6 +1,7 @@
 import pytest
 
-from app.llm.openai_compatible import LLAMA_CPP, SERVERS, THINKING_TOKENS, Quirks, quirks_of, request_body
+from app.llm.openai_compatible import LLAMA_CPP, SERVERS, Quirks, quirks_of, request_body
+from app.llm.sse import THINKING_TOKENS
 from app.llm.streaming import error_message
 from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking
