@@ -17,7 +17,7 @@ def folded_characters(text: str) -> str:
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
 
 
-def folded(name: str) -> str:
+def folded_name(name: str) -> str:
     """What all spellings of a name have in common: `red cube` for `Red_Cube`, `red-cube` and `RED  cube`."""
     return _SEPARATORS.sub(" ", folded_characters(name)).strip()
 
@@ -25,7 +25,7 @@ def folded(name: str) -> str:
 def spelling_variants(names: Iterable[str]) -> list[tuple[str, str]]:
     """The pairs of different spellings among `names` that are one name."""
     first: dict[str, str] = {}
-    pairs = ((first.setdefault(folded(name), name), name) for name in names)
+    pairs = ((first.setdefault(folded_name(name), name), name) for name in names)
     return [(one, other) for one, other in dict.fromkeys(pairs) if one != other]
 
 
@@ -42,12 +42,12 @@ def check_object_names(given: Sequence[str], names: Sequence[str], needed: Colle
     Raises:
         ObjectSetError: names what is missing, unknown, given twice or too much alike.
     """
-    spelled = {folded(name): name for name in names}
+    spelled = {folded_name(name): name for name in names}
     missing = [name for name in names if name not in given and (needed is None or name in needed)]
     unknown = [
-        f"{name} (here: {spelled[folded(name)]})" if folded(name) in spelled else name
+        f"{name} (here: {spelled[folded_name(name)]})" if folded_name(name) in spelled else name
         for name in dict.fromkeys(given)
-        if name not in names and (needed is None or folded(name) in spelled)
+        if name not in names and (needed is None or folded_name(name) in spelled)
     ]
     twice = sorted({name for name in given if list(given).count(name) > 1})
     same = [f"{one} and {other}" for one, other in spelling_variants(given)]

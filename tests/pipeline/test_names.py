@@ -1,7 +1,7 @@
 import pytest
 
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.names import check_object_names, folded, spelling_variants
+from app.pipeline.names import check_object_names, folded_name, spelling_variants
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.order.words import tokens_of
 from app.services.task_settings import TaskSettings
@@ -13,7 +13,7 @@ ONE_NAME += [("caf\u00e9", "cafe\u0301"), ("STRASSE", "stra\u00dfe"), ("red  cub
 
 @pytest.mark.parametrize(("one", "other"), ONE_NAME)
 def test_spellings_of_one_name_are_folded_into_one(one, other):
-    assert folded(one) == folded(other)
+    assert folded_name(one) == folded_name(other)
     assert spelling_variants(["bowl", one, other]) == [(one, other)]
 
 
