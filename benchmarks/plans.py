@@ -21,7 +21,7 @@ from app.pipeline.errors import InstructionError
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.steps.reading import Skill, TasksOfScene, read_steps
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 ASKED = Path(__file__).with_suffix(".json")
 RIGHT, REFUSED, UNCLEAR, WRONG = "right", "refused rightly", "refused though clear", "wrong"

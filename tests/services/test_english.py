@@ -1,6 +1,6 @@
 import pytest
 
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 
 @pytest.mark.parametrize("word", ["a", "clock", "rug", "plane", "azure", "the", "zucchini", "button"])

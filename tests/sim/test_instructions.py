@@ -4,7 +4,7 @@ import pytest
 
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 from app.sim.tasks import ALL_TASKS, TASKS, make_task
 
 MAX_VARIATIONS = 100  # of a task; they are drawn evenly

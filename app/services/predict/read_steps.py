@@ -13,7 +13,8 @@ from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
 from app.pipeline.steps.reading import Skill, Step, TasksOfScene, read_steps
 from app.services.cache import Cache
-from app.services.predict.instruction import MAX_TASKS, is_english, taught_of
+from app.services.english import is_english
+from app.services.predict.instruction import MAX_TASKS, taught_of
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks

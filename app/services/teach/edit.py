@@ -11,7 +11,7 @@ from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job

@@ -24,8 +24,8 @@ from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
 from app.pipeline.plans import Recording
 from app.pipeline.plans.recording import GRASPED_M
+from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
-from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
 from app.services.teach.workspace import NUM_FIRST
 from app.store import episodes, tasks

@@ -4,7 +4,7 @@ import numpy as np
 
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 # In the robot's frame: x forward, y left, z up.
 PLACES_M = {

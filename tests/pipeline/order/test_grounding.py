@@ -11,7 +11,7 @@ from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 BUTTONS = ("red button", "blue button")
 PUSH = ["push the red button", "push the blue button"]

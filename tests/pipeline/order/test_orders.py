@@ -7,7 +7,7 @@ from app.pipeline.findings.scene import Stranger, strangers
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 TASKS = {
     "slider": (("slider",), ("move the slider from left to right",)),

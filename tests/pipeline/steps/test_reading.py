@@ -9,7 +9,7 @@ from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.steps.reading import Skill, Step, TasksOfScene, read_steps
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 TASKS = {
     "open": (("upper box", "lower box"), ("open the upper box", "open the lower box")),
