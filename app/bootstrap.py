@@ -62,20 +62,11 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required, but none exists: roboprompt keys add NAME --scope admin")
     kept = settings.embedded_kept_folder or settings.data / "prefixes"
-    limits = Limits(
-        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
-        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
-        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
-        max_frames=settings.max_frames,
-        max_prompt_chars=settings.max_prompt_chars,
-        allowed_models=settings.allowed_models,
-        model_files=_is_local(settings) and settings.auth != "on",
-    )
     services = Services.wire(
         store,
         ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept})),
         settings.default_model,
-        limits,
+        _limits_for(settings),
         PoseServers(settings.pose_servers),
         extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
@@ -121,6 +112,19 @@ async def _tried(what: str, work: Callable[[], int]) -> int:
     except Exception:  # e.g. no memory
         logger.exception(what)
     return 0
+
+
+def _limits_for(settings: Settings) -> Limits:
+    """Return how much a request may ask for."""
+    return Limits(
+        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_frames=settings.max_frames,
+        max_prompt_chars=settings.max_prompt_chars,
+        allowed_models=settings.allowed_models,
+        model_files=_is_local(settings) and settings.auth != "on",
+    )
 
 
 def access_for(settings: Settings) -> Access:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.scene import COLORS, Part, about_z, quaternion_wxyz
+from app.sim.scene import COLORS, SceneBody, about_z, quaternion_wxyz
 from app.sim.world import CameraPlacement, camera_to_world
 from benchmarks.object_shapes import THINGS
 from roboprompt_client.types.arrays import Array
@@ -61,11 +61,11 @@ class Room:
         table.pos, table.rgba = [0, 0, -0.02], [*TABLE, 1]
         for name in names:
             for number in (0, 1):
-                part = Part(spec.worldbody, f"{name} {number}", AWAY_M)
+                part = SceneBody(spec.worldbody, f"{name} {number}", AWAY_M)
                 part.body.mocap = True
                 THINGS[name].build(part)
         for number in range(NUM_CLUTTER):
-            part = Part(spec.worldbody, f"clutter {number}", AWAY_M)
+            part = SceneBody(spec.worldbody, f"clutter {number}", AWAY_M)
             part.body.mocap = True
             (part.box((0.02,) * 3, "red") if number % 2 else part.cylinder(0.02, 0.02, "red"))
         self._model = spec.compile()

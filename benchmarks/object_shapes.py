@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from scipy.spatial.transform import Rotation
 
-from app.sim.scene import Part
+from app.sim.scene import SceneBody
 
 
 @dataclass(frozen=True)
@@ -18,12 +18,12 @@ class Thing:
         symmetry_deg: the turn that leaves it unchanged: 0 any, None none.
     """
 
-    build: Callable[[Part], object]
+    build: Callable[[SceneBody], object]
     radius_m: float
     symmetry_deg: float | None = None
 
 
-def _mug(part: Part) -> None:
+def _mug(part: SceneBody) -> None:
     part.wall("blue", bottom_m=0.0, top_m=0.095, bottom_radius_m=0.038, thickness_m=0.004)
     part.cylinder(0.038, 0.003, "blue", at_m=(0, 0, 0.003))
     for z_m in (0.03, 0.07):
@@ -31,22 +31,22 @@ def _mug(part: Part) -> None:
     part.box((0.005, 0.005, 0.025), "blue", at_m=(0.062, 0, 0.05))
 
 
-def _bowl(part: Part) -> None:
+def _bowl(part: SceneBody) -> None:
     part.wall("orange", bottom_m=0.0, top_m=0.055, bottom_radius_m=0.035, top_radius_m=0.07, thickness_m=0.004)
     part.cylinder(0.036, 0.003, "orange", at_m=(0, 0, 0.003))
 
 
-def _jar(part: Part) -> None:
+def _jar(part: SceneBody) -> None:
     part.cylinder(0.038, 0.04, "black", at_m=(0, 0, 0.04)).cylinder(0.041, 0.011, "red", at_m=(0, 0, 0.091))
 
 
-def _tool(part: Part) -> None:
+def _tool(part: SceneBody) -> None:
     side = Rotation.from_euler("y", 90, degrees=True)
     part.capsule(0.015, 0.035, "red", at_m=(-0.04, 0, 0.015), rotation=side)
     part.capsule(0.005, 0.045, "grey", at_m=(0.055, 0, 0.015), rotation=side)
 
 
-def _car(part: Part) -> None:
+def _car(part: SceneBody) -> None:
     part.box((0.055, 0.022, 0.011), "yellow", at_m=(0, 0, 0.022)).box(
         (0.025, 0.019, 0.011), "blue", at_m=(-0.015, 0, 0.044)
     )
@@ -54,7 +54,7 @@ def _car(part: Part) -> None:
         part.capsule(0.013, 0.02, "black", at_m=(x_m, 0, 0.013), rotation=Rotation.from_euler("x", 90, degrees=True))
 
 
-def _carton(part: Part) -> None:
+def _carton(part: SceneBody) -> None:
     part.box((0.02, 0.032, 0.055), "white", at_m=(0, 0, 0.055))
     part.box((0.0205, 0.02, 0.018), "green", at_m=(0.0, 0.005, 0.075)).box(
         (0.01, 0.0325, 0.02), "red", at_m=(0, 0, 0.05)
@@ -62,14 +62,14 @@ def _carton(part: Part) -> None:
     part.box((0.0202, 0.033, 0.006), "purple", at_m=(0.001, 0.001, 0.012))
 
 
-def _drawer_front(part: Part) -> None:
+def _drawer_front(part: SceneBody) -> None:
     part.box((0.1, 0.008, 0.06), "white", at_m=(0, 0.008, 0.06))
     for x_m in (-0.045, 0.045):
         part.box((0.005, 0.015, 0.005), "grey", at_m=(x_m, -0.015, 0.065))
     part.box((0.055, 0.006, 0.006), "grey", at_m=(0, -0.03, 0.065))
 
 
-def _kettle(part: Part) -> None:
+def _kettle(part: SceneBody) -> None:
     part.cylinder(0.05, 0.045, "green", at_m=(0, 0, 0.045)).cylinder(0.018, 0.008, "black", at_m=(0, 0, 0.098))
     tilt = Rotation.from_euler("y", 45, degrees=True)
     part.capsule(0.009, 0.03, "green", at_m=(0.065, 0, 0.065), rotation=tilt)
@@ -78,22 +78,22 @@ def _kettle(part: Part) -> None:
     part.box((0.006, 0.006, 0.031), "black", at_m=(-0.075, 0, 0.05))
 
 
-def _bracket(part: Part) -> None:
+def _bracket(part: SceneBody) -> None:
     part.box((0.045, 0.012, 0.012), "purple", at_m=(0.02, 0, 0.012)).box(
         (0.012, 0.035, 0.012), "purple", at_m=(-0.013, 0.035, 0.012)
     )
 
 
-def _bulb(part: Part) -> None:
+def _bulb(part: SceneBody) -> None:
     part.cylinder(0.035, 0.006, "black", at_m=(0, 0, 0.006)).cylinder(0.013, 0.02, "grey", at_m=(0, 0, 0.03))
     part.sphere(0.03, "yellow", at_m=(0, 0, 0.075))
 
 
-def _brick(part: Part) -> None:
+def _brick(part: SceneBody) -> None:
     part.box((0.045, 0.02, 0.025), "wood", at_m=(0, 0, 0.025)).box((0.012, 0.0205, 0.0255), "cyan", at_m=(0, 0, 0.025))
 
 
-def _bottle(part: Part) -> None:
+def _bottle(part: SceneBody) -> None:
     part.cylinder(0.033, 0.06, "green", at_m=(0, 0, 0.06)).cylinder(0.014, 0.025, "green", at_m=(0, 0, 0.14))
     part.cylinder(0.016, 0.01, "white", at_m=(0, 0, 0.17)).cylinder(0.0336, 0.02, "pink", at_m=(0, 0, 0.06))
 

@@ -19,9 +19,9 @@ from rich.console import Console
 
 from app.pipeline.errors import InstructionError
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.pipeline.steps.reading import Scene, Skill, read_steps
-from app.services.predict.instruction import is_english
+from app.pipeline.order.taught import TaughtWords
+from app.pipeline.steps.reading import Skill, TasksOfScene, read_steps
+from app.services.english import is_english
 
 ASKED = Path(__file__).with_suffix(".json")
 RIGHT, REFUSED, UNCLEAR, WRONG = "right", "refused rightly", "refused though clear", "wrong"
@@ -47,10 +47,10 @@ def answers(rooms: dict[str, Any]) -> Iterator[Answer]:
     """What becomes of every request."""
     for name, room in rooms.items():
         skills = [
-            Skill(task, Taught(taught["objects"], {}, taught["instructions"], is_english))
+            Skill(task, TaughtWords(taught["objects"], {}, taught["instructions"], is_english))
             for task, taught in room["tasks"].items()
         ]
-        scene = Scene(room["objects"], {}, skills, is_english)
+        scene = TasksOfScene(room["objects"], {}, skills, is_english)
         places_m = {name: np.array(place_m) for name, place_m in room.get("places_m", {}).items()}
         layout = Layout(places_m, np.zeros(3)) if places_m else None
         for ask in [*room["asks"], *({"said": said, "plans": []} for said in room["refused"])]:

@@ -186,7 +186,7 @@ def check_only_json_types(document: dict[str, Any]) -> None:
 
 
 def _fault(value: object, depth: int) -> tuple[list[str | int], str, str] | None:
-    """Where there is something that JSON does not have, from within outwards, what it is, and what would be valid."""
+    """Return the path, innermost first, of a value that JSON cannot hold, what it is, and what is valid; or None."""
     if depth > MAX_DEPTH:
         return [], "lies too deep", f"at most {MAX_DEPTH} levels"
     items: Iterable[tuple[Any, Any]]

@@ -126,7 +126,7 @@ def _comparison(compared: StandingComparison) -> JsonObject:
 
 
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
-    """What a prediction and a dry run have in common."""
+    """Return the members that a prediction and a dry run have in common."""
     return {
         "task": question.request.task,
         **understood_document(question.grounded),

@@ -207,7 +207,7 @@ def _own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
 
 
 def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
-    """Which fields are wrong, as far as the error names one."""
+    """Return the wrong fields, as far as the error names them."""
     match error:
         case InvalidInputError():
             return [_entry(error.field, error.message, error.valid)]

@@ -97,7 +97,7 @@ def audit(
     The exit status is 1 if one was, and the first such entry is named. What was cut off at the end shows only by a
     digest that was kept elsewhere: --holds.
     """
-    found, newest, number = holds is None, log.FIRST, 0
+    found, newest, number = holds is None, log.NO_DIGEST, 0
     with opened_store(data, env_file) as store, store.read() as connection:
         try:
             for entry in log.verified(log.entries(connection)):

@@ -167,7 +167,7 @@ def ask_again(client: RoboPromptClient, case: Document, model: str | None) -> Do
 
 
 def compare(before: Document, now: Document) -> str:
-    """What moved, in words: `same`, or the greatest change of the actions."""
+    """Return the greatest change of the actions in words, or `same`."""
     if not before["actions"] or not now["actions"]:
         if bool(before["actions"]) == bool(now["actions"]):
             return "same"

@@ -22,7 +22,7 @@ from app.cli.shared import AsJson, check_models, check_names, progress_bars
 if TYPE_CHECKING:
     from app.evaluation.results import Evaluation
 
-TASKS = ("push_button", "stack_cube", "open_drawer")
+DEMO_TASKS = ("push_button", "stack_cube", "open_drawer")
 DRIVERS = {"simulated": (), "franka": ("franky", "franky_sim")}
 
 
@@ -71,7 +71,7 @@ def demo(
     methods = with_poses(methods_beside(model)[: None if compare else 1], poses)
     arm = {"arm": "panda", "robot_base": BASE_POSITION_M}
     world = Panda(robot=robot)
-    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, world, images=True, settings=arm)
+    plan = Plan(tuple(task or DEMO_TASKS), methods, episodes, demos, command, world, images=True, settings=arm)
     with progress_bars(console) as progress:
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)

@@ -199,7 +199,7 @@ def disk(folder: Path) -> Row:
 
 
 def extras(settings: Settings) -> Iterator[Row]:
-    """What is installed beside the service, and what the settings need of it."""
+    """Whether each extra is installed, and whether the settings need it."""
     needed = {
         "postgres": (settings.database_url or "").startswith("postgresql"),
         "s3": bool(settings.blobs_url),
@@ -227,7 +227,7 @@ def look_at_machine(port: int) -> Iterator[Row]:
 
 
 def memory(meminfo: Path, limit: Path) -> Row:
-    """What Linux says is available, and a container's limit."""
+    """The memory that Linux says is available, within a container's limit."""
     try:
         lines = dict(line.split(":", 1) for line in meminfo.read_text().splitlines())
         free_gb = int(lines["MemAvailable"].split()[0]) * 1024 / 1e9

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 import typer
 from rich.console import Console
 
-from app.cli.shared import check_models, check_names, progress_bars, refusals_said, service_at
+from app.cli.shared import INTERRUPTED, check_models, check_names, progress_bars, refusals_said, service_at
 
 if TYPE_CHECKING:
     from app.evaluation.sweep_run import SweepResult
@@ -28,7 +28,6 @@ EPISODES = 25
 Option = typer.Option
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
 MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
-INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class EvaluateOptions:
 
     @cached_property
     def folder(self) -> Path:
-        """Where results go."""
+        """The folder of the results."""
         return self.out or Path("reports") / f"eval-{self.sweep_name}-{datetime.now():%Y%m%d-%H%M%S}"
 
     @property

@@ -1,4 +1,4 @@
-"""What `roboprompt eval` is to run, from its options; each refusal names the option and what would be valid."""
+"""The plan of `roboprompt eval` from its options; each refusal names the option and what is valid."""
 
 import json
 from collections.abc import Callable, Mapping

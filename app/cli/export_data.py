@@ -24,7 +24,7 @@ _IMAGES = ("rgb", "depth", "mask")
 
 
 def task_settings(client: RoboPromptClient, task: str) -> dict[str, Any]:
-    """What was set of the task.
+    """Return the settings of the task.
 
     Raises:
         ServiceProblemError, ServiceUnreachableError.

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import AsJson, Url, check_names, counted, if_there, refusals_said
+from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, if_there, refusals_said
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
@@ -27,12 +27,11 @@ Status = Literal["imported", "already_there", "damaged", "refused"]
 AHEAD = 4  # episodes that are read before they are uploaded, and wait in memory
 _MEDIA_TYPE = "application/octet-stream"
 MAX_SHOWN = 10  # reasons on the terminal; --json has all
-INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
 
 
 @dataclass(frozen=True)
-class Result:
-    """What became of one episode.
+class ImportResult:
+    """The outcome of one episode.
 
     Attributes:
         detail: the reason, where it was not imported.
@@ -49,7 +48,7 @@ class Result:
     task: str = ""
 
 
-def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[Result]:
+def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[ImportResult]:
     """Upload every episode in its order; damaged and refused ones are skipped.
 
     Raises:
@@ -58,8 +57,8 @@ def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[Resul
     return _each(dataset, lambda entry, parcel: _send(client, entry, parcel))
 
 
-def check_dataset(dataset: Dataset) -> Iterator[Result]:
-    """What an import would do, as far as it is known without the service."""
+def check_dataset(dataset: Dataset) -> Iterator[ImportResult]:
+    """Yield the outcomes of an import, as far as they are known without the service."""
     return _each(dataset, _check)
 
 
@@ -81,7 +80,7 @@ def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
     return notes
 
 
-def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], Result]) -> Iterator[Result]:
+def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], ImportResult]) -> Iterator[ImportResult]:
     with ThreadPoolExecutor(1) as reader:
         waiting: deque[tuple[Entry, Future[Parcel]]] = deque()
         entries = iter(dataset.entries)
@@ -95,31 +94,31 @@ def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], Result]) -> Iterat
                 try:
                     yield handle(entry, reading.result())
                 except DamagedError as error:
-                    yield Result(entry.name, "damaged", str(error))
+                    yield ImportResult(entry.name, "damaged", str(error))
                 except InvalidInputError as error:
-                    yield Result(entry.name, "refused", str(error))
+                    yield ImportResult(entry.name, "refused", str(error))
         finally:
             reader.shutdown(cancel_futures=True)
 
 
-def _send(client: RoboPromptClient, entry: Entry, parcel: Parcel) -> Result:
+def _send(client: RoboPromptClient, entry: Entry, parcel: Parcel) -> ImportResult:
     key = parcel.key
     task = str(parcel.metadata["task"])
     if not parcel.metadata["objects"]:
         return _without_objects(entry, task)
     try:
         if if_there(partial(client.get, f"/uploads/{key}")) is not None:
-            return Result(entry.name, "already_there", notes=parcel.notes, task=task)
+            return ImportResult(entry.name, "already_there", notes=parcel.notes, task=task)
         metadata = ("metadata.json", canonical_json(parcel.metadata), "application/json")
         files = {name: (name, data, _MEDIA_TYPE) for name, data in parcel.files.items()}
         answer: dict[str, Any] = client.upload_parts({"metadata": metadata, **files}, key)
     except ServiceProblemError as error:
-        return Result(entry.name, "refused", str(error), parcel.notes, task=task)
+        return ImportResult(entry.name, "refused", str(error), parcel.notes, task=task)
     counts = (answer["num_frames"], len(answer["keyframes"]))
-    return Result(entry.name, "imported", "", parcel.notes, *counts, task)
+    return ImportResult(entry.name, "imported", "", parcel.notes, *counts, task)
 
 
-def _check(entry: Entry, parcel: Parcel) -> Result:
+def _check(entry: Entry, parcel: Parcel) -> ImportResult:
     task, objects = str(parcel.metadata["task"]), parcel.metadata["objects"]
     if not objects:
         return _without_objects(entry, task)
@@ -132,12 +131,12 @@ def _check(entry: Entry, parcel: Parcel) -> Result:
         notes += (
             f"no poses or mask ids of {', '.join(unknown)}: the task's object models must find them in the images",
         )
-    return Result(entry.name, "imported", "", notes, len(trajectory), len(keyframes), task)
+    return ImportResult(entry.name, "imported", "", notes, len(trajectory), len(keyframes), task)
 
 
-def _without_objects(entry: Entry, task: str) -> Result:
+def _without_objects(entry: Entry, task: str) -> ImportResult:
     reason = "the dataset names no objects: give their poses, mask ids or names with --objects FILE"
-    return Result(entry.name, "refused", reason, task=task)
+    return ImportResult(entry.name, "refused", reason, task=task)
 
 
 def import_data(
@@ -183,8 +182,8 @@ def import_data(
 
 
 def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, Any]:
-    """What became of each episode; `extend` keeps those before an interruption."""
-    results: list[Result] = []
+    """Return the outcome of each episode; `extend` keeps those before an interruption."""
+    results: list[ImportResult] = []
     stopped: str | None = None
     total = len(dataset.entries)
     try:
@@ -203,8 +202,8 @@ def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, An
     return {"dry_run": url is None, **_summary(dataset, results), "stopped": stopped}
 
 
-def _summary(dataset: Dataset, results: Sequence[Result]) -> dict[str, Any]:
-    def of(status: str) -> list[Result]:
+def _summary(dataset: Dataset, results: Sequence[ImportResult]) -> dict[str, Any]:
+    def of(status: str) -> list[ImportResult]:
         return [item for item in results if item.status == status]
 
     def listed(status: str) -> list[dict[str, str]]:

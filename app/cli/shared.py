@@ -1,4 +1,4 @@
-"""What commands share: checks before any work starts, store and service, a progress bar, the distribution's extras.
+"""Shared by commands: checks before any work starts, store and service, a progress bar, the distribution's extras.
 
 Each refusal names the option and what would be valid.
 """
@@ -18,11 +18,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from app.settings import Settings, load_env_file
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError, ServiceProblemError
+from roboprompt_client.http.connection import MAX_PORT
 
 if TYPE_CHECKING:
     from app.store.store import Store
 
-MAX_PORT = 65535
+INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
 DOT_ENV = Path(".env")
 Url = Annotated[str, typer.Option(help="address of the running service")]
 Data = Annotated[Path | None, typer.Option(help="folder of the database and images; default: ROBOPROMPT_DATA")]

@@ -1,4 +1,4 @@
-"""What keeps an evaluation from going on."""
+"""Errors that end an evaluation or a trial."""
 
 from roboprompt_client.errors import RoboPromptError
 

@@ -53,7 +53,7 @@ class ShiftedPanda:
         return replace(seen, objects=disturbed(seen.objects, self._noise, self._seed))
 
     def execute(self, action: EndEffectorAction) -> None:
-        """As the robot does."""
+        """Carry out the action as the simulated robot does."""
         self._change()
         self.actions.append(action)
         self._robot.execute(action)
@@ -69,7 +69,7 @@ class WaitingPanda(ShiftedPanda):
     """The same in a scene that goes on while the robot looks: what it sees is `LOOK_S` old once it knows it."""
 
     def observe(self) -> Observation:
-        """As they lay when the picture was taken."""
+        """The objects as they lay when the picture was taken."""
         seen = super().observe()
         self._robot.hold(LOOK_S)
         return seen
@@ -103,19 +103,8 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
     panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
     moves = task in MOVING_TASKS
     robot = (WaitingPanda if moves else ShiftedPanda)(panda, method.shift_m, seed, method.noise)
-    leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
-    error, blocked = "", ""
     with _Client(url, panda if moves else None) as client:
-        asked = (client, robot, name, panda.task.instruction)
-        options = {"on_danger": "go", **method.options}
-        try:
-            run_task(*asked, look_again=method.look_again, leading=leading, **options)
-        except (MotionError, ObjectLostError, UnsafeActionError) as failure:
-            blocked = str(failure)
-        except ServiceProblemError as problem:
-            if problem.problem.get("type") not in USELESS_REPLY:
-                raise
-            error = str(problem)
+        error, blocked = _ask_and_move(client, robot, name, panda, method)
         failure_text = error or blocked or judge(panda)
         if client.predicted is not None:
             client.record_outcome(client.predicted.id, not failure_text, failure_text or None)
@@ -134,3 +123,20 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
         actions=tuple(robot.actions),
         shift_m=method.shift_m,
     )
+
+
+def _ask_and_move(
+    client: _Client, robot: ShiftedPanda, name: str, panda: SimulatedPanda, method: Method
+) -> tuple[str, str]:
+    """Return why the reply gave no actions, and what ended the motion; empty texts if nothing did."""
+    leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
+    asked, options = (client, robot, name, panda.task.instruction), {"on_danger": "go", **method.options}
+    try:
+        run_task(*asked, look_again=method.look_again, leading=leading, **options)
+    except (MotionError, ObjectLostError, UnsafeActionError) as failure:
+        return "", str(failure)
+    except ServiceProblemError as problem:
+        if problem.problem.get("type") not in USELESS_REPLY:
+            raise
+        return str(problem), ""
+    return "", ""

@@ -74,7 +74,7 @@ class Timing:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class PlanRun:
     """One session of a plan.
 
     Args:
@@ -203,5 +203,5 @@ def run_demo(plan: Plan, progress: Progress, data: Path, workers: int | None = N
         closing(LocalExecutor(workers, SIMULATION)) as executor,
         service(warm_up=plan.asks_default_model, data=data) as client,
     ):
-        evaluation = Run(plan, ledger, client, executor, progress)()
+        evaluation = PlanRun(plan, ledger, client, executor, progress)()
         return replace(evaluation, tasks=tuple(illustrated(evaluation, executor, progress)))

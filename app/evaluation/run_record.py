@@ -72,7 +72,7 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-class RunRecord:
+class SweepRecord:
     """The file `run.json` in a folder of results.
 
     A session is one start of the command, from the record's creation to `end`. Earlier sessions stay in the file; one

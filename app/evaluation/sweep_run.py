@@ -14,8 +14,8 @@ from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation
-from app.evaluation.run import Run, Timing, executor_of
-from app.evaluation.run_record import RunRecord
+from app.evaluation.run import PlanRun, Timing, executor_of
+from app.evaluation.run_record import SweepRecord
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
@@ -79,7 +79,7 @@ class SweepRun:
         """Run a session. Return why it ended early; empty if it did not."""
         self.report.unlink(missing_ok=True)
         with closing(executor_of(self.plan.world)) as executor:
-            record = RunRecord(self.folder / "run.json", self.sweep, self.plan, executor)
+            record = SweepRecord(self.folder / "run.json", self.sweep, self.plan, executor)
             try:
                 evaluation = self._run(ledger, executor, progress, record.timing)
                 if self.wants_report:
@@ -98,7 +98,7 @@ class SweepRun:
 
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
         with service(self.url, warm_up=self.plan.asks_default_model) as client:
-            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
+            return PlanRun(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
 
     def write_results(self, evaluation: Evaluation) -> None:
         """Write the table of the results so far."""

@@ -32,7 +32,7 @@ SIMPLE_NAMES: Mapping[str, Method] = {
 }
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
 DEMONSTRATIONS = (1, 2, 5, 10, 15)
-SYSTEM_PROMPTS = ("a", "b", "c")  # paper, supplement "Different system prompts"
+PAPER_SYSTEM_PROMPTS = ("a", "b", "c")  # paper, supplement "Different system prompts"
 SELECTIONS = ("first", "diverse", "nearest")
 STORED = 30
 NOISE = (0.5, 1.0, 1.5, 2.0)  # paper, section V "Robustness to pose estimation error"
@@ -155,7 +155,7 @@ SWEEPS: Mapping[str, Sweep] = {
     ),
     "system_prompts": Sweep(
         "the paper's system prompt and its paraphrases, in the paper's format",
-        tuple(Method(f"system prompt {name}", {**PAPER, "system_prompt": name}) for name in SYSTEM_PROMPTS),
+        tuple(Method(f"system prompt {name}", {**PAPER, "system_prompt": name}) for name in PAPER_SYSTEM_PROMPTS),
     ),
     "noise": Sweep(
         "noise on object poses, in multiples of 1.68 cm and 4.61 degrees",

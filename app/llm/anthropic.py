@@ -12,20 +12,18 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
-from app.llm.sse import Server, SseModel
+from app.llm.sse import THINKING_TOKENS, Server, SseModel
 from app.llm.streaming import Chunk, error_message
 
 # ("Versions" of the documentation) The newer one has no field `temperature` for any model.
 VERSION = "2026-10-21"
 VERSION_WITH_TEMPERATURE = "2023-06-01"
-# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
-THINKING_TOKENS = 8192
 RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors within a stream that may pass
 
 
 @dataclass(frozen=True)
 class Quirks:
-    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best."""
+    """The fields that a model accepts. A pattern to continue needs no thinking, and greedy decoding suits it best."""
 
     fields: Mapping[str, Any]  # of every request; they turn thinking off, or down where it cannot be turned off
     thinks: bool = False  # thinking stays on
@@ -91,7 +89,7 @@ def quirks_of(model: str) -> Quirks:
 
 
 def request_headers(model: str, api_key: str) -> dict[str, str]:
-    """What every request for the model carries."""
+    """Return the headers of every request for the model."""
     version = VERSION_WITH_TEMPERATURE if quirks_of(model).temperature else VERSION
     return {"x-api-key": api_key, "anthropic-version": version}
 
@@ -130,7 +128,7 @@ class EventParser:
         self._usage = Usage()
 
     def __call__(self, data: str) -> Chunk | None:
-        """What the `data` of one event says; None at the end. Raises ModelResponseError, also for another format."""
+        """Return one event as a Chunk; None at the end. Raises ModelResponseError, also for another format."""
         try:
             event = _Event.model_validate_json(data)
         except ValidationError:

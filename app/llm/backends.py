@@ -17,7 +17,7 @@ from app.llm.llama.vocabulary import TrimmedModel
 from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
 from app.llm.llm_settings import LlmSettings, variable
 from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
-from app.llm.resilient import Limits
+from app.llm.resilient import ProviderLimits
 from app.llm.sse import Server
 
 ENTRY_POINT_GROUP = "roboprompt.llm"
@@ -39,7 +39,7 @@ class Backend:
 
     create: ModelFactory
     offered: Callable[[LlmSettings], Sequence[ModelProfile]]
-    limits: Callable[[LlmSettings], Limits] | None = None
+    limits: Callable[[LlmSettings], ProviderLimits] | None = None
 
 
 def all_backends() -> dict[str, Backend]:
@@ -48,9 +48,9 @@ def all_backends() -> dict[str, Backend]:
     return {**installed, **BUILT_IN}
 
 
-def _network_limits(settings: LlmSettings) -> Limits:
+def _network_limits(settings: LlmSettings) -> ProviderLimits:
     """Of a provider's account, whichever of its models is asked."""
-    return Limits(
+    return ProviderLimits(
         concurrent=settings.llm_concurrent_requests,
         queued=settings.llm_queued_requests,
         retries=settings.llm_retries,
@@ -60,9 +60,9 @@ def _network_limits(settings: LlmSettings) -> Limits:
     )
 
 
-def _embedded_limits(settings: LlmSettings) -> Limits:
+def _embedded_limits(settings: LlmSettings) -> ProviderLimits:
     """Of a model's slots. A second try finds llama.cpp started again if it died."""
-    return Limits(settings.embedded_slots, settings.llm_queued_requests, retries=1, each_model=True)
+    return ProviderLimits(settings.embedded_slots, settings.llm_queued_requests, retries=1, each_model=True)
 
 
 def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
@@ -88,7 +88,7 @@ def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
 
 
 def _provider(name: str, model: str, settings: LlmSettings) -> Server:
-    """Where a provider's model is asked, which needs a key."""
+    """Return the server of a provider's models, which need a key."""
     _require_model_name(name, model)
     server = _server(name, settings)
     if not server.key:

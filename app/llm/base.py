@@ -51,7 +51,7 @@ class ModelResponseError(LanguageModelError):
 
 @dataclass(frozen=True)
 class ModelProfile:
-    """What the service needs to know of a model to write a prompt for it."""
+    """The properties of a model that decide how a prompt for it is written."""
 
     name: str  # `backend/model`, e.g. ``embedded/gemma-3-270m``
     style: Literal["completion", "chat"]  # `completion` continues raw text; `chat` takes a system and a user message

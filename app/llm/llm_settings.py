@@ -1,4 +1,4 @@
-"""What the operator decides about LLMs; `app.settings.Settings`, which reads the environment, has these fields, too."""
+"""The operator's settings of LLMs; `app.settings.Settings`, which reads the environment, has these fields, too."""
 
 from pathlib import Path
 from typing import Annotated, Literal

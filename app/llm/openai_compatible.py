@@ -16,13 +16,10 @@ from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Reading, Usage
 from app.llm.llm_settings import CompatibleServer, Style
-from app.llm.sse import Server, SseModel
+from app.llm.sse import THINKING_TOKENS, Server, SseModel
 from app.llm.streaming import Chunk, error_message
 
 END = "[DONE]"
-# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
-# OpenAI's guide "Reasoning models" advises to reserve 25,000 at first; a pattern to continue takes far fewer.
-THINKING_TOKENS = 8192
 
 
 @dataclass(frozen=True)
@@ -176,7 +173,7 @@ def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict
 
 
 def parse_event(data: str) -> Chunk | None:
-    """What the `data` of one event says; None at the end. Raises ModelResponseError for an error or another format."""
+    """Return one event as a Chunk; None at the end. Raises ModelResponseError, also for another format."""
     if data == END:
         return None
     try:

@@ -40,7 +40,7 @@ BUSY_RETRY_AFTER_S = 1.0  # a reply takes a few seconds, and several are under w
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProviderLimits:
     """How a provider is treated."""
 
     concurrent: int  # requests at once
@@ -52,13 +52,13 @@ class Limits:
     each_model: bool = False  # these are the limits of each model rather than of all the provider's models together
 
 
-NO_LIMITS = Limits(concurrent=sys.maxsize, queued=0)
+NO_LIMITS = ProviderLimits(concurrent=sys.maxsize, queued=0)
 
 
 class Guard:
     """The places and the circuit that the models of a provider share; its name is for messages."""
 
-    def __init__(self, provider: str, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, provider: str, limits: ProviderLimits, clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits
         self.places = Places(provider, limits)
         self.circuit = Circuit(provider, limits, clock)
@@ -67,7 +67,7 @@ class Guard:
 class Places:
     """Lets `concurrent` requests in at once and lets `queued` more wait, first come, first served."""
 
-    def __init__(self, provider: str, limits: Limits) -> None:
+    def __init__(self, provider: str, limits: ProviderLimits) -> None:
         self._provider = provider
         self._limits = limits
         self._free = asyncio.Semaphore(limits.concurrent)
@@ -90,7 +90,7 @@ class Places:
 class Circuit:
     """Opens after so many failures in a row; after a pause lets one request through, whose outcome decides."""
 
-    def __init__(self, provider: str, limits: Limits, clock: Callable[[], float]) -> None:
+    def __init__(self, provider: str, limits: ProviderLimits, clock: Callable[[], float]) -> None:
         self._provider = provider
         self._limits = limits
         self._clock = clock

@@ -30,6 +30,9 @@ from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, assembled, error_mess
 from roboprompt_client.http.connection import without_proxy
 
 MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
+# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
+# OpenAI's guide "Reasoning models" advises to reserve 25,000 at first; a pattern to continue takes far fewer.
+THINKING_TOKENS = 8192
 READ_OUT_S = 0.1  # the end of the HTTP message comes with the end of the reply or right after it
 # Idle connections that are kept, by scheme. A new one costs round trips to a distant server, which is reached over TLS.
 # A plain one is near; and llama.cpp hangs up on a kept one, so that the next request fails.
@@ -46,7 +49,7 @@ Parse = Callable[[str], Chunk | None]
 
 @dataclass(frozen=True)
 class Server:
-    """Where a provider's models are asked.
+    """The server of a provider's models.
 
     Attributes:
         base_url: up to and including the version, e.g. ``http://127.0.0.1:11434/v1``.
@@ -167,7 +170,7 @@ class SseModel:
             raise type(error)(text, retryable=error.retryable, retry_after_s=error.retry_after_s) from None
 
     def _refusal(self, response: httpx.Response) -> LanguageModelError:
-        """What a status other than 200 means."""
+        """Return the error that a status other than 200 stands for."""
         status, said = response.status_code, f"HTTP {response.status_code}: {error_message(response.text)}"
         if status in (httpx.codes.UNAUTHORIZED, httpx.codes.FORBIDDEN):
             remedy = f"; set {self._server.key_variable} to a valid key" if self._server.key_variable else ""

@@ -14,7 +14,7 @@ MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for 
 
 @dataclass(frozen=True)
 class Chunk:
-    """What one event of a provider's stream tells; any of it may be missing."""
+    """One event of a provider's stream; every field may be missing."""
 
     text: str = ""
     finish_reason: str | None = None  # why the reply ended: `stop` or `length`; anything else is an error
@@ -92,7 +92,7 @@ class StopStrings:
         return text[:certain]
 
     def flush(self) -> str:
-        """What was held back, when nothing more comes."""
+        """Return the text that was held back, at the end of the stream."""
         held, self._held = self._held, ""
         return held
 

@@ -1,11 +1,9 @@
 """Demonstrations, observation and instruction -> the prompt (paper, section III-D, appendix B)."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.episode import Demonstration, Query, rotation_of
-from app.pipeline.errors import ObjectSetError
-from app.pipeline.names import alike, folded
 from app.pipeline.representation.base import Codec
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import ObjectPose
@@ -125,30 +123,3 @@ def system_prompt_text(choice: str) -> str:
         valid = f"at most {MAX_SYSTEM_PROMPT_CHARS} characters, or one of {', '.join(SYSTEM_PROMPTS)}"
         raise InvalidInputError("system_prompt", f"has {len(choice)} characters", valid)
     return SYSTEM_PROMPTS.get(choice, choice)
-
-
-def check_object_names(given: Sequence[str], names: Sequence[str], needed: Collection[str] | None = None) -> None:
-    """Refuse object names that are not those of the task.
-
-    A name must be spelled as the task spells it, and no two may differ in case, width or separators only: an
-    instruction could not tell them apart.
-
-    Args:
-        needed: the names that must be given; the others may be missing, and new ones may be given. None: exactly
-            `names`.
-
-    Raises:
-        ObjectSetError: names what is missing, unknown, given twice or too much alike.
-    """
-    spelled = {folded(name): name for name in names}
-    missing = [name for name in names if name not in given and (needed is None or name in needed)]
-    unknown = [
-        f"{name} (here: {spelled[folded(name)]})" if folded(name) in spelled else name
-        for name in dict.fromkeys(given)
-        if name not in names and (needed is None or folded(name) in spelled)
-    ]
-    twice = sorted({name for name in given if list(given).count(name) > 1})
-    same = [f"{one} and {other}" for one, other in alike(given)]
-    differences = {"missing": missing, "not of this task": unknown, "given twice": twice, "one name": same}
-    if said := "; ".join(f"{what}: {', '.join(which)}" for what, which in differences.items() if which):
-        raise ObjectSetError("objects", said, ", ".join(names))

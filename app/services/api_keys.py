@@ -1,4 +1,4 @@
-"""Who may do what: keys are made, recognized and taken back, and browsers log in with them.
+"""API keys: creation, recognition, and the browser sessions that begin with one.
 
 A key is 256 random bits, which cannot be guessed, and SHA-256 of it is as good as any slow hash: those are for
 passwords, which people choose. A browser that has logged in has a token of its own, which ends on the server when it
@@ -39,7 +39,7 @@ LONGEST = timedelta(days=7)
 
 @dataclass(frozen=True)
 class Caller:
-    """Who sent a request.
+    """The sender of a request.
 
     Attributes:
         scopes: what the caller may do; `admin` includes the others.
@@ -79,7 +79,7 @@ class KeyRing:
         self._noting: set[asyncio.Task[None]] = set()
 
     async def recognize(self, token: str) -> Caller | None:
-        """Whose key it is, or None if there is no such key, or it was revoked.
+        """Return the owner of a key; None if there is no such key or it was revoked.
 
         Raises:
             ExpiredKeyError: if it has expired.
@@ -98,7 +98,7 @@ class KeyRing:
         return key_id in await self._current()
 
     async def caller_of(self, key_id: str) -> Caller | None:
-        """Whose key has this id, for those who have proved otherwise that they have it.
+        """Return the owner of the key with this id, for requests that a session has authenticated.
 
         Raises:
             as `recognize`.
@@ -117,7 +117,7 @@ class KeyRing:
         return self._callers[record.id]
 
     def _note_use(self, key_id: str) -> None:
-        """Let it be written down in the background, if it was not lately: no request waits for that."""
+        """Store the time of use in the background, at most once a minute: no request waits for it."""
         now_s = time.monotonic()
         if now_s - self._noted_at_s.get(key_id, -float("inf")) >= USE_NOTED_EVERY.total_seconds():
             self._noted_at_s[key_id] = now_s
@@ -175,7 +175,7 @@ def create_key(
         expires_at: from then on the key is refused; aware.
 
     Raises:
-        InvalidInputError: for a name that is none, unknown or no scopes, or an end that has passed.
+        InvalidInputError: for an invalid name, no or unknown scopes, or an end that has passed.
     """
     checked_name("name", name)
     if not scopes or not set(scopes) <= set(SCOPES):
@@ -227,7 +227,7 @@ class Sessions:
         return token
 
     async def recognize(self, token: str) -> Caller | None:
-        """Whose session it is, or None if there is no such session, it has ended, or its key was revoked.
+        """Return the owner of a session; None if there is none, it has ended, or its key was revoked.
 
         The database is asked only about tokens that name a valid key, so that junk costs nothing.
 

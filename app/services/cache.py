@@ -1,4 +1,4 @@
-"""What was made last is kept."""
+"""A thread-safe cache of the most recently used values."""
 
 import threading
 from collections import OrderedDict

@@ -8,11 +8,11 @@ import anyio.to_thread
 from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing, Sessions
+from app.services.english import is_english
 from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict.ask import PredictActions
-from app.services.predict.instruction import is_english
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.read_steps import ReadSteps

@@ -1,4 +1,4 @@
-"""What the operator does not want to be kept is deleted, and images that nothing refers to."""
+"""Deletes predictions beyond the operator's limits, and images that nothing refers to."""
 
 import logging
 from datetime import UTC, datetime, timedelta

@@ -1,4 +1,4 @@
-"""What is measured and logged of a request: milliseconds per stage, Prometheus's counters and fields of log lines."""
+"""Measurements of a request: milliseconds per stage, Prometheus's counters, and fields of log lines."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -161,7 +161,7 @@ class Metrics:
         timings_ms: Mapping[str, float],
         tokens: Mapping[str, int],
     ) -> None:
-        """Note a prediction, however it ended."""
+        """Note a prediction, whatever its outcome."""
         model = self._label(model)
         self._predictions.labels(model, representation, status).inc()
         for stage, milliseconds in timings_ms.items():

@@ -12,7 +12,7 @@ from app.perception.base import ObjectQuery
 from app.perception.models import RemoteModel
 from app.perception.object_model import ObjectModelError
 from app.perception.registry import estimate_poses
-from app.pipeline.prompt import check_object_names
+from app.pipeline.names import check_object_names
 from app.services.scene_images import with_templates
 from app.store.blobs import BlobStore
 from roboprompt_client.errors import InvalidInputError

@@ -55,7 +55,7 @@ class WorkspaceSettings(_Settings):
         return self
 
     def workspace(self) -> Workspace:
-        """As the pipeline wants it; raises InvalidInputError if min is not below max."""
+        """Return the pipeline's workspace; raises InvalidInputError if min is not below max."""
         return _workspace(self.min, self.max)
 
 
@@ -81,11 +81,11 @@ class KeyframeSettings(_Settings):
     ] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
-        """As the pipeline wants it."""
+        """Return the pipeline's rule."""
         return KeyframeRule(self.rule, self.delta_rad_s, self.interval, self.tolerance_m, self.tolerance_deg)
 
     def in_words(self) -> str:
-        """What the rule looks at, for people: ``at rest below 0.1 rad/s``."""
+        """Describe the rule for people: ``at rest below 0.1 rad/s``."""
         rest, path = (
             f"at rest below {self.delta_rad_s:g} rad/s",
             f"within {self.tolerance_m:g} m and {self.tolerance_deg:g}°",
@@ -134,7 +134,7 @@ class MotionLimitsSettings(_Settings):
     ] = HAND_RADIUS_M
 
     def limits(self, workspace: WorkspaceSettings) -> MotionLimits:
-        """What every action of a prediction must keep to."""
+        """Return the limits of every action of a prediction."""
         keep_out = tuple(Box(box.min, box.max) for box in self.keep_out)
         step_m, step_deg = self.max_step_m, self.max_step_rotation_deg
         return MotionLimits(Box(workspace.min, workspace.max), keep_out, step_m, step_deg, self.hand_radius_m)

@@ -1,4 +1,4 @@
-"""What can be set per task. Everything has a default; a first upload creates the task with it."""
+"""The settings of a task. Each has a default; a first upload creates the task with the defaults."""
 
 import json
 import re
@@ -24,7 +24,7 @@ from app.perception.strict import WHOLE, Number
 from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion
-from app.pipeline.names import alike
+from app.pipeline.names import spelling_variants
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
@@ -155,13 +155,13 @@ class TaskSettings(BaseModel):
 
     @model_validator(mode="after")
     def _one_spelling_of_each_object(self) -> Self:
-        for one, other in alike((*self.aliases, *self.object_models, *self.yaw_symmetry_deg)):
+        for one, other in spelling_variants((*self.aliases, *self.object_models, *self.yaw_symmetry_deg)):
             raise ValueError(f"{one!r} and {other!r} are one name: the objects of a task must differ in more")
         return self
 
     @classmethod
     def of(cls, connection: Connection, name: str) -> Self:
-        """Those of the task of that name; raises NotFoundError."""
+        """Read the settings of the task of that name; raises NotFoundError."""
         return cls.model_validate(tasks.get(connection, name).settings)
 
     def within(self, workspace: WorkspaceSettings) -> "TaskSettings":
@@ -169,7 +169,7 @@ class TaskSettings(BaseModel):
         return self.model_copy(update={"workspace": workspace})
 
     def limits_of_motion(self) -> MotionLimits:
-        """What every action of a prediction must keep to."""
+        """Return the limits of every action of a prediction."""
         return self.motion_limits.limits(self.workspace)
 
     def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":
@@ -217,7 +217,7 @@ class TaskSettings(BaseModel):
         """Refuse models and aliases of objects that are not among the task's `names`."""
         known = list(names)
         check_aliases_of(self.aliases, known)
-        for one, other in alike((*known, *self.yaw_symmetry_deg)):
+        for one, other in spelling_variants((*known, *self.yaw_symmetry_deg)):
             raise InvalidInputError(f"yaw_symmetry_deg[{other}]", f"is {one!r} in another spelling", one)
         for name in self.object_models:
             if name not in known:

@@ -57,7 +57,7 @@ def record_demonstration(
     recordings: Recordings = "rests",
     cameras: Sequence[str] = CAMERA_NAMES,
 ) -> RecordedDemonstration:
-    """Let the task's expert solve the scene of a seed, and record it. A demonstration that failed says so.
+    """Record the task's expert in the scene of a seed; a failed demonstration has the reason.
 
     Args:
         recordings: whether the arm rests at each of the expert's poses, or passes them as a person does. The gripper's

@@ -46,7 +46,7 @@ _Event = tuple[int, Callable[[], None]]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class GuidedMove:
     """A move as the person makes it.
 
     Attributes:
@@ -70,13 +70,13 @@ class Habits:
         """One of several ways to do a task, 0..number - 1."""
         return int(self._random.integers(number))
 
-    def steps(self, start: ToolPose, gripper_open: bool, moves: Sequence[Move]) -> list[Step]:
+    def steps(self, start: ToolPose, gripper_open: bool, moves: Sequence[Move]) -> list[GuidedMove]:
         """The moves with how closely each is passed, and overshoots before grasps.
 
         Args:
             start, gripper_open: of the arm before the first move.
         """
-        steps: list[Step] = []
+        steps: list[GuidedMove] = []
         for number, move in enumerate(moves):
             last = number == len(moves) - 1
             changes = move.gripper_open != gripper_open
@@ -85,17 +85,17 @@ class Habits:
             if grasps and self._random.random() < OVERSHOOT_SHARE:
                 steps.append(self._overshoot(start, move))
             asked_m = (0.0 if changes else rounding_m) if move.within_m is None else move.within_m
-            steps.append(Step(move, number, 0.0 if last else asked_m))
+            steps.append(GuidedMove(move, number, 0.0 if last else asked_m))
             start, gripper_open = move.pose, move.gripper_open
         return steps
 
-    def _overshoot(self, start: ToolPose, move: Move) -> Step:
+    def _overshoot(self, start: ToolPose, move: Move) -> GuidedMove:
         """Past the pose before the grasp, level with it, in the direction of the motion there."""
         along = move.pose.position_m - start.position_m
         heading_rad = np.arctan2(along[1], along[0])
         beyond_m = self._random.uniform(*OVERSHOOT_M) * np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0])
         pose = ToolPose(move.pose.position_m + beyond_m, move.pose.rotation)
-        return Step(Move(pose, move.gripper_open, move.straight), None, OVERSHOOT_WITHIN_M)
+        return GuidedMove(Move(pose, move.gripper_open, move.straight), None, OVERSHOOT_WITHIN_M)
 
     def speeds_m_s(self, route: Route) -> Array:
         """The speed (K,) that the person would like to have at each of the route's points."""
@@ -155,7 +155,7 @@ class GuidedPanda(SimulatedPanda):
                 self._pass(steps[first:end], paths[first:end], len(moves), on_done)
                 first = end
 
-    def _planned(self, steps: list[Step]) -> tuple[list[Step], list[JointPath]]:
+    def _planned(self, steps: list[GuidedMove]) -> tuple[list[GuidedMove], list[JointPath]]:
         """The steps with their paths; without overshoots where these would keep the arm from a straight line."""
         plan = [step for step in steps if step.number is not None]
         try:
@@ -167,7 +167,7 @@ class GuidedPanda(SimulatedPanda):
         return plan, self._planner.plan(self._target_rad, [step.move for step in plan])
 
     def _pass(
-        self, steps: Sequence[Step], paths: Sequence[JointPath], total: int, on_done: Callable[[int], None] | None
+        self, steps: Sequence[GuidedMove], paths: Sequence[JointPath], total: int, on_done: Callable[[int], None] | None
     ) -> None:
         """Go along the paths without a rest, reach the last pose and set the gripper there."""
         route = joined(paths, [step.within_m for step in steps[:-1]], self._kinematics)
@@ -185,7 +185,7 @@ class GuidedPanda(SimulatedPanda):
             on_done(reached.number)
 
     def _on_the_way(
-        self, steps: Sequence[Step], ends_m: Sequence[float], pace: Pace, on_done: Callable[[int], None] | None
+        self, steps: Sequence[GuidedMove], ends_m: Sequence[float], pace: Pace, on_done: Callable[[int], None] | None
     ) -> Iterator[_Event]:
         begin_m = 0.0
         for step, end_m in zip(steps, ends_m, strict=False):
@@ -204,7 +204,7 @@ class GuidedPanda(SimulatedPanda):
             act()
         self._run(targets_rad[done:])
 
-    def _command(self, step: Step) -> None:
+    def _command(self, step: GuidedMove) -> None:
         goal_m = panda.FINGER_TRAVEL_M if step.move.gripper_open else 0.0
         if goal_m != self._finger_goal_m:
             self._finger_goal_m, self._fingers_move = goal_m, True

@@ -1,4 +1,4 @@
-"""Where the joints must be so that the tool is at a pose: inverse kinematics by mink's QP steps from several seeds."""
+"""Inverse kinematics by mink's QP steps from several seeds."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What scenes show, and what demonstrations and rollouts on them give. Imports no simulator."""
+"""Scenes as they are observed, recorded demonstrations, and results of rollouts. Imports no simulator."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ RgbImage = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class SceneView:
-    """What a scene shows before the arm moves.
+    """A scene as it is observed before the arm moves.
 
     Attributes:
         objects: true poses.
@@ -55,7 +55,7 @@ class RecordedDemonstration:
 
 @dataclass(frozen=True, eq=False)
 class RolloutResult:
-    """What became of predicted actions.
+    """The result of carrying out predicted actions.
 
     Attributes:
         num_executed: actions that were carried out.

@@ -97,7 +97,7 @@ class OpenGLRenderer:
         return image
 
     def rgbd(self, data: mujoco.MjData, camera_name: str) -> RgbdFrame:
-        """As RayCaster's."""
+        """Return the same as `RayCaster.rgbd`."""
         rgb = self.rgb(data, camera_name)
         self._renderer.enable_depth_rendering()
         depth_m = self._renderer.render()

@@ -119,7 +119,7 @@ class SimulatedPanda:
 
     @property
     def hand(self) -> ToolPose:
-        """Where the end effector is."""
+        """The pose of the end effector."""
         return self._kinematics.forward(self.task.data.qpos[self._joint_addresses])
 
     def _check_arrival(self, wanted: ToolPose, index: int, total: int) -> None:

@@ -38,7 +38,7 @@ Point2 = tuple[float, float]
 
 
 class Shape(TypedDict, total=False):
-    """What any rigid shape of a body may have: where it is in the body's frame, its weight, its friction."""
+    """Options of a rigid shape: its pose in the body's frame, its weight, its friction."""
 
     at_m: npt.ArrayLike
     rotation: Rotation
@@ -46,7 +46,7 @@ class Shape(TypedDict, total=False):
     friction: float
 
 
-class Part:
+class SceneBody:
     """A body under construction in a mujoco.MjSpec. Methods return the part, so that calls chain.
 
     Args:
@@ -199,8 +199,7 @@ class Part:
         axis: Vector,
         range_rad: tuple[float, float],
         *,
-        damping: float,
-        dry_friction_nm: float = 0.0,
+        dry_friction_nm: float,
     ) -> Self:
         """A turning joint towards the parent, about an axis through the body's origin; it starts at 0."""
         self.body.add_joint(
@@ -210,7 +209,7 @@ class Part:
             range=range_rad,
             limited=1,
             armature=0.001,
-            damping=[damping, 0, 0],
+            damping=[0.02, 0, 0],
             frictionloss=dry_friction_nm,
         )
         return self

@@ -29,7 +29,7 @@ TABLE_FRICTION = (0.8, 0.005, 0.0001)
 
 @dataclass(frozen=True)
 class CameraPlacement:
-    """Where a camera stands and looks, m in the world frame, and its vertical field of view."""
+    """The position and target of a camera, m in the world frame, and its vertical field of view."""
 
     eye_m: tuple[float, float, float]
     target_m: tuple[float, float, float]

@@ -50,7 +50,7 @@ def valid(connection: Connection) -> tuple[ApiKeyRecord, ...]:
 
 
 def revoke(connection: Connection, key_id: str) -> None:
-    """Take a key back; revoking twice changes nothing. Raises NotFoundError."""
+    """Revoke a key; revoking it twice changes nothing. Raises NotFoundError."""
     name: str | None = connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))
     if name is None:
         raise NotFoundError("API key", key_id)
@@ -61,7 +61,7 @@ def revoke(connection: Connection, key_id: str) -> None:
 
 
 def note_use(connection: Connection, key_id: str, within: timedelta) -> None:
-    """Write down that the key is used now, unless that was written down `within` this time already."""
+    """Store that the key is used now, unless a use `within` this time is stored already."""
     now, last = datetime.now(UTC), _KEYS.c.last_used_at
     query = update(_KEYS).where(_KEYS.c.id == key_id, or_(last.is_(None), last <= now - within))
     connection.execute(query.values(last_used_at=now))

@@ -1,4 +1,4 @@
-"""A log that shows what was done to it: each entry holds the SHA-256 of the one before.
+"""A tamper-evident log: each entry holds the SHA-256 of the one before.
 
 An entry that is changed, left out or put in between breaks the chain from there on. Entries cut off at the end leave no
 trace in the log itself, only a digest that was kept elsewhere shows it.
@@ -20,7 +20,7 @@ from app.store import tables
 from app.store.database import lock
 
 LOCAL = "local"  # the command line, or a service that requires no keys
-FIRST = "0" * 64  # what the first entry holds in the place of a digest
+NO_DIGEST = "0" * 64  # in the first entry, which has none before it
 _LOG = tables.audit_log
 _LOCK = "roboprompt audit log"
 _actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
@@ -28,7 +28,7 @@ _actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
 
 @dataclass(frozen=True)
 class AuditEntry:
-    """What was done."""
+    """An entry of the log."""
 
     number: int  # 1, 2, 3
     at: datetime
@@ -40,7 +40,7 @@ class AuditEntry:
     digest: str  # of all the others
 
     def expected_digest(self) -> str:
-        """What `digest` is if the entry was not changed."""
+        """Return the digest of the present content; another `digest` shows that the entry was changed."""
         values = {**asdict(self), "at": self.at.astimezone(UTC).isoformat(timespec="microseconds")}
         del values["digest"]
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
@@ -56,7 +56,7 @@ class BrokenChainError(Exception):
 
 @contextmanager
 def acting(name: str) -> Iterator[None]:
-    """Let entries that are made within name this actor."""
+    """Name this actor in the entries that are made inside the block."""
     token = _actor.set(name)
     try:
         yield
@@ -71,7 +71,7 @@ def record(
     details: Mapping[str, Any] | None = None,
     actor: str | None = None,
 ) -> None:
-    """Add an entry; call it last in the transaction of the deed, so that both are there or neither.
+    """Add an entry; call it last in the transaction that it describes, so that both are stored or neither.
 
     Args:
         details: JSON.
@@ -81,7 +81,7 @@ def record(
     last = connection.execute(select(_LOG.c.number, _LOG.c.digest).order_by(_LOG.c.number.desc()).limit(1)).first()
     text = json.dumps(details or {}, sort_keys=True, separators=(",", ":"))
     # As text even if it was changed to another type: the log goes on, and `verified` shows where it broke.
-    number, previous = (1, FIRST) if last is None else (last.number + 1, str(last.digest))
+    number, previous = (1, NO_DIGEST) if last is None else (last.number + 1, str(last.digest))
     entry = AuditEntry(number, datetime.now(UTC), actor or _actor.get(), action, subject, text, previous, "")
     values = {**asdict(entry), "digest": entry.expected_digest()}
     connection.execute(insert(_LOG).values(values))
@@ -101,7 +101,7 @@ def entries(connection: Connection) -> Iterator[AuditEntry]:
 
 def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
     """The entries, each after it was compared with the one before; raises BrokenChainError at the first change."""
-    previous = FIRST
+    previous = NO_DIGEST
     following = iter(log)
     for number in itertools.count(1):
         try:

@@ -1,4 +1,4 @@
-"""All that is stored in one file, and such a file back into a store.
+"""Backup of a store into one file, and restoring it.
 
 The file is a tar archive: `roboprompt.db`, a SQLite database with every row of one moment, whatever database they came
 from; then `blobs/DIGEST` for each blob that a row refers to. The service goes on meanwhile. A file to be restored may
@@ -37,7 +37,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BackupSummary:
-    """What a backup holds: rows by table, and blobs."""
+    """The contents of a backup: rows by table, and blobs."""
 
     rows: dict[str, int]
     num_blobs: int
@@ -199,7 +199,7 @@ def _is_whole(source: Connection) -> bool:
 
 
 def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, Any]:
-    """What the audit log says of a restore."""
+    """Return the audit log's details of a restore."""
     newest = audit.newest(source)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

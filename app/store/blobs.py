@@ -144,7 +144,7 @@ def digests_in(texts: Iterable[str]) -> Iterator[str]:
 
 
 def digest_path(digest: str) -> str:
-    """Where a blob lies below its root: in 65,536 folders, none of them large; raises CorruptDataError."""
+    """Return a blob's path below the root, in one of 65,536 folders; raises CorruptDataError."""
     if not _DIGEST.fullmatch(digest):
         raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
     return f"{digest[:2]}/{digest[2:4]}/{digest}"

@@ -81,7 +81,7 @@ def list_page(
 
 
 def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
-    """Those of the episodes that the task still has, by id, in the order of `ids`."""
+    """Return the episodes that the task still has, by id, in the order of `ids`."""
     query = select(*LISTED).where(_EPISODES.c.id.in_(ids))
     found = {row.id: row for row in connection.execute(query) if row.task == task}
     return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
@@ -163,7 +163,7 @@ def remove(connection: Connection, episode_id: str) -> str:
     """Delete an episode; returns its task, whose version grows, and whose object names go with the last episode.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is no such episode.
     """
     task: str | None = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
     if task is None or not present().has_task(task):
@@ -194,7 +194,7 @@ def scenes(connection: Connection, task: str) -> dict[str, tuple[ObjectRecord, .
 
 
 def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
-    """Those episodes of the task as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
+    """Return the task's episodes as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
     # The task is compared here: in the statement it would tempt SQLite to walk through the whole task.
     rows = connection.execute(select(_EPISODES.c.task, *_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids)))
     found = {row.id: DemonstrationRecord(*row[1:]) for row in rows if row.task == task}
@@ -205,7 +205,7 @@ def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) 
 
 
 def left_out_of(connection: Connection, ids: Sequence[str]) -> set[str]:
-    """Those of the episodes that are left out of prompts."""
+    """Return the ids of the episodes that are left out of prompts."""
     query = select(_EPISODES.c.id).where(_EPISODES.c.id.in_(ids), ~_SHOWN)
     return set(connection.scalars(query))
 

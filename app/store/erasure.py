@@ -61,7 +61,7 @@ def erase_task(connection: Connection, name: str) -> None:
 
 
 def without_cases(connection: Connection, ids: Sequence[str]) -> tuple[str, ...]:
-    """Those of the predictions that are no cases, and do not become any until the transaction ends."""
+    """Return the predictions that are no cases, and do not become any until the transaction ends."""
     chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
     connection.execute(chosen.with_for_update())
     return tuple(connection.scalars(chosen.where(_IS_NO_CASE)))

@@ -83,7 +83,7 @@ def unavailable(what: str, reason: str, detail: str) -> StoreUnavailableError:
 
 @contextmanager
 def disk_errors(what: str) -> Iterator[None]:
-    """What the operating system says, as `unavailable`."""
+    """Map errors of the operating system as `unavailable` does."""
     try:
         yield
     except OSError as error:

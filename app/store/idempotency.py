@@ -22,7 +22,7 @@ _KEYS = tables.idempotency_keys
 
 
 def find(connection: Connection, scope: str, key: str, request_digest: str) -> JsonObject | None:
-    """What the same request was answered with before, or None if it is new.
+    """Return the earlier answer to the same request; None if it is new.
 
     In a write transaction it waits for another one that has the same key under way.
 
@@ -50,7 +50,7 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> J
 
 
 def answered(connection: Connection, scope: str, key: str) -> JsonObject | None:
-    """What the caller's request with the key was answered with, or None if there was none."""
+    """Return the answer to the caller's request with the key; None if there was none."""
     row = _row(connection, scope, key, present().key_id) or _row(connection, scope, key, NO_KEY)
     return None if row is None else row.response
 

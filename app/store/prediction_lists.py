@@ -18,7 +18,7 @@ from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
 FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
-Order = Literal["successes", "newest", "failures"]
+ListOrder = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
 _NO_OUTCOME = _P.c.outcome_success.is_(None)
@@ -28,6 +28,7 @@ _FATES: dict[Fate, ColumnElement[bool]] = {
     "unknown": and_(_NO_OUTCOME, _P.c.status == "ok"),
     "success": _P.c.outcome_success.is_(True),
 }
+NUM_TIMED = 20  # latest answers of a model, whose median duration says how long the next one takes
 MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
 _num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
 
@@ -73,7 +74,7 @@ _SUMMARY = [
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionFilter:
-    """Which predictions; None does not narrow."""
+    """A filter of predictions; a field that is None filters nothing."""
 
     task: str | None = None
     model: str | None = None
@@ -98,7 +99,7 @@ class PredictionFilter:
 
 @dataclass(frozen=True)
 class ListCursor:
-    """Where a list goes on: the last row's group and number."""
+    """The place where a list continues: the last row's group and number."""
 
     group: int
     sequence: int
@@ -113,7 +114,7 @@ class SummaryPage:
 
 
 def list_page(
-    connection: Connection, chosen: PredictionFilter, order: Order, limit: int, cursor: ListCursor | None = None
+    connection: Connection, chosen: PredictionFilter, order: ListOrder, limit: int, cursor: ListCursor | None = None
 ) -> SummaryPage:
     """At most `limit` predictions: the newest first, or by their fate and then the newest."""
     fates = FATES if order == "failures" else FATES[::-1]
@@ -138,10 +139,10 @@ def models(connection: Connection) -> tuple[str, ...]:
     return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
 
 
-def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:
+def usual_llm_ms(connection: Connection, model: str) -> float | None:
     """Return the median duration of the model's latest answers, or None if there are none."""
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
-    latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(number))
+    latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(NUM_TIMED))
     return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
 
 
@@ -190,7 +191,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Attempt:
     """A prediction of which a robot's outcome may be known.
 
     Attributes:
@@ -223,12 +224,14 @@ def counts_by_configuration(connection: Connection, task: str | None = None) -> 
     return {Configuration(*row[:6]): Counts(*row[6:]) for row in rows}
 
 
-def latest_by_configuration(connection: Connection, task: str | None = None) -> dict[Configuration, tuple[Trial, ...]]:
+def latest_by_configuration(
+    connection: Connection, task: str | None = None
+) -> dict[Configuration, tuple[Attempt, ...]]:
     """Return the latest predictions as trials by configuration, oldest first."""
     query = of_visible_predictions(select(*_CONFIGURATION, _P.c.outcome_success, _P.c.timings_ms, _P.c.usage), task)
     rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(MAX_LATEST)).all()
-    found: dict[Configuration, list[Trial]] = defaultdict(list)
+    found: dict[Configuration, list[Attempt]] = defaultdict(list)
     for *key, success, timings_ms, usage in reversed(rows):
         tokens = (usage["prompt_tokens"], usage["completion_tokens"]) if usage else None
-        found[Configuration(*key)].append(Trial(success, timings_ms.get("llm"), tokens))
+        found[Configuration(*key)].append(Attempt(success, timings_ms.get("llm"), tokens))
     return {key: tuple(trials) for key, trials in found.items()}

@@ -61,7 +61,7 @@ def end(connection: Connection, run_id: str) -> bool:
 
 
 def stop(connection: Connection, run_id: str) -> RunRecord:
-    """Stop a run for good: every later answer to its robot says so. Raises NotFoundError."""
+    """Stop a run for good: every later answer tells its robot to stop. Raises NotFoundError."""
     row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
     if row is None or not present().has_prediction(row.task, row.key_id):
         raise NotFoundError("run", run_id)

@@ -59,7 +59,7 @@ def configure(engine: Engine, busy_timeout_s: float) -> None:
 
 
 class WriterQueue:
-    """Lets this process's writers in one by one.
+    """Admits the writers of this process one at a time.
 
     SQLite itself makes a writer sleep and try again, for up to 0.1 s a time and in no order: with 32 threads that
     uploaded, the slowest waited for 2.3 s instead of 0.4 s, and half as many uploads were done in a second.

@@ -131,7 +131,7 @@ class CameraRecord:
         return self.rgb_digest is not None and self.depth_digest is not None
 
     def digest(self, kind: ImageKind) -> str | None:
-        """Where its image of that kind is stored, if it has one."""
+        """Return the digest of its image of that kind, if it has one."""
         return {"rgb": self.rgb_digest, "depth": self.depth_digest, "mask": self.mask_digest}[kind]
 
     def camera(self) -> Camera:

@@ -1,4 +1,4 @@
-"""What the present request may see. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
+"""The visibility of a request. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ _PREDICTIONS = tables.predictions
 
 @dataclass(frozen=True)
 class Visibility:
-    """What one key may see; without arguments everything."""
+    """The rows that one key may see; without arguments all."""
 
     key_id: str = NO_KEY  # whose request it is
     tasks: tuple[str, ...] | None = None  # the only tasks that the key is for; None: any
@@ -44,7 +44,7 @@ class Visibility:
             raise ForbiddenError("another key asked for this prediction: that key records its outcome, or an admin key")
 
     def require_demonstrations(self) -> None:
-        """Refuse to show what was taught to who may not read it; raises ForbiddenError."""
+        """Refuse to show demonstrations to a key that may not read them; raises ForbiddenError."""
         if not self.demonstrations:
             raise ForbiddenError("a dry run shows the demonstrations: this needs a key with the scope read, too")
 
@@ -54,13 +54,13 @@ _present: ContextVar[Visibility] = ContextVar("visibility", default=_EVERYTHING)
 
 
 def present() -> Visibility:
-    """What may be seen here and now."""
+    """Return the visibility of the present request."""
     return _present.get()
 
 
 @contextmanager
 def seeing(visibility: Visibility) -> Iterator[None]:
-    """Let queries that run within show no more than this."""
+    """Restrict the queries inside the block to this visibility."""
     token = _present.set(visibility)
     try:
         yield

@@ -34,7 +34,7 @@ def feed(budget, pieces):
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 10_000])
-def test_what_is_in_texts_is_not_counted_wherever_pieces_end(size):
+def test_characters_within_texts_are_not_counted(size):
     for _ in range(300):
         document = made()
         text = json.dumps(document, ensure_ascii=RANDOM.random() < 0.5).encode()

@@ -22,7 +22,7 @@ def pack_array(value):
 
 
 @given(st.sampled_from(DTYPES).flatmap(lambda dtype: arrays(dtype, array_shapes(max_dims=3, max_side=4))))
-def test_there_and_back(array):
+def test_arrays_survive_packing(array):
     sent = msgpack.unpackb(msgpack.packb(array, default=pack_array))
     back = array_from_npy("depth_front", npy_from_packed("depth_front", sent), "")
     assert back.dtype == array.dtype
@@ -53,7 +53,7 @@ def test_keys_of_openpi_are_read():
     ],
     ids=str,
 )
-def test_what_is_no_array_is_refused(fault):
+def test_invalid_arrays_are_refused(fault):
     with pytest.raises(InvalidInputError) as refused:
         npy_from_packed("rgb_front", {**IMAGE, **fault})
     assert refused.value.field == "rgb_front"

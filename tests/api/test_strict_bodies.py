@@ -78,7 +78,7 @@ def refused_at(model, path, value):
 
 
 @pytest.mark.parametrize(("model", "name", "path", "kind"), [*fields()])
-def test_only_what_it_is_counts(model, name, path, kind):
+def test_values_of_another_type_are_refused(model, name, path, kind):
     within = of_name(model, name)
     for value in WRONG[kind]:
         if isinstance(value, str) and within is KeyframeSettings:
@@ -86,7 +86,7 @@ def test_only_what_it_is_counts(model, name, path, kind):
         assert path in refused_at(within, path, value), value
 
 
-def test_every_kind_of_field_is_looked_at():
+def test_every_kind_of_field_is_checked():
     looked_at = {(item.values[1], item.values[2][0]) for item in fields()}
     expected = {
         ("PredictBody", "max_actions"),

@@ -25,6 +25,6 @@ def test_a_key_that_comes_twice_is_named(read, body):
     assert refused.value.status_code == 400
 
 
-def test_other_bodies_are_read_as_ever():
+def test_bodies_without_repeated_keys_are_read():
     body = {"a": {"a": [{"a": 1}, {"a": 2}]}, "A": None}
     assert json_object(json.dumps(body).encode()) == msgpack_object(msgpack.packb(body)) == body

@@ -66,7 +66,7 @@ def test_a_flood_of_values(service, http, name):
     assert http.post("/predict", json=payloads.QUESTION).status_code == 200
 
 
-def test_errors_are_counted_and_the_first_are_told(http):
+def test_errors_are_counted_and_the_first_are_listed(http):
     problem = http.post("/predict", content=payloads.json_keys(1000), headers=JSON).json()
     assert len(problem["errors"]) == MAX_ERRORS
     assert problem["detail"].startswith(f"the first {MAX_ERRORS} of 1000 errors: unknown0: ")
@@ -111,7 +111,7 @@ def test_what_robots_send_fits(http):
 
 
 @pytest.mark.parametrize("spoilt", ["====", "A===", "AAA=AAAA", "AA==" * 300_000, "\n" * 100, "é" * 100])
-def test_base64_that_is_none(http, spoilt):
+def test_invalid_base64_is_refused(http, spoilt):
     answer = http.post("/predict", json={**payloads.QUESTION, "rgb_front": spoilt})
     assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "rgb_front")
 

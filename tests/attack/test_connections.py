@@ -46,7 +46,7 @@ def ended_after_s(connection, trickle=b"", every_s=0.5):
 
 
 @pytest.mark.long
-def test_a_login_that_comes_by_the_byte(service):
+def test_a_login_sent_byte_by_byte_times_out(service):
     with connect(service.url) as connection:
         connection.sendall(head("POST /ui/login HTTP/1.1", FORM, "Content-Length: 9000"))
         assert BODY_TIMEOUT_S - 1 < ended_after_s(connection, b"x") < BODY_TIMEOUT_S + LATE_S
@@ -126,7 +126,7 @@ def hasty():
 
 
 @pytest.mark.parametrize("path", ["/long", "/short"])
-def test_answers_that_nobody_reads_are_given_up(hasty, path):
+def test_answers_that_are_not_read_are_abandoned(hasty, path):
     """Also those that fit into buffers, after which a graceful end would wait for their reader for good."""
     with socket.socket() as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
@@ -160,12 +160,12 @@ def become(count, wanted):
 
 
 @pytest.mark.parametrize("host", ["[::1", "[", "]", ":80", "[::1]]", "a[b"])
-def test_a_host_that_is_none(service, host):
+def test_invalid_hosts_are_refused(service, host):
     for path in ("/tasks", "/ui", "/healthz", "/predict"):
         assert httpx.get(f"{service.url}{path}", headers={"host": host}).status_code == 400
 
 
 @pytest.mark.parametrize("origin", ["http://[::1", "http://[", "null", "//", "http://]"])
-def test_an_origin_that_is_none(service, origin):
+def test_invalid_origins_are_refused(service, origin):
     answer = httpx.post(f"{service.url}/predict", json={}, headers={"origin": origin})
     assert answer.status_code == 403

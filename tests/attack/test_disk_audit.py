@@ -95,7 +95,7 @@ def test_a_log_whose_newest_entry_was_spoiled_goes_on_and_shows_it(data):
     assert (status, len(lines), "entry 4:" in said) == (1, 3, True)
 
 
-def test_a_log_that_was_cut_off_lacks_a_digest_that_somebody_kept(data):
+def test_a_truncated_log_lacks_a_digest_that_was_kept_elsewhere(data):
     newest = json.loads(printed(data, "--json")[1][-1])["digest"]
     assert printed(data, "--holds", newest)[0] == 0
     with sqlite3.connect(data / "roboprompt.db") as connection:
@@ -143,7 +143,7 @@ def test_keys_are_noted_when_they_are_made_and_taken_back(tmp_path):
     assert {entry["subject"] for entry in entries} == {key_id}
 
 
-def test_an_entry_is_there_only_with_what_it_tells(tmp_path):
+def test_an_audit_entry_is_stored_with_its_change_or_not_at_all(tmp_path):
     store = Store.open(tmp_path / "data")
     episode = store_upload(store, episode_draft(1))
     from app.store import episodes

@@ -88,7 +88,7 @@ def test_a_file_with_holes_is_not_filled_with_zeros(tmp_path, new):
 
 
 @pytest.mark.parametrize("size", ["-1536", "-512", "-1", "x", "9" * 30])
-def test_sizes_that_are_none_end(tmp_path, new, size):
+def test_invalid_sizes_end_the_restore(tmp_path, new, size):
     """With a negative size some versions of tarfile read the same headers for ever (CVE-2025-8194)."""
     empty = hashlib.sha256(b"").hexdigest()
     path = of_members(tmp_path / "bad.tar", member(f"blobs/{empty}", pax_headers={"size": size}))
@@ -98,7 +98,7 @@ def test_sizes_that_are_none_end(tmp_path, new, size):
     assert time.monotonic() - begun_s < 10
 
 
-def test_the_command_says_a_sentence(tmp_path):
+def test_the_command_refuses_in_one_sentence(tmp_path):
     path = of_members(tmp_path / "bad.tar", LINKS["to a file that is not there"])
     done = CliRunner().invoke(application, ["restore", str(path), "--data", str(tmp_path / "data")])
     assert (done.exit_code, type(done.exception)) == (1, SystemExit)
@@ -145,19 +145,19 @@ def test_rows_that_no_service_writes_restore_nothing(backup, new, statement):
     assert log_of(new) == []
 
 
-def test_keys_stay_behind_unless_they_are_asked_for(backup, new):
+def test_keys_are_restored_only_on_request(backup, new):
     create_key(new, "mine", ["admin"])
     restore(new, backup)
     assert key_names(new) == ["mine"]
 
 
-def test_keys_come_where_they_are_asked_for_and_the_log_names_them(backup, new):
+def test_restored_keys_are_named_in_the_log(backup, new):
     restore(new, backup, with_keys=True)
     assert key_names(new) == ["revoked", "valid"]
     assert len(json.loads(log_of(new)[-1].details)["keys"]) == 2
 
 
-def test_keys_are_not_mixed(backup, new):
+def test_keys_are_not_restored_into_a_store_with_keys(backup, new):
     create_key(new, "mine", ["admin"])
     with pytest.raises(ConflictError, match="api_keys"):
         restore(new, backup, with_keys=True)

@@ -41,7 +41,7 @@ def test_a_file_that_is_named_is_read_and_the_environment_goes_first(planted, mo
     assert "planted" not in os.environ["PATH"] + os.environ.get("LD_PRELOAD", "")
 
 
-def test_who_relies_on_such_a_file_is_told(planted, monkeypatch):
+def test_an_unread_env_file_is_named_in_a_warning(planted, monkeypatch):
     monkeypatch.chdir(planted)
     done = CliRunner().invoke(application, ["keys", "list", "--data", str(planted / "data")])
     assert (done.exit_code, done.stdout) == (0, "")

@@ -58,7 +58,7 @@ def test_nothing_that_is_written_is_readable_for_others(tmp_path):
 
 
 @pytest.mark.usefixtures("careless")
-def test_an_open_folder_is_closed_and_that_is_said(tmp_path, caplog):
+def test_an_open_folder_is_closed_with_a_warning(tmp_path, caplog):
     used(tmp_path / "data").close()
     for path in (tmp_path / "data", *(tmp_path / "data").rglob("*")):
         path.chmod(0o755 if path.is_dir() else 0o644)

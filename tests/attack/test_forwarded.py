@@ -40,7 +40,7 @@ def logged_addresses(tmp_path):
     return set(re.findall(r"INFO: +([\d.]+):\d+ - ", (tmp_path / "server.log").read_text()))
 
 
-def test_nobodys_by_default(tmp_path, key, monkeypatch):
+def test_forwarded_addresses_are_ignored_by_default(tmp_path, key, monkeypatch):
     monkeypatch.setenv("FORWARDED_ALLOW_IPS", "*")  # which uvicorn would heed
     with killable_server(tmp_path, SLOW) as (_, url):
         assert "secure" not in login_cookie(url, key)
@@ -48,7 +48,7 @@ def test_nobodys_by_default(tmp_path, key, monkeypatch):
     assert logged_addresses(tmp_path) == {"127.0.0.1"}
 
 
-def test_those_that_are_named(tmp_path, key):
+def test_forwarded_addresses_of_named_proxies_are_used(tmp_path, key):
     with killable_server(tmp_path, {**SLOW, **TRUSTED}) as (_, url):
         assert "secure" in login_cookie(url, key)
         assert guesses(url, 6, forwarded="10.0.0.{}") == [401] * 6
@@ -59,6 +59,6 @@ def test_those_that_are_named(tmp_path, key):
 
 
 @pytest.mark.parametrize("wrong", ["*", "proxy.example", "10.0.0.1/8", "127.0.0.1:80", ""])
-def test_what_is_no_address(wrong):
+def test_invalid_proxy_addresses_are_refused(wrong):
     with pytest.raises(ValidationError, match="trusted_proxies"):
         Settings(trusted_proxies=(wrong,))

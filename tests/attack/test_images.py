@@ -82,7 +82,7 @@ def test_many_large_arrays(service, http):
     ],
     ids=["texts", "profiles", "chunks", "restarts", "beginnings", "segments"],
 )
-def test_ballast(service, http, data, status):
+def test_padding_within_an_image_costs_little(service, http, data, status):
     with watched(service.process_id, service.url) as toll:
         answer = asked(http, "/predict", 1, data, 64, 48)
     assert answer.status_code == status, answer.text

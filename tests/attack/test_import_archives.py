@@ -71,7 +71,7 @@ def test_a_task_that_would_be_another_address_of_the_service(tmp_path, task):
 
 
 @pytest.mark.parametrize("settings", [[], {"task": "other"}])
-def test_settings_that_are_none(tmp_path, settings):
+def test_invalid_settings_are_refused(tmp_path, settings):
     with pytest.raises(DatasetError, match="no task's settings"):
         open_dataset(archive(tmp_path / "a.zip", settings=settings), ImportOptions())
 

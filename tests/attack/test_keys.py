@@ -39,7 +39,7 @@ def test_an_upload_to_another_task_stores_nothing(tenants: Tenants):
     assert len(tenants.clients["admin"].get("/episodes", params={"task": "push"}).json()["episodes"]) == 1
 
 
-def test_an_expired_key_is_told_so(tenants: Tenants):
+def test_an_expired_key_is_refused_with_the_reason(tenants: Tenants):
     answer = tenants.clients["expired"].get("/episodes")
     assert (answer.status_code, answer.json()["type"]) == (401, "/problems/unauthenticated")
     assert "the key 'expired' expired at " in answer.json()["detail"]
@@ -69,7 +69,7 @@ def test_a_prediction_is_its_keys_own(tenants: Tenants):
     assert robot.post(f"/predictions/{own['id']}/outcome", json={"success": True}).status_code == 200
 
 
-def test_who_reads_all_records_the_outcome_of_its_own_only(tenants: Tenants):
+def test_a_key_that_reads_everything_records_outcomes_of_its_own_predictions_only(tenants: Tenants):
     lab, ids = tenants.clients["lab"], tenants.ids
     assert lab.get(f"/predictions/{ids['by rival']}").status_code == 200
     refused = lab.post(f"/predictions/{ids['by rival']}/outcome", json={"success": False})

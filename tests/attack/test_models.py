@@ -17,7 +17,7 @@ def ask(http, model, **changes):
 
 
 @pytest.mark.parametrize("changes", [{"dry_run": True}, {"timeout_s": 1}], ids=["dry", "asked"])
-def test_made_up_names_take_no_place_for_good(http, changes):
+def test_unknown_names_of_models_keep_no_place(http, changes):
     for number in range(NUMBER):
         status = ask(http, f"openai_compatible/{'-'.join(changes)}{number}", **changes).status_code
         assert status == (200 if changes.get("dry_run") else 503)
@@ -26,7 +26,7 @@ def test_made_up_names_take_no_place_for_good(http, changes):
         assert ask(http, model, dry_run=True).status_code == 200
 
 
-def test_ready_tells_strangers_nothing(tmp_path):
+def test_readiness_is_reported_without_details_to_requests_without_a_key(tmp_path):
     store = Store.open(tmp_path)
     key = create_key(store, "operator", ["read"])
     store.close()

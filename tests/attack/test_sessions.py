@@ -90,7 +90,7 @@ def test_sessions_are_stored_as_digests_and_end_by_themselves(store):
         assert api_keys.key_of_session(connection, "b" * 64) is None
 
 
-def test_a_key_has_so_many_sessions(store):
+def test_the_number_of_sessions_of_a_key_is_limited(store):
     key_id = create_key(store, "many", ["read"]).split("_")[1]
     with store.write() as connection:
         digests = [f"{number:064}" for number in range(api_keys.MAX_SESSIONS + 3)]

@@ -135,7 +135,7 @@ def taught_lines(tenants):
 
 
 @pytest.mark.parametrize(("who", "method", "path", "sent", "right"), ATTEMPTS, ids=NAMES)
-def test_nobody_gets_more_than_is_theirs(tenants: Tenants, taught_lines, who, method, path, sent, right):
+def test_a_key_gets_what_it_may_read_and_no_more(tenants: Tenants, taught_lines, who, method, path, sent, right):
     answer = tenants.clients[who].request(method, filled(path, tenants.ids), **filled(sent, tenants.ids))
     assert answer.status_code in right, answer.text
     if "robot" in who:
@@ -153,7 +153,7 @@ def state(tenants):
         return [database.execute(query).fetchall() for query in queries]
 
 
-def test_all_of_it_together_changes_nothing(tenants: Tenants):
+def test_refused_requests_change_nothing(tenants: Tenants):
     before = state(tenants)
     for who, method, path, sent, right in ATTEMPTS:
         if 200 not in right:

@@ -67,7 +67,7 @@ def test_a_board_that_could_lean_either_way_is_refused():
         ({"dictionary": "DICT_4X4_50", "columns": 12, "rows": 12}, "dictionary"),
     ],
 )
-def test_boards_that_cannot_be(changes, field):
+def test_impossible_boards_are_refused(changes, field):
     with pytest.raises(InvalidInputError) as caught:
         replace(BOARD, **changes)
     assert caught.value.field == field

@@ -25,12 +25,12 @@ NOW = datetime(2026, 11, 22, 6, 30, tzinfo=UTC)
         ("2027-01-31T18:00+01:00", datetime(2027, 1, 31, 17, tzinfo=UTC)),
     ],
 )
-def test_when_a_key_ends(text, moment):
+def test_the_end_of_a_key_is_read_from_words_and_dates(text, moment):
     assert expiry(text, NOW) == moment
 
 
 @pytest.mark.parametrize("text", ["", "soon", "d", "-3d", "3 days", "2027-02-30", "99999999d", "99999w" * 2])
-def test_what_is_no_time(text):
+def test_invalid_times_are_refused(text):
     with pytest.raises(typer.BadParameter, match="is not a time, expected 30d"):
         expiry(text, NOW)
 
@@ -67,7 +67,7 @@ def test_a_key_for_two_tasks_and_a_month(tmp_path):
         (["--expires", "soon"], "is not a time"),
     ],
 )
-def test_what_is_no_key_is_not_made(tmp_path, words, said):
+def test_invalid_options_of_a_key_are_refused(tmp_path, words, said):
     code, _, error = run(tmp_path, "add", "robot", "--scope", "predict", *words)
     assert code != 0
     assert said in error

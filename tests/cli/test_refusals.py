@@ -41,6 +41,21 @@ def _no_work(monkeypatch):
         (["demo", "--model", "openai/gpt-4o"], "needs a key: set ROBOPROMPT_OPENAI_API_KEY"),
         (["demo", "--robot", "ur5"], "'ur5' is not one of 'simulated', 'franka'"),
         (["eval", "--model", "nearest", "--model", "gpt-5"], "there is no model 'gpt-5'"),
+        (["eval", "--sweep", "everything"], "main, formats"),
+        (["eval", "--task", "fold_laundry"], "open_drawer"),
+        (["eval", "--method", "best"], "'expert replay'"),
+        (["eval", "--recordings", "shaky"], "'continuous'"),
+        (["eval", "--noise-on", "demonstrations"], "'test'"),
+        (["eval", "--noise", "-1"], "or equal to 0"),
+        (["eval", "--noise", "inf"], "a finite number"),
+        (["eval", "--noise", "1", "--sweep", "noise"], "noise of 0.5 of its own"),
+        (["eval", "--noise", "1", "--poses", "vision"], "noise is added to given poses"),
+        (["eval", "--seed", "-1"], "or equal to 0"),
+        (["eval", "--shift", "0.03", "--task", "push_button"], "push_button: nothing in its scenes"),
+        (["eval", "--shift", "-1"], "above 0"),
+        (["eval", "--shift", "nan"], "above 0"),
+        (["eval", "--shift", "0.03", "--poses", "vision"], "given poses"),
+        (["eval", "--shift", "0.03", "--method", "expert"], "'expert' does not ask the service"),
         (["serve", "--port", "99999"], "99999 is not a port (valid: 1 to 65535)"),
         (["serve", "--port", "0"], "0 is not a port (valid: 1 to 65535)"),
     ],
@@ -88,17 +103,17 @@ def assert_one_line(url, folder, expected):
     assert list(folder.iterdir()) == []
 
 
-def test_another_server(stranger, tmp_path):
+def test_an_address_of_another_server_is_named(stranger, tmp_path):
     assert_one_line(stranger, tmp_path, "what answers there is not a RoboPrompt service")
 
 
-def test_nobody_listens(tmp_path):
+def test_an_unreachable_service_is_named(tmp_path):
     url = f"http://127.0.0.1:{free_port()}"
     assert_one_line(url, tmp_path, f"GET {url}/healthz: ")
 
 
 @pytest.mark.parametrize("url", ["127.0.0.1:8000", "localhost", "ftp://localhost", "http://", "http://localhost:99999"])
-def test_addresses_that_are_none(url, tmp_path):
+def test_invalid_addresses_are_refused(url, tmp_path):
     assert_one_line(url, tmp_path, f"{url!r} is not the address of a service (valid: one like http://127.0.0.1:8000)")
 
 

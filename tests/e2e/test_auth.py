@@ -133,7 +133,7 @@ def test_health_is_open(http):
         lambda token: "x" * 5000,
     ],
 )  # fmt: skip
-def test_a_key_that_is_none(http, tokens, spoilt):
+def test_invalid_keys_are_refused(http, tokens, spoilt):
     answer = http.get("/episodes", headers=bearer(spoilt(tokens["admin"])))
     assert answer.status_code == 401
     assert tokens["admin"] not in answer.text
@@ -211,12 +211,12 @@ def test_a_browser_logs_in(address, tokens):
 
 
 @pytest.mark.parametrize("place", ["https://evil.example", "//evil.example", "/\\evil.example", "javascript:alert(1)"])
-def test_the_login_leads_nowhere_else(address, tokens, place):
+def test_a_login_redirects_to_pages_of_the_service_only(address, tokens, place):
     answer = httpx.post(f"{address}/ui/login", params={"next": place}, data={"key": tokens["read"]})
     assert answer.headers["location"] == "/ui"
 
 
-def test_nobody_fills_the_memory_by_logging_in(http):
+def test_many_logins_do_not_fill_the_memory(http):
     def endless():
         for _ in range(20):
             yield b"key=" + b"x" * 1000
@@ -226,7 +226,7 @@ def test_nobody_fills_the_memory_by_logging_in(http):
     assert http.post("/ui/login", content=endless(), headers=form).status_code in (400, 413)  # as FastAPI reads forms
 
 
-def test_headers_that_browsers_heed(http, tokens):
+def test_security_headers_for_browsers(http, tokens):
     for path in ("/healthz", "/docs", "/episodes", "/ui/login", "/nowhere"):
         headers = http.get(path, headers=bearer(tokens["read"])).headers
         assert headers["x-content-type-options"] == "nosniff"

@@ -57,7 +57,7 @@ def test_a_case_is_deleted_with_its_prediction_and_its_task(http):
     assert http.get("/predictions", params={"cases": True}).json()["predictions"] == []
 
 
-def test_what_is_not_there(http):
+def test_unknown_cases_are_refused(http):
     assert http.put("/predictions/nothing/case").status_code == 404
     assert http.delete("/predictions/nothing/case").status_code == 404
 
@@ -81,7 +81,7 @@ def answer(*actions, error=None):
         (answer(error="no"), "no actions now: no"),
     ],
 )
-def test_what_is_said(now, said):
+def test_a_comparison_names_the_change(now, said):
     before = answer((0.9, DOWN, True), (0.8, DOWN, False))
     assert compare(before, now) == said
     assert compare(answer(), answer()) == "same"

@@ -80,7 +80,7 @@ def test_a_check_follows_what_is_stored(client, http):
     ("task", "model", "status", "said"),
     [("nothing", None, 404, "nothing"), ("empty", None, 409, "POST /episodes"), ("tidy", "gpt-0", 422, "gpt-0")],
 )
-def test_what_cannot_be_checked_says_why(client, http, tidy, task, model, status, said):
+def test_tasks_that_cannot_be_checked_are_refused_with_the_reason(client, http, tidy, task, model, status, said):
     http.put("/tasks/empty", json={}).raise_for_status()
     with pytest.raises(ServiceProblemError) as refused:
         client.check(task, model)

@@ -40,7 +40,7 @@ def test_half_in_another_base_frame_is_a_danger_however_few_a_prompt_shows(http,
     assert severities(http, "half", **options)["several-ways"] == "danger"
 
 
-def test_somebody_may_say_that_there_are_several_ways(http):
+def test_a_setting_allows_several_ways(http):
     http.put("/tasks/half", json={"ways": "several"}).raise_for_status()
     assert severities(http, "half")["several-ways"] == "info"
     http.put("/tasks/half", json={"ways": "one"}).raise_for_status()

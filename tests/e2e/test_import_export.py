@@ -63,7 +63,7 @@ def test_a_damaged_file_is_named_and_the_rest_imported(url, http, folder):
     assert str(damaged / "low_dim_obs.pkl") in named["reason"]
 
 
-def test_dry_run_tells_and_stores_nothing(http, folder):
+def test_a_dry_run_reports_and_stores_nothing(http, folder):
     nowhere = f"http://127.0.0.1:{free_port()}"
     command = ("import", folder, "--dry-run", "--url", nowhere, "--task", "dry")
     summary = run(*command, "--objects", folder / "objects.json")

@@ -54,7 +54,7 @@ def test_from_then_on_names_are_enough(http, learned):
     assert len(learn(http, "labeled").json()["episode_ids"]) == len(PLACES)  # the new one has no labels
 
 
-def test_what_cannot_be_learned_is_told_and_the_rest_is_learned(http):
+def test_objects_that_cannot_be_learned_are_named_and_the_rest_are_learned(http):
     objects = [*MASKED, {"name": "stone", "mask_ids": [3]}]
     label(http, "partly", objects, [(*solids, LIGHT_GREY) for solids in PLACES])
     answer = learn(http, "partly").json()

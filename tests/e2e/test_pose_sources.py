@@ -51,7 +51,7 @@ def given_first(http):
     return taught_without_images(http, "given first")
 
 
-def test_models_of_a_task_without_images_apply_to_predictions_alone_and_the_answer_says_so(http, given_first):
+def test_models_of_a_task_without_images_apply_to_predictions_alone_with_a_note(http, given_first):
     assert given_first.status_code == 200, given_first.text
     assert "3 of 3 episodes have no images" in given_first.json()["note"]
     assert http.get("/tasks/given first").json()["note"] == given_first.json()["note"]

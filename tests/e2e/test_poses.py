@@ -69,7 +69,7 @@ def test_masks_need_no_model(http):
         ([], "objects"),
     ],
 )
-def test_questions_that_cannot_be_asked(http, objects, field):
+def test_impossible_questions_are_refused(http, objects, field):
     _, error = refusal(http.post("/poses", files=question(frames(SCENE), objects)))
     assert error["field"] == field
 

@@ -68,7 +68,7 @@ def test_a_reply_that_does_not_parse_is_an_error_with_the_reply(http, task):
     assert (stored["status"], stored["actions"], stored["reply_text"]) == ("parse_error", None, SCRIPTED_REPLY)
 
 
-def test_time_outside_the_llm_is_told(http, task):
+def test_time_outside_the_llm_is_in_the_answer(http, task):
     ask(http, task, model="regression")
     timings = ask(http, task, model="regression").json()["timings_ms"]
     assert timings["outside_llm"] == pytest.approx(timings["total"] - timings["llm"])

@@ -71,7 +71,7 @@ def test_what_a_robot_says_is_seen_until_it_ends(people, run):
     assert people["reader"].get("/runs").json() == {"runs": []}
 
 
-def test_whoever_stops_it_the_robot_is_told_by_every_worker(people, run, data):
+def test_a_stop_reaches_the_robot_through_every_worker(people, run, data):
     assert people["operator"].post(f"{run}/stop").json()["stop"] is True
     for _ in range(6):
         assert people["robot"].put(run, json=SAID, headers={"Connection": "close"}).json() == {"stop": True}
@@ -114,11 +114,11 @@ def test_who_may_do_what(people, run, who, method, path, status):
         ({"stop": False}, "stop"),
     ],
 )
-def test_what_cannot_be_is_refused(people, run, change, field):
+def test_impossible_reports_are_refused(people, run, change, field):
     refused(people["robot"].put(run, json=SAID | change), field)
 
 
-def test_an_unknown_task_and_an_id_that_is_none(people):
+def test_unknown_tasks_and_invalid_ids_are_refused(people):
     assert people["robot"].put(f"/runs/{uuid4().hex}", json={**SAID, "task": "nothing"}).status_code == 404
     assert people["robot"].put("/runs/mine", json=SAID).status_code == 422
 

@@ -92,7 +92,7 @@ def test_a_step_that_is_too_long_names_action_value_and_bound(client, taught):
     assert "at most 0.12 m" in stored["error"]
 
 
-def test_the_first_step_is_bounded_where_the_robot_tells_where_it_is(client, taught):
+def test_the_first_step_is_bounded_if_the_end_effector_is_known(client, taught):
     client.configure_task(taught, motion_limits={"max_step_m": 0.2})
     far = Pose(tuple(QUERY_M + np.array([0, 0, 0.6])), DOWN)
     assert client.predict(taught, PICK, located(), **REGRESSION).actions

@@ -92,7 +92,7 @@ def test_an_executed_prediction_becomes_a_demonstration(http):
 
 
 @pytest.mark.parametrize("fault", ["unknown", "failed", "of another task"])
-def test_links_that_cannot_be_are_refused(http, fault):
+def test_impossible_links_to_predictions_are_refused(http, fault):
     prediction = "0" * 32 if fault == "unknown" else ask(http, num_samples=5).json()["id"]
     if fault == "failed":
         http.post(f"/predictions/{prediction}/outcome", json={"success": False})

@@ -42,7 +42,7 @@ def test_keyframes_on_a_table_are_not_clamped(http, table):
     assert all(0 < value < 99 for row in bins for value in row)
 
 
-def test_the_box_holds_what_was_shown_and_the_version_tells_that_it_grew(http):
+def test_the_box_holds_all_demonstrations_and_the_version_grows_with_it(http):
     assert upload(http, "growing", (0.1, 0.0, 0.02)).status_code == 201
     version, box = workspace(http, "growing")
     assert box["preset"] == "auto"
@@ -58,7 +58,7 @@ def test_the_box_holds_what_was_shown_and_the_version_tells_that_it_grew(http):
     assert wider["min"] == box["min"]
 
 
-def test_a_box_that_somebody_set_stays(http):
+def test_a_box_that_a_person_set_stays(http):
     own = {"min": [-1, -1, 0], "max": [1, 1, 1]}
     http.put("/tasks/fixed", json={"workspace": own}).raise_for_status()
     assert upload(http, "fixed", (1.4, 0.0, 0.02)).status_code == 201

@@ -56,7 +56,7 @@ def test_an_unsupported_action_is_refused_and_recorded(far):
     assert "is 10." in reason["message"]
 
 
-def test_who_allows_it_is_told_of_the_danger(far):
+def test_an_allowed_unsupported_action_has_a_danger(far):
     response = ask(far, unsupported="allow")
     answer = response.json()
     assert response.status_code == 200

@@ -44,7 +44,7 @@ def test_objects_are_found_by_their_models(http):
         assert stored == {name: value for name, value in found.items() if name != "findings"}
 
 
-def test_a_prediction_tells_and_keeps_what_was_seen(http, task):
+def test_a_prediction_answers_and_stores_the_observed_poses(http, task):
     answer = ask(http, task, frames(SCENE)).json()
     assert_found(answer["objects"], SCENE)
     assert [item["name"] for item in answer["objects"]] == list(MODELS)

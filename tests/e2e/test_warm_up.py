@@ -20,7 +20,7 @@ def http(tmp_path_factory):
         yield client
 
 
-def test_a_change_of_settings_is_warmed_before_anyone_asks(http):
+def test_a_changed_prefix_is_read_ahead_before_the_next_prediction(http):
     """Reading the new prompt takes about a second; a busy machine needs longer."""
     for wait_s in (3.0, 10.0, 40.0):
         http.put("/tasks/pick", json={"system_prompt": f"Wait for {wait_s} s."}).raise_for_status()

@@ -14,7 +14,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
-from app.evaluation.run import Run
+from app.evaluation.run import PlanRun
 from app.evaluation.server import running_server
 from app.evaluation.sweeps import EMBEDDED, OPEN, SWEEPS, chosen
 from app.evaluation.teach import suffix_of
@@ -112,7 +112,7 @@ def service(tmp_path_factory):
 def run(solver, folder, task, methods, demonstrations):
     plan = Plan((task,), methods, 1, demonstrations, "roboprompt eval")
     with Ledger(folder / "results.jsonl") as ledger:
-        session = Run(plan, ledger, solver.client, InlineExecutor(), Progress(disable=True), shared=True)
+        session = PlanRun(plan, ledger, solver.client, InlineExecutor(), Progress(disable=True), shared=True)
         solver.task = f"{task}{suffix_of(methods[0], methods)}.eval-{session._session}"
         (result,) = session().tasks
     assert not result.crashes

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import pytest
 from typer.testing import CliRunner
 
 from app.cli import application
@@ -30,22 +29,6 @@ def test_a_shift_gives_each_method_one_beside_it_that_looks_again():
 def test_a_ledger_keeps_the_shift():
     kept = replace(trial("stack_cube", 1, "look again", succeeded=True), shift_m=0.03)
     assert outcome_of(document_of(kept)).shift_m == 0.03
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (["--shift", "0.03", "--task", "push_button"], "push_button: nothing in its scenes"),
-        (["--shift", "-1"], "above 0"),
-        (["--shift", "nan"], "above 0"),
-        (["--shift", "0.03", "--poses", "vision"], "given poses"),
-        (["--shift", "0.03", "--method", "expert"], "'expert' does not ask the service"),
-    ],
-)
-def test_options_that_cannot_be(wrong, said):
-    run = CliRunner().invoke(application, ["eval", *wrong])
-    assert run.exit_code == 2
-    assert said in " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())
 
 
 def test_looking_again_saves_what_a_shift_spoils(tmp_path):

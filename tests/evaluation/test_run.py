@@ -19,7 +19,7 @@ from app.evaluation.panda import Panda
 from app.evaluation.paper import disturbed
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.results import Crash, Evaluation
-from app.evaluation.run import Run
+from app.evaluation.run import PlanRun
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
 from app.evaluation.sweeps import COPY, EXPERT, REGRESSION, REPLAY
@@ -84,7 +84,7 @@ def run(url, tmp_path):
     def run_(*methods, episodes=1, demonstrations=3, fails=(), address=url, **scenes):
         plan = plan_of(*methods, episodes=episodes, demonstrations=demonstrations, **scenes)
         with Ledger(tmp_path / "results.jsonl") as ledger, RoboPromptClient(address) as client:
-            (task,) = Run(plan, ledger, client, InlineExecutor(fails), Progress(disable=True), shared=True)().tasks
+            (task,) = PlanRun(plan, ledger, client, InlineExecutor(fails), Progress(disable=True), shared=True)().tasks
         return task
 
     return run_
@@ -230,9 +230,9 @@ def test_a_service_that_is_gone_ends_the_run(tmp_path):
             real_server(tmp_path / "data", {"ROBOPROMPT_DEFAULT_MODEL": "regression"}) as url,
             RoboPromptClient(url) as client,
         ):
-            lessons = Run(plan, ledger, client, InlineExecutor(), Progress(disable=True)).teach()
+            lessons = PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True)).teach()
         with RoboPromptClient(url) as client, pytest.raises(ServiceLostError):
-            Run(plan, ledger, client, InlineExecutor(), Progress(disable=True)).run_trials(lessons)
+            PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True)).run_trials(lessons)
         (task,) = evaluation_of(plan, ledger).tasks
     assert not task.trials
     assert 5 <= len(task.crashes) < 30

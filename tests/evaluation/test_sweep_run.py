@@ -150,27 +150,6 @@ def test_the_page_of_failures(tmp_path):
     assert len(list(run.report.parent.glob("images/*film.jpg"))) == 2
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (["--sweep", "everything"], "main, formats"),
-        (["--task", "fold_laundry"], "open_drawer"),
-        (["--method", "best"], "'expert replay'"),
-        (["--recordings", "shaky"], "'continuous'"),
-        (["--noise-on", "demonstrations"], "'test'"),
-        (["--noise", "-1"], "or equal to 0"),
-        (["--noise", "inf"], "a finite number"),
-        (["--noise", "1", "--sweep", "noise"], "noise of 0.5 of its own"),
-        (["--noise", "1", "--poses", "vision"], "noise is added to given poses"),
-        (["--seed", "-1"], "or equal to 0"),
-    ],
-)
-def test_options_that_there_are_not(wrong, said):
-    run = CliRunner().invoke(application, ["eval", *wrong])
-    assert run.exit_code == 2
-    assert said in " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())
-
-
 def test_other_recordings_scenes_and_methods(tmp_path):
     scenes = ["--recordings", "continuous", "--seed", "5", "--noise", "1", "--noise-on", "test"]
     methods = ["--method", "expert", "--method", "regression"]

@@ -86,7 +86,7 @@ def test_vision_is_for_those_that_ask_the_service():
 
 
 @pytest.mark.parametrize("sweep", ["noise", "moving"])
-def test_what_needs_given_poses_says_so(sweep):
+def test_options_that_need_given_poses_are_refused_with_the_reason(sweep):
     with pytest.raises(InvalidInputError, match="given poses"):
         with_poses(SWEEPS[sweep].methods, "vision")
 

@@ -98,7 +98,7 @@ def test_what_is_no_box_is_found_by_what_it_looked_like(url, tmp_path):
     assert trial.execution is not None
 
 
-def test_a_task_whose_objects_cannot_be_learned_is_an_error_that_says_so(url, tmp_path):
+def test_a_task_whose_objects_cannot_be_learned_is_an_error_with_the_reason(url, tmp_path):
     evaluated = run_plan(url, tmp_path, "open_drawer", episodes=2, num_cameras=1)
     assert evaluated.trials == ()
     assert [crash.seed for crash in evaluated.crashes] == [100_000, 100_001]

@@ -218,7 +218,7 @@ def test_a_file_gets_a_name_of_the_operators(tiny, tmp_path):
 
 
 @pytest.mark.parametrize("words", [["gemma-3-270m"], ["unknown"], ["../x", "--file", __file__]])
-def test_names_that_cannot_be_added(words):
+def test_invalid_names_are_refused(words):
     assert "cannot be added" in command("add", *words, status=2)
 
 
@@ -236,7 +236,7 @@ def test_which_models_are_asked_for_sums():
     assert set(formats.values()) == {"sums", "paper"}
 
 
-def test_a_file_that_is_no_gguf_is_refused(tiny):
+def test_other_files_than_gguf_are_refused(tiny):
     assert "is not a GGUF file" in command("add", "mine", "--file", __file__, status=1)
 
 

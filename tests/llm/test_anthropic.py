@@ -86,7 +86,7 @@ def test_the_reply_ends_at_a_stop_string_that_the_api_does_not_take():
 
 
 @pytest.mark.parametrize("reason", ["max_tokens", "model_context_window_exceeded"])
-def test_a_reply_that_was_cut_says_so(reason):
+def test_a_truncated_reply_has_the_finish_reason_length(reason):
     assert ask(streamed(started(), said("4"), ended(reason), STOP))[0].finish_reason == "length"
 
 

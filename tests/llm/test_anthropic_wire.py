@@ -2,8 +2,9 @@ import json
 
 import pytest
 
-from app.llm.anthropic import MODELS, THINKING_TOKENS, UNKNOWN, EventParser, quirks_of, request_body, request_headers
+from app.llm.anthropic import MODELS, UNKNOWN, EventParser, quirks_of, request_body, request_headers
 from app.llm.base import ModelResponseError, Usage
+from app.llm.sse import THINKING_TOKENS
 from app.pipeline.prompt import Prompt
 from tests.llm.claude import BLOCK, PING, STOP, ended, failed, said, started, thought
 from tests.llm.texts import asking

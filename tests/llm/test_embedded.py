@@ -181,7 +181,7 @@ def test_a_prompt_beyond_the_context_says_how_long_it_is_and_may_be(gemma, run):
         run(complete(gemma, asking(prompt)))
 
 
-def test_a_grammar_that_is_none_is_an_error_and_nothing_is_printed(gemma, run, capfd):
+def test_an_invalid_grammar_is_an_error_and_nothing_is_printed(gemma, run, capfd):
     with pytest.raises(ModelResponseError, match="failed to parse grammar"):
         run(complete(gemma, asking(object_frame_prompt(grammar="root ::= ("))))
     assert capfd.readouterr() == ("", "")
@@ -260,7 +260,7 @@ def test_the_server_ends_with_its_parents_input(settings):
         socket.create_connection((host, int(port)))
 
 
-def test_it_tells_how_much_of_a_prompt_it_has_read(gemma, run):
+def test_progress_of_reading_the_prompt_is_reported(gemma, run):
     async def readings():
         pieces = [piece async for piece in gemma.stream(asking(Prompt("", "a b c d " * 100, ""), max_tokens=1))]
         return [piece for piece in pieces if isinstance(piece, Reading)]

@@ -4,11 +4,11 @@ from dataclasses import replace
 import pytest
 
 from app.llm.base import ModelUnavailableError
-from app.llm.resilient import Circuit, Limits, Places
+from app.llm.resilient import Circuit, Places, ProviderLimits
 
 pytestmark = pytest.mark.anyio
 
-LIMITS = Limits(concurrent=2, queued=1, failures=3, pause_s=10.0)
+LIMITS = ProviderLimits(concurrent=2, queued=1, failures=3, pause_s=10.0)
 
 
 class Clock:
@@ -43,7 +43,7 @@ def refused(circuit):
         return True
 
 
-def test_failures_in_a_row_open_the_circuit_and_the_error_says_so(circuit, clock):
+def test_failures_in_a_row_open_the_circuit_and_the_error_names_it(circuit, clock):
     fail(circuit, 3)
     clock.now_s += 4
     with pytest.raises(ModelUnavailableError) as caught, circuit.passage():
@@ -100,7 +100,7 @@ def test_a_circuit_without_a_limit_never_opens(clock):
     assert not circuit.is_open
 
 
-async def test_who_leaves_the_queue_makes_room():
+async def test_a_cancelled_request_makes_room_in_the_queue():
     places, leave = Places("openai", LIMITS), asyncio.Event()
 
     async def visit():

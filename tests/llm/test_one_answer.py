@@ -100,7 +100,7 @@ def test_after_other_tasks_took_the_slots(model, run, question, answer):
     assert run(in_turn(model, [question])) == [answer]
 
 
-def test_among_others(model, run, question, answer):
+def test_beside_other_requests(model, run, question, answer):
     others = [
         asking(object_frame_prompt(200 + n, n, 2 + n % 3), max_tokens=16, timeout_s=300) for n in range(NUM_OTHERS)
     ]

@@ -1,6 +1,7 @@
 import pytest
 
-from app.llm.openai_compatible import LLAMA_CPP, SERVERS, THINKING_TOKENS, Quirks, quirks_of, request_body
+from app.llm.openai_compatible import LLAMA_CPP, SERVERS, Quirks, quirks_of, request_body
+from app.llm.sse import THINKING_TOKENS
 from app.llm.streaming import error_message
 from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking
@@ -39,7 +40,7 @@ def test_a_server_that_caches_by_parts_gets_two_that_make_up_the_user_message():
 
 
 @pytest.mark.parametrize("model", ["gpt-5.6", "gpt-5.10-mini", "gpt-6"])
-def test_newer_models_of_openai_are_told_where_the_prefix_ends(model):
+def test_newer_models_of_openai_get_a_mark_at_the_end_of_the_prefix(model):
     body = chat_body(model, quirks=quirks_of("https://api.openai.com/v1"), cache_key="task-1")
     assert body["prompt_cache_options"] == {"mode": "explicit"}
     assert body["messages"][-1]["content"] == [

@@ -67,7 +67,7 @@ def test_an_unknown_model_of_a_backend_is_refused(make_registry, name):
         ("embedded//no/such.gguf", "not a GGUF file"),
     ],
 )
-def test_what_is_missing_is_said(make_registry, name, remedy):
+def test_missing_requirements_of_a_model_are_named(make_registry, name, remedy):
     with pytest.raises(ModelUnavailableError, match=remedy):
         make_registry().get(name)
 

@@ -21,7 +21,7 @@ from app.llm.base import (
 )
 from app.llm.computed import ScriptedModel
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.resilient import Guard, Limits, ResilientModel, within_deadline
+from app.llm.resilient import Guard, ProviderLimits, ResilientModel, within_deadline
 from app.llm.sse import Server
 from app.pipeline.prompt import Prompt
 from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text
@@ -30,7 +30,7 @@ from tests.llm.texts import as_asked, asking
 pytestmark = pytest.mark.anyio
 
 PROMPT = Prompt("Be brief.", "a>1, ", "b>")
-LIMITS = Limits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
+LIMITS = ProviderLimits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
 OK = streamed(text("4"), text("2", "stop"), "[DONE]")
 
 
@@ -128,7 +128,7 @@ def test_a_deadline_leaves_no_connection_open():
 
     On a busy machine few requests arrive before an early deadline; a later one is taken then.
     """
-    asked, limits = 60, Limits(concurrent=60, queued=0)
+    asked, limits = 60, ProviderLimits(concurrent=60, queued=0)
 
     async def arrived(patience_s):
         async with provider_at(after(100.0, OK), limits) as (provider, server):
@@ -144,7 +144,7 @@ def test_a_deadline_leaves_no_connection_open():
 
 
 def test_waits_grow_to_a_limit():
-    _, _, waits_s = ask(status(500), Limits(1, 0, retries=12, backoff_s=0.5), timeout_s=600.0)
+    _, _, waits_s = ask(status(500), ProviderLimits(1, 0, retries=12, backoff_s=0.5), timeout_s=600.0)
     assert [wait_s > 4.0 for wait_s in waits_s] == [False] * 4 + [True] * 8
     assert max(waits_s) <= resilient.MAX_BACKOFF_S
 
@@ -216,7 +216,7 @@ async def test_a_provider_that_refuses_is_not_dead(answer):
 async def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
     monkeypatch.setattr(resilient, "PATIENCE_S", patience_s)
 
-    async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
+    async with provider_at(after(30, OK), ProviderLimits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
         for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
             with pytest.raises(error):
                 await provider.ask(timeout_s=0.1)
@@ -233,7 +233,7 @@ async def test_robots_at_once_take_turns_and_too_many_are_refused():
         await OK(writer)
         now -= 1
 
-    async with provider_at(answer, Limits(concurrent=2, queued=3)) as (provider, server):
+    async with provider_at(answer, ProviderLimits(concurrent=2, queued=3)) as (provider, server):
         outcomes = await asyncio.gather(*(provider.ask() for _ in range(8)), return_exceptions=True)
         assert outcomes[:5] == [Completion("42")] * 5
         assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
@@ -242,7 +242,7 @@ async def test_robots_at_once_take_turns_and_too_many_are_refused():
 
 
 async def test_waiting_for_a_place_counts_against_the_deadline():
-    async with provider_at(after(0.5, OK), Limits(concurrent=1, queued=1)) as (provider, server):
+    async with provider_at(after(0.5, OK), ProviderLimits(concurrent=1, queued=1)) as (provider, server):
         first = asyncio.create_task(provider.ask())
         await asyncio.sleep(0)
         with pytest.raises(ModelTimeoutError, match=r"some/model did not answer within 0\.1 s"):
@@ -252,7 +252,7 @@ async def test_waiting_for_a_place_counts_against_the_deadline():
 
 
 async def test_an_abandoned_reply_frees_its_place():
-    async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), Limits(1, 0)) as (provider, _):
+    async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), ProviderLimits(1, 0)) as (provider, _):
         async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
             await anext(pieces)
         assert (await provider.ask()).text == "42"

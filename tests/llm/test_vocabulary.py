@@ -69,7 +69,7 @@ def test_rows_of_another_type_are_refused():
 
 
 @pytest.mark.parametrize("content", [b"", b"GGUF", b"GGUF" + struct.pack("<IQQ", 2, 0, 0), b"PK" + bytes(40)])
-def test_what_is_no_gguf_is_refused(content):
+def test_other_files_than_gguf_are_refused(content):
     with pytest.raises(ValueError, match="GGUF"):
         gguf.read(content)
 
@@ -89,7 +89,7 @@ def test_tokens_that_stay():
     assert not {601, 70_000, 240_001} & kept
 
 
-def test_the_file_is_less_than_half_and_says_what_was_changed(trimmed_path, settings):
+def test_the_file_is_less_than_half_and_names_the_change_in_its_metadata(trimmed_path, settings):
     assert trimmed_path.stat().st_size < find_weights("gemma-3-270m", settings)().stat().st_size / 2
     description = gguf.read(trimmed_path.read_bytes()).values["general.description"]
     assert b"Modified by RoboPrompt" in description.item

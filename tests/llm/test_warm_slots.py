@@ -71,7 +71,7 @@ async def test_other_prefixes_and_requests_without_one_do_not_wait():
     assert requests.inside == ["1", "2", "3", "4"]
 
 
-async def test_who_waited_long_takes_a_further_slot_while_there_is_one(patience):
+async def test_a_long_wait_takes_a_further_slot_if_one_is_free(patience):
     requests = Requests(slots=2)
     for name in "123":
         await requests.begin(name)
@@ -85,7 +85,7 @@ async def test_who_waited_long_takes_a_further_slot_while_there_is_one(patience)
     assert requests.inside == ["1", "4"]  # two slots know the prefix by now
 
 
-async def test_who_gives_up_is_passed_over():
+async def test_a_cancelled_request_loses_its_turn():
     requests = Requests()
     for name in "123":
         await requests.begin(name)

@@ -87,7 +87,7 @@ def test_a_missing_gemma_package_says_what_to_install(tmp_path, monkeypatch):
         find_weights("gemma-3-270m", LlmSettings(cache_folder=tmp_path))
 
 
-def test_a_cache_folder_that_cannot_be_made_says_what_to_set(tmp_path):
+def test_an_error_about_the_cache_folder_names_the_setting(tmp_path):
     (tmp_path / "file").touch()
     settings = LlmSettings(cache_folder=tmp_path / "file" / "cache")
     with pytest.raises(ModelUnavailableError, match="set ROBOPROMPT_CACHE_FOLDER"):
@@ -101,7 +101,7 @@ def test_any_gguf_file_can_be_named(tmp_path):
 
 
 @pytest.mark.parametrize("content", [None, b"", b"not weights"])
-def test_a_file_that_is_no_gguf_is_refused(tmp_path, content):
+def test_other_files_than_gguf_are_refused(tmp_path, content):
     path = tmp_path / "own.gguf"
     if content is not None:
         path.write_bytes(content)

@@ -1,10 +1,9 @@
 import pytest
 
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.names import alike, folded
+from app.pipeline.names import check_object_names, folded_name, spelling_variants
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.order.words import tokens_of
-from app.pipeline.prompt import check_object_names
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError
 
@@ -14,13 +13,13 @@ ONE_NAME += [("caf\u00e9", "cafe\u0301"), ("STRASSE", "stra\u00dfe"), ("red  cub
 
 @pytest.mark.parametrize(("one", "other"), ONE_NAME)
 def test_spellings_of_one_name_are_folded_into_one(one, other):
-    assert folded(one) == folded(other)
-    assert alike(["bowl", one, other]) == [(one, other)]
+    assert folded_name(one) == folded_name(other)
+    assert spelling_variants(["bowl", one, other]) == [(one, other)]
 
 
 @pytest.mark.parametrize(("one", "other"), [("part 1", "part 2"), ("part1", "part 1"), ("red cube", "blue cube")])
 def test_other_names_stay_two(one, other):
-    assert not alike([one, other, one])
+    assert not spelling_variants([one, other, one])
 
 
 @pytest.mark.parametrize(("one", "other"), ONE_NAME[:4])
@@ -32,6 +31,23 @@ def test_two_objects_of_one_name_are_refused_with_both(one, other):
 def test_a_known_object_in_another_spelling_is_refused_with_the_right_one():
     with pytest.raises(ObjectSetError, match=r"not of this task: Red_Cube \(here: red cube\)"):
         check_object_names(["Red_Cube"], ["red cube"])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["lid"], "missing: jar"),
+        ([], "missing: lid, jar"),
+        (["lid", "jar", "cup", "pan"], "not of this task: cup, pan"),
+        (["lid", "lid", "jar"], "given twice: lid"),
+        (["lid", "Jar"], "missing: jar; not of this task: Jar (here: jar)"),
+        (["cup", "cup", "lid"], "missing: jar; not of this task: cup; given twice: cup"),
+    ],
+)
+def test_another_set_of_objects_is_refused_by_its_differences(given, message):
+    with pytest.raises(ObjectSetError) as caught:
+        check_object_names(given, ["lid", "jar"])
+    assert (caught.value.field, caught.value.message, caught.value.valid) == ("objects", message, "lid, jar")
 
 
 @pytest.mark.parametrize("text", ["Part_1", "part-1", "PART \uff11", "part 1", "\uff30art 1"])

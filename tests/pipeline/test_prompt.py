@@ -3,8 +3,7 @@ import hashlib
 import pytest
 
 from app.pipeline.episode import Query
-from app.pipeline.errors import ObjectSetError
-from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate, check_object_names, system_prompt_text
+from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
 
@@ -83,20 +82,3 @@ def test_a_long_system_prompt_is_refused():
     with pytest.raises(InvalidInputError, match="4001 characters") as caught:
         system_prompt_text("x" * 4001)
     assert caught.value.field == "system_prompt"
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (["lid"], "missing: jar"),
-        ([], "missing: lid, jar"),
-        (["lid", "jar", "cup", "pan"], "not of this task: cup, pan"),
-        (["lid", "lid", "jar"], "given twice: lid"),
-        (["lid", "Jar"], "missing: jar; not of this task: Jar (here: jar)"),
-        (["cup", "cup", "lid"], "missing: jar; not of this task: cup; given twice: cup"),
-    ],
-)
-def test_another_set_of_objects_is_refused_by_its_differences(given, message):
-    with pytest.raises(ObjectSetError) as caught:
-        check_object_names(given, ["lid", "jar"])
-    assert (caught.value.field, caught.value.message, caught.value.valid) == ("objects", message, "lid, jar")

@@ -1,6 +1,6 @@
 import pytest
 
-from app.services.predict.instruction import is_english
+from app.services.english import is_english
 
 
 @pytest.mark.parametrize("word", ["a", "clock", "rug", "plane", "azure", "the", "zucchini", "button"])
@@ -9,5 +9,5 @@ def test_english_words(word):
 
 
 @pytest.mark.parametrize("word", ["", "yelow", "buton", "zzzz", "über", '"', ":", "clock:", "12"])
-def test_what_is_none(word):
+def test_other_words_are_not_english(word):
     assert not is_english(word)

@@ -99,7 +99,7 @@ def test_the_arm_comes_from_its_ready_pose_to_where_the_request_says_it_is():
 
 
 @pytest.mark.parametrize("request_", [{}, {"end_effector": {**HAND, "position": [9.0, 0.0, 1.2]}}])
-def test_what_is_out_of_reach_says_so_wherever_the_hand_is_said_to_be(request_):
+def test_targets_out_of_reach_are_reported_for_every_start_pose(request_):
     near, far, again = path([*actions(0.2)[:1], *actions(2.0)[:1], *actions(0.2)[2:]], request_, arm="fr3")
     assert (near.reachable, far.reachable, again.reachable) == (True, False, True)
     assert "out of reach" in far.problem

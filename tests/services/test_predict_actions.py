@@ -132,7 +132,7 @@ def test_what_the_chat_model_does_not_find_is_refused(store, taught, reply):
     assert recorded(store) == ()
 
 
-def test_other_models_and_dry_runs_ask_nobody(store, taught):
+def test_completion_models_and_dry_runs_ask_no_model_for_the_meaning(store, taught):
     asked = []
     with pytest.raises(UnfamiliarInstructionError):
         ask(taught("1", ONE_ACTION, asked=asked, profile=replace(SCRIPTED, style="completion")), UNCLEAR)

@@ -90,7 +90,7 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
     assert prefixes == [usual_prefixes(*reader.usual(task))[0].template.prefix for task in ("first", "third")]
 
 
-def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
+def test_uploads_in_a_row_are_read_ahead_once(store, monkeypatch):
     monkeypatch.setattr(warm, "DEBOUNCE_S", 1.0)  # longer than any upload takes
 
     async def scenario():
@@ -126,7 +126,7 @@ def test_a_prediction_interrupts_and_the_rest_is_made_up_for(store):
     asyncio.run(scenario())
 
 
-def test_nothing_is_warmed_between_predictions_that_follow_each_other(store):
+def test_nothing_is_read_ahead_between_predictions_in_quick_succession(store):
     three_tasks(store)
 
     async def scenario():
@@ -143,7 +143,7 @@ def test_nothing_is_warmed_between_predictions_that_follow_each_other(store):
     asyncio.run(scenario())
 
 
-def test_a_second_prediction_does_not_interrupt_the_tidying_up(store):
+def test_a_second_prediction_does_not_interrupt_the_cleanup(store):
     upload(store, episode_draft(seed=0, task="first"))
 
     class TidyModel(SlowModel):
@@ -172,7 +172,7 @@ def test_a_second_prediction_does_not_interrupt_the_tidying_up(store):
     asyncio.run(scenario())
 
 
-def test_what_has_no_prefix_is_no_failure(store):
+def test_a_task_without_a_prefix_is_no_failure(store):
     three_tasks(store)
 
     async def scenario():
@@ -185,7 +185,7 @@ def test_what_has_no_prefix_is_no_failure(store):
     asyncio.run(scenario())
 
 
-def test_changes_are_told_from_any_thread_also_before_the_model_is_there(store):
+def test_a_change_may_be_reported_from_any_thread_and_before_the_model_starts(store):
     upload(store, episode_draft(seed=0, task="first"))
 
     async def scenario():

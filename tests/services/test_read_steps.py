@@ -70,7 +70,7 @@ def test_a_task_that_changed_is_read_again(services):
         ((BOX, ObjectQuery("Box")), "one name"),
     ],
 )
-def test_objects_that_are_of_no_task_or_not_told_apart_are_refused(services, objects, why):
+def test_objects_of_no_task_and_ambiguous_objects_are_refused(services, objects, why):
     with pytest.raises(ObjectSetError, match=why):
         services.read_steps("open the box", objects)
 

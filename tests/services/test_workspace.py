@@ -42,7 +42,7 @@ def codes(answer):
     return [finding["code"] for finding in answer["findings"]]
 
 
-def test_one_upload_far_from_the_others_moves_no_bound_and_says_so(services, sent):
+def test_one_upload_far_from_the_others_moves_no_bound_and_has_a_finding(services, sent):
     sent(NEAR_M, 3)
     before, entries = box(services), logged(services)
     answer = sent(FAR_M)
@@ -78,7 +78,7 @@ def test_many_small_steps_reach_no_farther(services, sent):
     assert box(services)["max"][0] - box(services)["min"][0] <= 2.4
 
 
-def test_who_configures_accepts_it_and_it_then_stays(services, sent):
+def test_a_key_that_may_configure_accepts_it_and_it_stays(services, sent):
     sent(NEAR_M, 3)
     sent(FAR_M)
     services.configure_task("pick", {"workspace": {"preset": "auto"}})

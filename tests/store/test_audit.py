@@ -21,7 +21,7 @@ def test_writers_at_the_same_time_make_one_chain(store):
     assert [entry.number for entry in verified(store)] == list(range(1, 41))
 
 
-def test_who_acts_is_named_within_and_no_longer_than_that(store):
+def test_the_author_of_a_change_is_known_only_during_it(store):
     with audit.acting("robot-1 (abc)"):
         note(store, "1")
     note(store, "2")

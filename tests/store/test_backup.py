@@ -2,7 +2,6 @@ import hashlib
 import json
 import sqlite3
 import tarfile
-from collections.abc import Callable
 
 import pytest
 from sqlalchemy import select
@@ -41,9 +40,6 @@ def digest_of(store):
         for blob in sorted(blob_digests(connection)):
             digest.update(store.blobs.read(blob))
     return digest.hexdigest()
-
-
-OpenNew = Callable[[str], Store]
 
 
 @pytest.fixture

@@ -44,7 +44,7 @@ def test_bytes_come_back_under_their_sha256(either, data):
     assert either.read(digest) == data
 
 
-def test_sweep_removes_what_nobody_refers_to(either):
+def test_the_sweep_removes_unreferenced_blobs(either):
     kept, orphan = either.put(b"kept"), either.put(b"orphan")
     assert either.sweep({kept}, HOUR) == 0
     assert either.sweep({kept}, AT_ONCE) == 1

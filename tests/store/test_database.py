@@ -70,7 +70,7 @@ def test_writer_of_this_process_that_takes_too_long(database):
         pass
 
 
-def test_full_disk_is_told_without_its_path(database, caplog):
+def test_a_full_disk_is_reported_without_its_path(database, caplog):
     with database.write() as connection:
         connection.exec_driver_sql("PRAGMA max_page_count=1")  # of this connection, which the next write takes again
     told = r"^database: database or disk is full: free space on the service's disk, then send the request again$"

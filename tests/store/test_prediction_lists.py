@@ -51,7 +51,7 @@ def test_filters_narrow(store, mixed):
     assert read(store, prediction_lists.models) == ("embedded/gemma-3-270m", "regression")
 
 
-def test_a_summary_tells_how_it_ended(store, mixed):
+def test_a_summary_has_the_outcome(store, mixed):
     items = read(store, prediction_lists.list_page, PredictionFilter(), "failures", 50).items
     assert [item.fate for item in items] == [fate for fate in FATES for _ in range(3)]
     assert {item.num_demonstrations for item in items} == {2}

@@ -93,7 +93,7 @@ def test_what_a_dead_process_left_behind_goes_at_its_deadline(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["living.json"]
 
 
-def test_notes_in_a_folder_that_cannot_be_made(tmp_path):
+def test_a_folder_of_notes_that_cannot_be_made_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreUnavailableError, match="under way"):
         UnderWayNotes(tmp_path / "file").begin(note("a"))

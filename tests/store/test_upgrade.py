@@ -38,7 +38,7 @@ def upgraded(release, tmp_path):
     store.close()
 
 
-def test_its_tables_become_those_of_today(upgraded):
+def test_an_upgraded_database_has_the_present_tables(upgraded):
     with upgraded.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), tables) == []
 
@@ -61,7 +61,7 @@ def lost(then, now, where=""):
     return [] if then == now else [f"{where}: {then} became {now}"]
 
 
-def test_the_service_answers_as_then_and_goes_on(release, tmp_path):
+def test_the_service_answers_the_same_after_the_upgrade(release, tmp_path):
     folder, answers = release
     shutil.copytree(folder, tmp_path / "data")
     with killable_server(tmp_path / "data", SETTINGS) as (_, url), httpx.Client(base_url=url, timeout=60) as http:

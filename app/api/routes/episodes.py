@@ -28,7 +28,7 @@ from app.services.measures import note
 from app.services.scene_images import stored_film, stored_image
 from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
-from app.services.teach.upload import SCOPE, Upload
+from app.services.teach.upload import Upload
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store
@@ -77,7 +77,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
 
 
 def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upload:
-    """What is to be stored, checked and decoded."""
+    """Return the upload, checked and decoded."""
     document, parts = dict(body.document), dict(body.parts)
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)
@@ -275,7 +275,7 @@ def get_picture(
 def get_upload(services: Wired, idempotency_key: str) -> Response:
     """The episode that an upload with this `Idempotency-Key` made."""
     with services.store.read() as connection:
-        stored = idempotency.answered(connection, SCOPE, idempotency_key)
+        stored = idempotency.answered(connection, idempotency.UPLOAD, idempotency_key)
         if stored is None or not episodes.exist(connection, stored["id"]):
             raise NotFoundError("upload", idempotency_key)
     return JSONResponse({"episode_id": stored["id"]})

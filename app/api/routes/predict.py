@@ -29,8 +29,8 @@ from app.services.predict.request import PredictRequest
 from app.store.errors import StoreError
 from app.store.values import JsonObject
 from app.store.visibility import present
+from roboprompt_client.http.connection import EVENT_STREAM
 
-EVENT_STREAM = "text/event-stream"
 REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")
 STREAMED: dict[int | str, dict[str, object]] = {
     200: {"content": {EVENT_STREAM: {"schema": {"type": "string"}, "example": "event: action\ndata: {...}\n\n"}}}
@@ -111,7 +111,7 @@ def _wants_events(accept: str) -> bool:
 
 
 async def questioned(decode: Decode, body: Body, services: Services) -> tuple[PredictRequest, PredictBody]:
-    """What is asked, and of which task.
+    """Return the question, with its task.
 
     Images are decoded in a thread, for which a small JSON body does not repay the change.
     """
@@ -190,7 +190,7 @@ async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
 
 
 def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
-    """What is asked, checked and decoded; synchronous: call it in a thread where there are images."""
+    """Return the question, checked and decoded; synchronous: call it in a thread if there are images."""
     asked = PredictBody.model_validate(body.document)
     images = split_images(asked.cameras, body.parts)
     query = PredictRequest(

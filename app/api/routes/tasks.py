@@ -1,6 +1,5 @@
 """Tasks: settings, statistics, deletion, checks of their demonstrations, and object models."""
 
-from collections.abc import Collection, Sequence
 from functools import partial
 from typing import Annotated
 
@@ -9,6 +8,7 @@ from fastapi import APIRouter, Body, Query, Request, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
+from app.api.check_document import check_document
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import answer, stats_document, task_document
 from app.api.image_work import image_work
@@ -18,12 +18,10 @@ from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryMod
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
-from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, ReplyCheck, RowCheck
 from app.services.container import Services
 from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
-from app.services.teach.check import CheckedTask
 from app.services.teach.learn import Tried, try_model
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
@@ -33,74 +31,6 @@ _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
 Model = Annotated[str | None, Query(min_length=1, max_length=200, description="name of an LLM to ask as well")]
-
-
-def check_document(checked: CheckedTask) -> JsonObject:
-    """A `TaskCheckOut`."""
-    check = checked.check
-    return {
-        "task": checked.task,
-        "rule": check.rule,
-        "num_episodes": checked.num_episodes,
-        "num_checked": check.num_episodes,
-        "findings": [finding.to_json() for finding in checked.findings],
-        "plans": [_plan(plan, check.unlike_ids) for plan in check.plans],
-        "unlike_episode_ids": list(check.unlike_ids),
-        "model": checked.model,
-        "replies": [_reply(reply) for reply in checked.replies],
-    }
-
-
-def _plan(plan: PlanCheck, unlike_ids: Collection[str]) -> JsonObject:
-    return {
-        "instructions": list(plan.instructions),
-        "shown": plan.shown,
-        "rows": [_row(row) for row in plan.rows],
-        "episodes": [_episode(episode, unlike_ids) for episode in plan.episodes],
-    }
-
-
-def _row(row: RowCheck) -> JsonObject:
-    named = (("error", row.error), ("worst", row.worst), ("varies", row.varies))
-    return {
-        "objects": list(row.objects),
-        "frame": row.frame,
-        "gripper_open": row.gripper_open,
-        "switches": row.switches,
-        "worst_episode_id": row.worst_id,
-        **{f"{name}_cm": None if off is None else _cm(off.m) for name, off in named},
-        **{f"{name}_deg": None if off is None else round(off.deg, 1) for name, off in named},
-    }
-
-
-def _episode(episode: EpisodeCheck, unlike_ids: Collection[str]) -> JsonObject:
-    return {
-        "id": episode.id,
-        "instruction": episode.instruction,
-        "manner": episode.manner,
-        **_errors(episode.errors),
-        "path_cm": _cm(episode.path_m),
-        "unlike_others": episode.id in unlike_ids,
-    }
-
-
-def _reply(reply: ReplyCheck) -> JsonObject:
-    return {
-        "episode_id": reply.id,
-        "num_actions": reply.num_actions,
-        **_errors(reply.errors),
-        "problem": reply.problem or None,
-        "wrong": reply.is_wrong,
-    }
-
-
-def _errors(errors: Sequence[Off]) -> JsonObject:
-    return {"error_cm": [_cm(off.m) for off in errors], "error_deg": [round(off.deg, 1) for off in errors]}
-
-
-def _cm(distance_m: float) -> float:
-    return round(100 * distance_m, 2)
-
 
 router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
 
@@ -169,7 +99,7 @@ def delete_task(services: Wired, name: str) -> Response:
 @router.get(
     "/tasks/{name}/stats",
     response_model=TaskStatsOut,
-    responses=problems(_404="no such task", _422="`compare` names what is no configuration of the task"),
+    responses=problems(_404="no such task", _422="`compare` names an unknown configuration"),
 )
 def get_task_stats(
     services: Wired,

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from app.evaluation.illustrate import detailed_failures, detailed_successes, failures_in_order
 from app.evaluation.ledger import action_of
 from app.evaluation.methods import Method
-from app.evaluation.report.pictures import Picture, captions, draw_scene, film_grid, film_tiles, save_photo
+from app.evaluation.report.pictures import PagePicture, captions, draw_scene, film_grid, film_tiles, save_photo
 from app.evaluation.results import Evaluation, TaskEvaluation, Trial
 from app.evaluation.scores import NOTHING, task_result
 from app.pipeline.spans import prompt_spans
@@ -105,7 +105,9 @@ def _trial(folder: Path, name: str, trial: Trial) -> Shown:
     return {"trial": trial, "scene": scene, "film_strip": film_strip}
 
 
-def _scene_picture(folder: Path, name: str, scene: SceneView, actions: Sequence[EndEffectorAction]) -> Picture | None:
+def _scene_picture(
+    folder: Path, name: str, scene: SceneView, actions: Sequence[EndEffectorAction]
+) -> PagePicture | None:
     """Return the image of camera `front` with object poses and actions; None for a scene without images."""
     *most, last = [pose.name for pose in scene.objects] or ["nothing"]
     objects = f"{', '.join(most)} and {last}" if most else last

@@ -98,7 +98,7 @@ def _captioned(image: RgbImage, text: str) -> RgbImage:
 
 
 @dataclass(frozen=True)
-class Picture:
+class PagePicture:
     """An image file: its path relative to the page, its description for people who do not see it, and its size."""
 
     src: str
@@ -107,9 +107,9 @@ class Picture:
     height_px: int
 
 
-def save_photo(report: Path, name: str, image: RgbImage, alt: str) -> Picture:
+def save_photo(report: Path, name: str, image: RgbImage, alt: str) -> PagePicture:
     """Write the image (H, W, 3) as a JPEG `name` into the folder `images` beside the page."""
     path = report / IMAGES / f"{name}.jpg"
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(image).save(path, quality=JPEG_QUALITY, optimize=True)
-    return Picture(f"{IMAGES}/{path.name}", alt, image.shape[1], image.shape[0])
+    return PagePicture(f"{IMAGES}/{path.name}", alt, image.shape[1], image.shape[0])

@@ -33,7 +33,7 @@ class WeightsError(RoboPromptError):
 
 
 class WrongWeightsError(WeightsError):
-    """What was fetched is not what the publisher released."""
+    """The fetched weights are not those that the publisher released."""
 
 
 def fetch(release: Release, cache_folder: Path, tell: Callable[[int], None]) -> Path:

@@ -170,5 +170,5 @@ class _Reader:
         return self.take(SCALAR_SIZES[kind])
 
     def rest(self) -> bytes:
-        """What follows the next boundary: the tensors."""
+        """Return the bytes after the next boundary: the tensors."""
         return self._data[self._at + -self._at % ALIGNMENT :]

@@ -59,7 +59,7 @@ def find_weights(model: str, settings: LlmSettings) -> Weights:
 
 
 def added_path(model: str, settings: LlmSettings) -> Path:
-    """Where `roboprompt models add` puts the weights of `model`."""
+    """Return the path to which `roboprompt models add` writes the weights of `model`."""
     known = KNOWN.get(model)
     if known and known.release:
         return settings.cache_folder / known.release.file

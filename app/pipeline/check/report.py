@@ -1,4 +1,4 @@
-"""What a check of demonstrations found out: per plan, row and episode, in numbers; and what a model makes of each."""
+"""Results of a check of demonstrations: numbers for each plan, row and episode, and a model's reply for each."""
 
 import math
 from collections.abc import Sequence
@@ -106,7 +106,7 @@ class PlanCheck:
 
     @property
     def gripper(self) -> tuple[bool, ...]:
-        """What the gripper does, one after the other: on the way to the first row, then at each switch."""
+        """The states of the gripper in their order: on the way to the first row, then at each switch."""
         first = self.rows[:1]
         began = tuple(row.gripper_open != row.switches for row in first)
         return (*began, *(row.gripper_open for row in self.rows if row.switches))

@@ -19,7 +19,7 @@ MISSED_M = 0.02  # twice what the rules that follow a path allow
 MANY_ROWS = 20
 RULES_OF_RESTS = ("merged", "authors")
 SYMMETRIES_DEG = (180.0, 90.0)  # the coarser first, because it implies the finer
-ALIKE_DEG = 15.0  # grasps from one side differ from their mean by less
+ONE_SIDE_DEG = 15.0  # grasps from one side differ from their mean by less
 MIN_OF_OTHER_SIDES = 2
 
 
@@ -105,7 +105,7 @@ def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | 
     whole = np.round((turns_deg - left_deg - (turns_deg - left_deg)[0]) / symmetry_deg)
     sides = np.bincount((whole % round(360 / symmetry_deg)).astype(int))
     # a side that one demonstration takes may be a slip
-    if most_deg > ALIKE_DEG or len(turns_deg) - sides.max() < MIN_OF_OTHER_SIDES:
+    if most_deg > ONE_SIDE_DEG or len(turns_deg) - sides.max() < MIN_OF_OTHER_SIDES:
         return None
     message = (
         f"The {len(turns_deg)} grasps of {name} come from several sides, which are multiples of {symmetry_deg:g}"
@@ -129,5 +129,5 @@ def _grasps(recording: Recording) -> Iterator[tuple[str, Rotation]]:
 def _turns_deg(hands: Rotation) -> Array:
     """Return (N,) the angles about the vertical from the first hand to those that are not tilted from it."""
     turns: Array = (hands * hands[0].inv()).as_rotvec(degrees=True)
-    about: Array = turns[np.linalg.norm(turns[:, :2], axis=1) <= ALIKE_DEG, 2]
+    about: Array = turns[np.linalg.norm(turns[:, :2], axis=1) <= ONE_SIDE_DEG, 2]
     return about

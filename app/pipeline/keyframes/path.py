@@ -1,13 +1,10 @@
-"""The path of the hand as a few poses, its deviation from straight motion, and the waypoints that approximate it.
+"""The path of the hand as a few poses, and its deviation from straight motion.
 
 Distances are in units of the tolerances: 1 is the tolerance in meters or that in degrees, whichever is reached first.
 A reversal counts as a deviation, too: a stroke to and fro stays on one line, but is no single motion.
-After Automatic Waypoint Extraction (Shi et al. 2023, arXiv 2307.14326): as few waypoints as keep the recorded path
-within a tolerance of straight motion between them.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -138,48 +135,6 @@ def _gone_back(progress: Array) -> Array:
     return back
 
 
-def fewest_waypoints(deviations: Array) -> list[int]:
-    """Return the fewest poses, with the last, that leave deviations of at most 1; of several the closest."""
-    number = len(deviations)
-    total = np.concatenate([[0.0], np.full(number - 1, np.inf)])
-    before = np.zeros(number, dtype=int)
-    steps = np.where(deviations <= 1, number * MAX_DEVIATION**2 + deviations**2, np.inf)
-    for j in range(1, number):
-        cost = total[:j] + steps[:j, j]
-        before[j] = int(np.argmin(cost))
-        total[j] = cost[before[j]]
-    chosen = [number - 1]
-    while (earlier := int(before[chosen[-1]])) > 0:
-        chosen.append(earlier)
-    return chosen[::-1]
-
-
-def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -> list[int]:
-    """Return exactly `number` poses, with the last, of the least sum of squared deviations and costs.
-
-    Args:
-        costs: (number, N) of each pose as each waypoint; None for no preference.
-
-    Returns:
-        ascending indices; the last pose repeats where there are fewer poses than `number`.
-    """
-    poses = len(deviations)
-    if poses - 1 <= number:
-        return [*range(1, poses), *[poses - 1] * (number - poses + 1)]
-    preferred = np.zeros((number, poses)) if costs is None else costs
-    squared = np.where(np.tri(poses, dtype=bool), np.inf, deviations**2)
-    total = squared[0] + preferred[0]
-    befores = []
-    for k in range(1, number):
-        reached = total[:, None] + squared
-        befores.append(np.argmin(reached, axis=0))
-        total = reached.min(axis=0) + preferred[k]
-    chosen = [poses - 1]
-    for before in reversed(befores):
-        chosen.append(int(before[chosen[-1]]))
-    return chosen[::-1]
-
-
 def off_line_m(positions_m: Array) -> float:
     """Return the largest distance of positions (N, 3) from straight motion from the first to the last."""
     way_m = positions_m[-1] - positions_m[0]
@@ -203,32 +158,6 @@ def _unwound(vectors_rad: Array) -> Array:
         alike = here + np.arange(-TURNS, TURNS + 1)[:, None] * whole_rad
         found[k] = alike[int(np.linalg.norm(alike - before, axis=1).argmin())]
     return found
-
-
-def at_tips(positions_m: Array, first: int, frames: Sequence[int], tolerance_m: float) -> list[int]:
-    """Return the frames with those near a reversal of the hand moved to the reversal itself, where the hand acts.
-
-    Args:
-        positions_m: (T, 3) of the hand.
-        first: the frame that the hand comes from.
-    """
-    moved = [first, *frames]
-    for k in range(1, len(moved) - 1):
-        before, here, after = moved[k - 1 : k + 2]
-        if (positions_m[here] - positions_m[before]) @ (positions_m[after] - positions_m[here]) >= 0:
-            continue
-        near = np.arange(before + 1, after)
-        near = near[np.linalg.norm(positions_m[near] - positions_m[here], axis=1) <= tolerance_m]
-        reach_m = sum(np.linalg.norm(positions_m[near] - positions_m[end], axis=1) for end in (before, after))
-        tip = int(near[np.argmax(reach_m)])
-        if _bend_m(positions_m, before, tip, after) <= max(tolerance_m, _bend_m(positions_m, before, here, after)):
-            moved[k] = tip
-    return moved[1:]
-
-
-def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
-    """Return the largest distance of the positions from the straight lines to and from `here`."""
-    return max(off_line_m(positions_m[before : here + 1]), off_line_m(positions_m[here : after + 1]))
 
 
 def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:

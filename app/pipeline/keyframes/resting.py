@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, off_line_m
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, merged
+from app.pipeline.keyframes.published import merged
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 

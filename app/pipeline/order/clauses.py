@@ -141,7 +141,7 @@ class ParsedClause:
 
     @property
     def signature(self) -> Signature:
-        """What it asks for, independent of the objects."""
+        """The verb and the roles, independent of the objects."""
         return self.verb, tuple(sorted((role, len(phrases)) for role, phrases in self.roles)), self.fixed_phrases
 
     @cached_property

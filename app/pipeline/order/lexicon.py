@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 
-from app.pipeline.names import folded
+from app.pipeline.names import folded_name
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.vocabulary import ADJECTIVES, FUNCTION_WORDS, GENERIC_NOUNS, NEVER_LOOSE, NOUN_KINDS
 from app.pipeline.order.words import (
@@ -212,7 +212,7 @@ def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Seque
 
 def _contains(name: str, words: str) -> bool:
     """Return whether the name contains the words, each in the singular or in the plural."""
-    shown, said = folded(name).split(), folded(words).split()
+    shown, said = folded_name(name).split(), folded_name(words).split()
     starts = range(len(shown) - len(said) + 1)
     return any(
         all(one in {other, *plurals_of(other), *singulars_of(other)} for one, other in zip(part, said, strict=True))
@@ -222,6 +222,6 @@ def _contains(name: str, words: str) -> bool:
 
 def _singular_and_plurals(words: str) -> tuple[str, ...]:
     """Return the folded words, and the same with the last one in the plural."""
-    said = folded(words)
+    said = folded_name(words)
     before, space, last = said.rpartition(" ")
     return (said, *(f"{before}{space}{plural}" for plural in plurals_of(last)))

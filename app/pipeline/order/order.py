@@ -81,7 +81,7 @@ class Order:
 
     @cached_property
     def form(self) -> str:
-        """What is asked for, independent of the objects: see `Clause.form`."""
+        """The form of the whole text, independent of the objects: see `Clause.form`."""
         return clause_of(self.text, self.names).form
 
     @cached_property
@@ -90,7 +90,7 @@ class Order:
         return clause_of(self.text, self.names).objects
 
     def to_json(self) -> dict[str, Any]:
-        """As it is stored."""
+        """Return the order as it is stored."""
         phrases = [phrase.to_json() for phrase in self.phrases]
         return {"instruction": self.text, "phrases": phrases, "unfamiliar": self.unfamiliar}
 

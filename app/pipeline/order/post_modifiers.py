@@ -1,4 +1,4 @@
-"""What follows a noun and says which object is meant: "next to the plate", "that is red", "third from the right"."""
+"""Modifiers after a noun that say which object is meant: "next to the plate", "that is red", "third from the right"."""
 
 from collections.abc import Iterator, Sequence
 

@@ -18,13 +18,15 @@ from app.pipeline.order.refusals import refusal, unfamiliar_text
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.sequence import needs_full_hand, uses_moved_object
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
+from app.pipeline.order.taught import TaughtWords
 
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "
 
 
-def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allow_unfamiliar: bool = False) -> Order:
+def read(
+    instruction: str, taught: TaughtWords, layout: Layout | None = None, *, allow_unfamiliar: bool = False
+) -> Order:
     """Return the instruction as an `Order`: in a taught form, with objects by their names.
 
     Args:
@@ -62,7 +64,7 @@ class FilledFrame:
     clause: ParsedClause
 
 
-def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
+def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
     sentences = Sentences(phrases, taught.fixed_words, taught.verbs)
     found: dict[str, Order] = {}
     try:
@@ -82,7 +84,7 @@ def _uncertainty(order: Order) -> tuple[int, int]:
     return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
 
 
-def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[FilledFrame, ...]]:
+def _plans(taught: TaughtWords, reading: Sequence[ParsedClause]) -> Iterator[tuple[FilledFrame, ...]]:
     """Yield the reading's clauses matched to frames that were taught in this sequence, or that may each stand alone."""
     per_clause = [_choices(taught, clause) for clause in reading]
     for choice in islice(product(*per_clause), MAX_READINGS):
@@ -95,7 +97,7 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Fi
             yield plan
 
 
-def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[FilledFrame, ...]]:
+def _choices(taught: TaughtWords, clause: ParsedClause) -> list[tuple[FilledFrame, ...]]:
     """Return the alternatives that a clause may ask for, each as matched frames: "red and blue" is two in sequence."""
     if whole := _best(taught, clause):
         return [(filled,) for filled in whole]
@@ -106,7 +108,7 @@ def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[FilledFrame, ..
     return list(product(*parts)) if all(parts) else []
 
 
-def _best(taught: Taught, clause: ParsedClause) -> list[FilledFrame]:
+def _best(taught: TaughtWords, clause: ParsedClause) -> list[FilledFrame]:
     """Return the closest matching frame of each signature, preferring frames taught with the clause's own objects."""
     every = [
         FilledFrame(frame, objects, clause)
@@ -133,7 +135,7 @@ def closest(every: list[FilledFrame]) -> list[FilledFrame]:
     return [each for each in every if each.frame.clause.fixed_phrases == each.clause.fixed_phrases] or every
 
 
-def _canonical(taught: Taught, plan: Sequence[FilledFrame]) -> str | None:
+def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str | None:
     texts = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
     known = [text for text in texts if text is not None]
     if len(known) < len(texts):

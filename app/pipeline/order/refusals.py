@@ -6,14 +6,14 @@ from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, Un
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, Unmatched
 from app.pipeline.order.order import clause_of
-from app.pipeline.order.taught import Taught
+from app.pipeline.order.taught import TaughtWords
 from app.pipeline.order.words import Word
 
 FIELD = "instruction"
 MAX_LISTED = 12  # instructions that a refusal repeats
 
 
-def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> InstructionError:
+def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) -> InstructionError:
     """Return the error for an instruction with no reading, or with several.
 
     Args:
@@ -36,7 +36,7 @@ def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> In
     return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
 
-def unfamiliar_text(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]]:
+def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]]:
     """Return the unfamiliar instruction with objects by their names, and the phrases that name them.
 
     Raises:
@@ -99,7 +99,7 @@ def _unknown_thing(words: Sequence[Word]) -> Unmatched | None:
     return None
 
 
-def _asks_for_taught(taught: Taught, words: Sequence[Word]) -> bool:
+def _asks_for_taught(taught: TaughtWords, words: Sequence[Word]) -> bool:
     """Return whether a verb of the instruction equals or resembles a taught one; True for a clause without a verb."""
     clauses = [frame.clause for frame in taught.frames]
     said = [word.text for word in words if word.text in verbs.FIRST_WORDS or any(c.verb == word.text for c in clauses)]
@@ -119,7 +119,7 @@ def _ungrounded(phrases: NounPhrases, missed: Unmatched, valid: str) -> Unground
     return UngroundedInstructionError(FIELD, f"{text!r} is none of the task's objects", valid)
 
 
-def _valid(taught: Taught) -> str:
+def _valid(taught: TaughtWords) -> str:
     objects = [
         f"{name} (or {', '.join(taught.aliases[name])})" if taught.aliases.get(name) else name for name in taught.names
     ]

@@ -1,4 +1,4 @@
-"""What a task knows: object names, aliases, and its taught instructions as frames."""
+"""The words of a task: object names, aliases, and its taught instructions as frames."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -14,7 +14,7 @@ from app.pipeline.order.words import IsWord
 MAX_CHOICES = 200  # instructions that a model can be asked to choose from
 
 
-class Taught:
+class TaughtWords:
     """The vocabulary and taught instructions that new instructions are parsed against. Built once per task version.
 
     Args:

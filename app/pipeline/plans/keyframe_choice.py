@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.keyframes import Keyframe
-from app.pipeline.keyframes.path import HandPath, at_tips, best_waypoints
-from app.pipeline.keyframes.rule import at_frames
+from app.pipeline.keyframes.path import HandPath
+from app.pipeline.keyframes.waypoint_choice import at_frames, at_tips, best_waypoints
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects

@@ -7,11 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
+from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of, waypoints
 from app.pipeline.keyframes.motion import Phase
 from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
-from app.pipeline.keyframes.rule import waypoints
 from roboprompt_client.types.poses import EndEffectorAction
 
 GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,

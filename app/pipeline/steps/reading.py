@@ -22,7 +22,7 @@ from app.pipeline.order.refusals import FIELD, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.sequence import is_placed_after_moving, needs_full_hand
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
+from app.pipeline.order.taught import TaughtWords
 from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
@@ -44,7 +44,7 @@ class Skill:
     """A task and what it was taught."""
 
     task: str
-    taught: Taught
+    taught: TaughtWords
 
     @cached_property
     def wholes(self) -> tuple[str, ...]:
@@ -63,13 +63,13 @@ class Skill:
                 yield FilledFrame(frame, filled, clause), Step(self.task, text.rstrip(". "))
 
 
-class Scene(Taught):
+class TasksOfScene(TaughtWords):
     """The objects of a scene, and what the tasks with these objects were taught.
 
     Args:
         names, aliases: of all objects, with or without a task.
         skills: the tasks.
-        is_word: as of `Taught`.
+        is_word: as of `TaughtWords`.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Scene(Taught):
         return tuple(frame for skill in self.skills for frame in skill.taught.frames)
 
 
-def read_steps(instruction: str, scene: Scene, layout: Layout | None, others: str = "") -> tuple[Step, ...]:
+def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, others: str = "") -> tuple[Step, ...]:
     """Return the steps that the instruction asks for, in their order.
 
     Args:
@@ -117,7 +117,7 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 class _Reader:
-    def __init__(self, scene: Scene, phrases: NounPhrases) -> None:
+    def __init__(self, scene: TasksOfScene, phrases: NounPhrases) -> None:
         self._scene = scene
         self._phrases = phrases
         self._known: dict[ParsedClause, list[tuple[Step, ...]]] = {}

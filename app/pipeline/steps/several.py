@@ -1,4 +1,4 @@
-"""What a sentence says of several clauses: their order, how often, and exceptions."""
+"""Parts of a sentence about several clauses: their order, repetitions and exceptions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

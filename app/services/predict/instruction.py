@@ -1,26 +1,24 @@
 """Parse a request's instruction against those of the demonstrations that the prompt shows.
 
-A dictionary distinguishes misspellings from other words. Where the parser finds no meaning, a chat model may choose
-one of the instructions that the task knows.
+Where the parser finds no meaning, a chat model may choose one of the instructions that the task knows.
 """
 
-import gzip
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
-from app.pipeline.alike import check_named
+from app.pipeline.alike_instructions import check_named
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
+from app.pipeline.order.taught import TaughtWords
 from app.pipeline.prompt import Prompt
+from app.services.english import is_english
 from app.services.predict.known import Known
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
@@ -36,30 +34,6 @@ SYSTEM = (
 MAX_TOKENS = 8
 TIMEOUT_S = 20.0
 _NUMBER = re.compile(r"\s*(\d{1,4})\s*\.?\s*")
-
-
-def is_english(word: str) -> bool:
-    """Whether pyspellchecker's frequency list (160,000 words, from film subtitles) has the word in lower case."""
-    listed, wanted = _frequency_list(), f'"{word}"'.encode()
-    low, high = 0, len(listed)
-    while low < high:
-        middle = listed.rfind(b"\n", low, (low + high) // 2) + 1 or low
-        end = listed.find(b":", middle, high)
-        found = listed[middle:end]
-        if end < 0 or found == wanted:
-            return end >= 0
-        if found < wanted:
-            low = listed.find(b"\n", end, high) + 1 or high
-        else:
-            high = middle
-    return False
-
-
-@lru_cache(maxsize=1)
-def _frequency_list() -> bytes:
-    """The list's lines `"word": number`, in the order of their bytes: 3 MB, where a set of words would take 20."""
-    text = gzip.decompress((files("spellchecker") / "resources" / "en.json.gz").read_bytes())
-    return text.strip(b"{}\n")
 
 
 def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
@@ -109,9 +83,9 @@ def _grounded(
 @lru_cache(MAX_TASKS)
 def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
-) -> Taught:
+) -> TaughtWords:
     """Return what instructions about these objects are parsed against; cached, because robots repeat themselves."""
-    return Taught(names, dict(aliases), instructions, is_english)
+    return TaughtWords(names, dict(aliases), instructions, is_english)
 
 
 async def ask_meaning(

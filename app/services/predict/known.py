@@ -1,4 +1,4 @@
-"""What is known of a request: the observed scene, and in one transaction the task, its settings and demonstrations."""
+"""Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from app.perception.registry import estimate_poses
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_scene_units
-from app.pipeline.prompt import check_object_names
+from app.pipeline.names import check_object_names
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
@@ -28,7 +28,7 @@ from roboprompt_client.types.poses import ObjectPose, Pose
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ObservedScene:
     """The objects that a request observed.
 
     Attributes:
@@ -57,7 +57,7 @@ class Known:
 
     settings: TaskSettings
     end_effector: Pose | None
-    scene: Scene
+    scene: ObservedScene
     profile: ModelProfile
     style: PromptStyle
     demonstrations: Demonstrations
@@ -119,7 +119,7 @@ class KnownReader:
         chosen = request.options.episode_ids is not None
         return Known(settings, request.end_effector, scene, profile, style, demonstrations, chosen, taught)
 
-    def _look(self, request: PredictRequest) -> tuple[tuple[object, object], Scene]:
+    def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""
         with timed("read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
@@ -152,7 +152,7 @@ class KnownReader:
             return task.demonstrations(task.ids(request.options)), task.settings, style
 
 
-def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> Scene:
+def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> ObservedScene:
     """Return the observed objects' poses, symmetric objects at their canonical yaw; some of the task's may be absent.
 
     Raises:
@@ -170,7 +170,7 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
     by_name = {pose.name: pose for pose in settings.canonical(poses)}
-    return Scene(
+    return ObservedScene(
         tuple(by_name[name] for name in names if name in by_name),
         tuple(name for name in names if name not in by_name),
         tuple(pose for name, pose in by_name.items() if name not in names),

@@ -37,7 +37,7 @@ class PredictedAction:
 
     @cached_property
     def document(self) -> JsonObject:
-        """As clients get it."""
+        """The action as clients get it."""
         return {
             "position": self.action.position_m.tolist(),
             "quaternion_xyzw": self.action.quaternion_xyzw.tolist(),
@@ -48,7 +48,7 @@ class PredictedAction:
         }
 
     def _anchor(self, row: PlacedRow) -> JsonObject:
-        """What the action is relative to, so that a robot that looks again can follow it."""
+        """Return the frame that the action is relative to, so that a robot that looks again can follow it."""
         offset_m, rotation_xyzw = row.seen_from_anchor(self.action)
         tolerance_m, tolerance_deg = row.demonstrated.tolerance
         return {

@@ -68,7 +68,7 @@ def write_prefix(
     demonstrations: Demonstrations,
     workspace: Workspace,
     style: PromptStyle,
-    of_scene: tuple[Demonstration, ...] | None = None,
+    of_scene: tuple[Demonstration, ...] | None,
     absent: tuple[str, ...] = (),
 ) -> Prefix:
     """Fit the representation and write the demonstrations. The text depends on the arguments alone, byte for byte.

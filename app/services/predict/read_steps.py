@@ -8,12 +8,13 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
+from app.pipeline.names import check_object_names
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
-from app.pipeline.prompt import check_object_names
-from app.pipeline.steps.reading import Scene, Skill, Step, read_steps
+from app.pipeline.steps.reading import Skill, Step, TasksOfScene, read_steps
 from app.services.cache import Cache
-from app.services.predict.instruction import MAX_TASKS, is_english, taught_of
+from app.services.english import is_english
+from app.services.predict.instruction import MAX_TASKS, taught_of
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -26,7 +27,7 @@ MAX_SCENES = 16  # whose vocabularies are kept
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class _PlacedSkill:
     """A task with demonstrations, and the position of its robot's base (m, world frame)."""
 
     skill: Skill
@@ -44,8 +45,8 @@ class ReadSteps:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._known: Cache[TaskState, _Known] = Cache(MAX_TASKS)
-        self._scenes: Cache[tuple[tuple[str, ...], tuple[Skill, ...]], Scene] = Cache(MAX_SCENES)
+        self._known: Cache[TaskState, _PlacedSkill] = Cache(MAX_TASKS)
+        self._scenes: Cache[tuple[tuple[str, ...], tuple[Skill, ...]], TasksOfScene] = Cache(MAX_SCENES)
 
     def __call__(self, instruction: str, objects: Sequence[ObjectQuery], *, exactly: bool = False) -> tuple[Step, ...]:
         """Return the steps that the instruction asks for, each in the words of its task.
@@ -88,25 +89,25 @@ class ReadSteps:
             raise UnfamiliarInstructionError("instruction", message, "what one task does; POST /plans gives the steps")
         return replace(request, task=names[0])
 
-    def _of(self, connection: Connection, task: TaskRecord) -> _Known:
+    def _of(self, connection: Connection, task: TaskRecord) -> _PlacedSkill:
         """Return the task with the instructions that its prompts show."""
 
-        def make() -> _Known:
+        def make() -> _PlacedSkill:
             settings = TaskSettings.model_validate(task.settings)
             shown = episodes.demonstrations(connection, task.name, settings.num_demonstrations)
             taught = dict.fromkeys(record.instruction for record in shown)
             aliases = tuple(sorted(settings.aliases.items()))
             skill = Skill(task.name, taught_of(tuple(task.object_names or ()), aliases, tuple(taught)))
-            return _Known(skill, tuple(settings.robot_base))
+            return _PlacedSkill(skill, tuple(settings.robot_base))
 
         return self._known.get_or_make(task.state, make)
 
 
-def _scene(names: Sequence[str], skills: Sequence[Skill]) -> Scene:
-    return Scene(names, shared_aliases([skill.taught.aliases for skill in skills], names), skills, is_english)
+def _scene(names: Sequence[str], skills: Sequence[Skill]) -> TasksOfScene:
+    return TasksOfScene(names, shared_aliases([skill.taught.aliases for skill in skills], names), skills, is_english)
 
 
-def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_Known]) -> Layout | None:
+def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_PlacedSkill]) -> Layout | None:
     """Return the objects' positions from the robot's base; None if a position or the base is not known."""
     places_m = {item.name: np.array(item.position_m) for item in objects if item.position_m is not None}
     bases_m = {item.robot_base_m for item in usable}

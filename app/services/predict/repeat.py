@@ -21,7 +21,6 @@ from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard, action_from_json
 from roboprompt_client.motion.limits import MAX_ACTIONS
 
-SCOPE = idempotency.PREDICT
 MAX_WAIT_S = 60.0  # for a request with the same key
 FIRST_LOOK_S, LONGEST_BETWEEN_LOOKS_S = 0.02, 0.5  # at whether the one before has ended
 
@@ -43,7 +42,11 @@ class RepeatedPredictions:
         Raises:
             ConflictError: if another one is for longer than `MAX_WAIT_S`.
         """
-        name, deadline_s, pause_s = f"{SCOPE} {present().key_id} {key}", time.monotonic() + MAX_WAIT_S, FIRST_LOOK_S
+        name, deadline_s, pause_s = (
+            f"{idempotency.PREDICT} {present().key_id} {key}",
+            time.monotonic() + MAX_WAIT_S,
+            FIRST_LOOK_S,
+        )
         while (turn := await self._take(name)) is None:
             if time.monotonic() > deadline_s:
                 raise ConflictError(f"a request with the Idempotency-Key {key!r} is under way: send it again later")
@@ -56,7 +59,7 @@ class RepeatedPredictions:
         return await anyio.to_thread.run_sync(self._store.turns.take, name)
 
     async def answer_to(self, key: str, digest: str, request: PredictRequest) -> JsonObject | None:
-        """What the same request was answered with, or None if it is new.
+        """Return the stored answer to the same request; None if it is new.
 
         Args:
             digest: of the request's content.
@@ -68,7 +71,7 @@ class RepeatedPredictions:
 
         def find() -> JsonObject | None:
             with self._store.read() as connection:
-                stored = idempotency.find(connection, SCOPE, key, digest)
+                stored = idempotency.find(connection, idempotency.PREDICT, key, digest)
                 if stored is not None:
                     self._check(connection, request, stored)
                 return stored
@@ -85,11 +88,11 @@ class RepeatedPredictions:
 
         def save() -> JsonObject:
             with self._store.write() as connection:
-                stored = idempotency.find(connection, SCOPE, key, digest)
+                stored = idempotency.find(connection, idempotency.PREDICT, key, digest)
                 given = answer if stored is None else stored
                 self._check(connection, request, given)
                 if stored is None:
-                    idempotency.save(connection, SCOPE, key, digest, answer)
+                    idempotency.save(connection, idempotency.PREDICT, key, digest, answer)
             return given
 
         return await anyio.to_thread.run_sync(save)

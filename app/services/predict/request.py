@@ -1,4 +1,4 @@
-"""What a robot asks, and how it wants it predicted; what it leaves out follows the task, then the model."""
+"""The request of a robot with its options; an option that is left out follows the task, then the model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -94,7 +94,7 @@ class PredictOptions(BaseModel):
 
     @property
     def sampling_temperature(self) -> float:
-        """As asked for; several samples must differ."""
+        """The requested temperature; by default several samples have one above 0, as they must differ."""
         if self.temperature is not None:
             return self.temperature
         return 0.0 if self.num_samples == 1 else SAMPLES_TEMPERATURE
@@ -102,7 +102,7 @@ class PredictOptions(BaseModel):
 
 @dataclass(frozen=True)
 class PredictRequest:
-    """What a robot asks.
+    """The request of a robot.
 
     Attributes:
         objects: the observed objects, in any order.
@@ -158,7 +158,7 @@ class PromptStyle:
 
     @classmethod
     def of(cls, request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> "PromptStyle":
-        """What the request says, else the task's setting, else what suits the model."""
+        """The request's style; what it leaves out is the task's, then the model's."""
         options = request.options
         representation = options.representation or settings.representation or profile.representation
         asked = options.prompt_format or settings.prompt_format

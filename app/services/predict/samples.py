@@ -26,7 +26,7 @@ class SampledReply(Reply):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Those of the reply that counts, and whether others say something else."""
+        """The findings about the reply that counts, and about replies that disagree with it."""
         return (*(() if self._chosen is None else self._chosen.findings), *self._disagreeing)
 
     async def stream(self) -> AsyncGenerator[Actions, None]:

@@ -1,4 +1,4 @@
-"""How robots fared with each configuration, and whether one is better than another."""
+"""Success of each configuration of model and prompt, and comparisons of configurations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from app.llm.baselines import YARDSTICKS
 from app.pipeline.success_rate import Pairs
 from app.store import prediction_lists, tasks
-from app.store.prediction_lists import Configuration, Counts, Trial
+from app.store.prediction_lists import Attempt, Configuration, Counts
 from roboprompt_client.errors import InvalidInputError
 
 MAX_COMPARED = 8
@@ -18,15 +18,15 @@ MAX_COMPARED = 8
 
 @dataclass(frozen=True)
 class Standing:
-    """What became of the predictions of one configuration; `latest` are the last of them, oldest first."""
+    """The predictions of one configuration; `latest` are the last of them, oldest first."""
 
     configuration: Configuration
     counts: Counts
-    latest: tuple[Trial, ...]
+    latest: tuple[Attempt, ...]
 
     @property
     def is_yardstick(self) -> bool:
-        """Whether replies are computed without an LLM, to hold models against."""
+        """Whether it is a baseline that computes replies without an LLM."""
         return self.configuration.model in YARDSTICKS
 
     @property
@@ -71,7 +71,7 @@ class TaskStats:
         """Each of the configurations of these ids with each other.
 
         Raises:
-            InvalidInputError: for an id that is none of them, and for too many.
+            InvalidInputError: for an unknown id, and for too many.
         """
         by_id = {item.configuration.id: item for item in self.standings}
         if unknown := [id_ for id_ in ids if id_ not in by_id]:

@@ -80,7 +80,7 @@ class Scenes:
 
 
 class TaskCaches:
-    """What does not depend on a request, for each version of a task; shared by requests."""
+    """Values that do not depend on a request, for each version of a task; shared by requests."""
 
     def __init__(self) -> None:
         self.settings: Cache[TaskState, TaskSettings] = Cache(128)

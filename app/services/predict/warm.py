@@ -1,4 +1,4 @@
-"""Prefixes that an embedded model has read before the first prediction needs them."""
+"""Lets an embedded model read prefixes ahead of the predictions that need them."""
 
 import asyncio
 import logging
@@ -49,7 +49,7 @@ class PrefixWarmer:
         self._loop: asyncio.AbstractEventLoop | None = None  # while `run` runs
 
     def changed(self, task: str) -> None:
-        """The task's demonstrations or settings are others now; nothing happens where `run` does not run."""
+        """Note that the task's demonstrations or settings have changed; without effect while `run` does not run."""
         if (loop := self._loop) is not None:
             loop.call_soon_threadsafe(self._put_off, task)
 
@@ -59,7 +59,7 @@ class PrefixWarmer:
 
     @contextmanager
     def giving_way(self) -> Iterator[None]:
-        """Nothing is warmed inside the block."""
+        """Read no prefix ahead inside the block."""
         self._num_predictions += 1
         self._idle.clear()
         if self._reading is not None:
@@ -115,7 +115,7 @@ class PrefixWarmer:
     async def _read(self, task: str) -> None:
         """Let the model read the prefixes of the task's usual plans, the most usual last: it is forgotten last.
 
-        What goes wrong is the answer when a robot asks.
+        An error here is only logged: a robot that asks gets it as the answer.
         """
         try:
             for prefix in reversed(await anyio.to_thread.run_sync(lambda: usual_prefixes(*self._known.usual(task)))):

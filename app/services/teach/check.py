@@ -38,7 +38,7 @@ Predict = Callable[[PredictRequest], Awaitable[Prediction]]
 
 @dataclass(frozen=True, eq=False)
 class CheckedTask:
-    """What a check found.
+    """The result of a check.
 
     Attributes:
         num_episodes: that the task has; the first `MAX_CHECKED` are checked.
@@ -125,7 +125,7 @@ class CheckTask:
         return _Read(settings, demonstrations, CheckedTask(task.name, num_episodes, check, check.findings))
 
     async def _replies(self, task: str, model: str, read: _Read) -> tuple[ReplyCheck, ...]:
-        """What the model replies for each of the first demonstrations that prompts show, shown the others."""
+        """Return the model's replies for the first demonstrations that prompts show; each prompt shows the others."""
         shown = {episode.id: episode for plan in read.checked.check.plans if plan.shown for episode in plan.episodes}
         asked = [demonstration for demonstration in read.demonstrations if demonstration.id in shown]
         ids = [demonstration.id for demonstration in asked]
@@ -147,7 +147,7 @@ class CheckTask:
 
 
 def _request(task: str, model: str, demonstration: Demonstration, others: Sequence[str]) -> PredictRequest:
-    """What a robot would ask in the scene of a demonstration."""
+    """Return the request of a robot in the scene of a demonstration."""
     objects = tuple(
         ObjectQuery(
             pose.name,

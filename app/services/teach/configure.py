@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_all_again
-from app.services.teach.workspace import FIRST, Shown, spanned, widened
+from app.services.teach.workspace import NUM_FIRST, Shown, spanned, widened
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
@@ -74,7 +74,7 @@ class ConfigureTask:
     def at_once_or_as_job(
         self, name: str, changes: Mapping[str, Any], version: int | None = None
     ) -> TaskRecord | JobRecord:
-        """As the call; but if more than `max_at_once` episodes must be extracted again, a job that does it.
+        """Do as the call does; if more than `max_at_once` episodes must be extracted again, return a job that does it.
 
         Raises:
             as the call; also ConflictError: if the task has such a job already.
@@ -128,13 +128,13 @@ class ConfigureTask:
 def with_workspace(settings: TaskSettings, episodes: Sequence[Shown], changes: Mapping[str, Any]) -> TaskSettings:
     """Changed settings with a workspace for the task's episodes, where it follows from them.
 
-    Only who names the workspace accepts episodes that reach far beyond the others.
+    Episodes that reach far beyond the others widen it only if the change names the workspace.
     """
     box = settings.workspace
     if "workspace" in changes:
         return settings.within(spanned(box, episodes))
     for episode in episodes:
-        box = widened(box, episode, episodes[:FIRST])
+        box = widened(box, episode, episodes[:NUM_FIRST])
     return settings.within(box)
 
 

@@ -10,13 +10,13 @@ from sqlalchemy import Connection
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.services.predict.instruction import is_english
+from app.pipeline.order.taught import TaughtWords
+from app.services.english import is_english
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job
 from app.services.teach.extract import extract_again
-from app.services.teach.workspace import FIRST, remaining, uploaded
+from app.services.teach.workspace import NUM_FIRST, remaining, uploaded
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
@@ -30,7 +30,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
     `auto` is what the shown ones span.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is no such episode.
         InvalidInputError: if the instruction names no object of the task, or the episode cannot be extracted again.
         ConflictError: if the task changed meanwhile, or a job extracts its episodes again.
     """
@@ -51,7 +51,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
         if again:
             require_no_job(connection, task.name)
             episodes.replace_extractions(connection, task.name, task.version, again)
-            first = episodes.demonstrations(connection, task.name, FIRST)
+            first = episodes.demonstrations(connection, task.name, NUM_FIRST)
         episodes.edit(connection, record, changes)
         if again:
             _set_workspace(connection, task, uploaded(settings.workspace, again[0], first)[0])
@@ -67,7 +67,7 @@ def remove_episode(store: Store, episode_id: str) -> str:
         The task.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is no such episode.
     """
     with store.write() as connection:
         name = episodes.remove(connection, episode_id)
@@ -92,7 +92,7 @@ def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettin
         UngroundedInstructionError: saying which.
     """
     names = [item.name for item in record.objects]
-    words = Taught(names, settings.aliases, (*taught, record.instruction), is_english)
+    words = TaughtWords(names, settings.aliases, (*taught, record.instruction), is_english)
     places_m = {item.name: np.array(item.position_m) for item in record.objects}
     with suppress(UnfamiliarInstructionError):  # other words than before are why it is corrected
         read(instruction, words, Layout(places_m, np.array(settings.robot_base)))

@@ -1,4 +1,4 @@
-"""Labels: what a person says of where an object is -> masks in the cameras' images, previewed or stored."""
+"""Labels of objects by a person (clicks, boxes, polygons, masks) -> masks in the cameras' images."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ MAX_VIEWS_KEPT = 2  # decoded, for the next click on the same pictures
 
 @dataclass(frozen=True, eq=False)
 class LabelDraft:
-    """Where an object is in images.
+    """The place of an object in images.
 
     Attributes:
         episode_id: whose images they are; None for those of `frames`.
@@ -52,7 +52,7 @@ class LabelDraft:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class LabeledImages:
     """The images of a label.
 
     Attributes:
@@ -94,7 +94,7 @@ class LabelObjects:
                 raise InvalidInputError("task", f"has {MAX_LABELS} labels", "fewer: delete those that did not merge")
             return labels.add(connection, draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
 
-    def _view(self, draft: LabelDraft, *, store_images: bool) -> View:
+    def _view(self, draft: LabelDraft, *, store_images: bool) -> LabeledImages:
         """The images of a draft.
 
         Args:
@@ -102,7 +102,7 @@ class LabelObjects:
 
         Raises:
             NotFoundError: if there is no such task or episode.
-            InvalidInputError: if the object is none of the task's, or no camera has color and depth.
+            InvalidInputError: if the task has no such object, or no camera has color and depth.
         """
         with self._store.read() as connection:
             task = tasks.get(connection, draft.task)
@@ -114,7 +114,7 @@ class LabelObjects:
         if record is None:
             calibrated = [frame.camera for frame in draft.frames]
             images = draft.images if store_images else dict.fromkeys(draft.images, ImageBytes())
-            return View(put_images(self._store.blobs, calibrated, images), draft.frames, {})
+            return LabeledImages(put_images(self._store.blobs, calibrated, images), draft.frames, {})
         if record.task != draft.task:
             raise InvalidInputError("episode_id", f"is of the task {record.task!r}", f"an episode of {draft.task!r}")
         cameras = tuple(item for item in record.cameras if item.has_rgbd)
@@ -123,9 +123,9 @@ class LabelObjects:
         blobs = self._store.blobs
         frames = self._frames.get_or_make(_key(cameras), lambda: tuple(read_frame(blobs, item) for item in cameras))
         ids = {item["name"]: tuple(item["mask_ids"]) for item in record.given_objects}
-        return View(cameras, frames, ids)
+        return LabeledImages(cameras, frames, ids)
 
-    def _masks(self, draft: LabelDraft, view: View) -> dict[str, Mask]:
+    def _masks(self, draft: LabelDraft, view: LabeledImages) -> dict[str, Mask]:
         """By camera where the object is: of marks in all cameras, else as each camera says.
 
         Raises:
@@ -151,7 +151,7 @@ class LabelObjects:
             raise InvalidInputError("object", message, "clicks, boxes, polygons, mask_ids or mask_NAME")
         return masks
 
-    def _scene(self, draft: LabelDraft, view: View) -> Scene:
+    def _scene(self, draft: LabelDraft, view: LabeledImages) -> Scene:
         if draft.episode_id is None:
             return Scene.of(view.frames)
         return self._scenes.get_or_make(_key(view.cameras), lambda: Scene.of(view.frames))
@@ -161,7 +161,7 @@ def _png(mask: Mask) -> bytes:
     return cv2.imencode(".png", mask.astype(np.uint8))[1].tobytes()
 
 
-def _yaw_deg(draft: LabelDraft, view: View) -> float | None:
+def _yaw_deg(draft: LabelDraft, view: LabeledImages) -> float | None:
     """Of the object's x axis about the vertical, as said or drawn.
 
     Raises:
@@ -179,7 +179,7 @@ def _key(cameras: Sequence[CameraRecord]) -> str:
     return json.dumps([camera.to_json() for camera in cameras])
 
 
-def _said_of(draft: LabelDraft, view: View, frame: RgbdFrame) -> Mask | None:
+def _said_of(draft: LabelDraft, view: LabeledImages, frame: RgbdFrame) -> Mask | None:
     """The mask that a polygon or mask image of the camera gives."""
     name = frame.camera.name
     assert frame.depth_m is not None

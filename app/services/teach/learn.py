@@ -31,7 +31,7 @@ MAX_VIEWS = 10  # labeled, that an object is learned from
 
 @dataclass(frozen=True)
 class LearnedModels:
-    """What came of it.
+    """The learned models, and the reasons why others were not learned.
 
     Attributes:
         object_models: by object, as the task now has them.
@@ -152,15 +152,14 @@ def learn_from_labels(
         )
     views = [_view(store, record) for record in records]
     learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
-    template = learned.template
     model = RegisteredModel(
-        store.blobs.put(template.to_bytes()),
-        "none" if symmetric == "none" else "yaw" if symmetric == "yaw" else float(symmetric),
+        store.blobs.put(learned.template.to_bytes()),
+        symmetric if symmetric in ("none", "yaw") else float(symmetric),
         yaw_may_be_unknown,
         views=tuple(records[number].id for number in learned.merged),
-        scores=tuple(round(score, 3) for score in template.scores),
+        scores=tuple(round(score, 3) for score in learned.template.scores),
         left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
-        num_points=len(template),
+        num_points=len(learned.template),
     ).as_json()
     if not dry_run:
         configure_task(task, {}, learned={name: model})
@@ -173,7 +172,7 @@ def _view(store: Store, record: LabelRecord) -> LabeledView:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """What a model makes of an episode; all None where it has no images.
+    """The pose that a model finds in an episode; all None if the episode has no images.
 
     Attributes:
         refusal: why the object is not found.

@@ -63,7 +63,7 @@ class RunJobs:
         self._stopping.wait(seconds)
 
     def run_next(self) -> bool:
-        """Take a job, also one that a dead process left, and work at it to its end; whether there was one.
+        """Claim the next job, also one that a dead process left, and finish it; return whether there was one.
 
         Raises:
             StoreError: if the store fails; the job is taken up again when its claim has run out.
@@ -101,7 +101,7 @@ class RunJobs:
             jobs.fail(connection, job, error)
 
     def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
-        """As they will be: what else has been set meanwhile stays.
+        """Return the settings as they will be: what else has been set meanwhile stays.
 
         Raises:
             InvalidInputError: if that and the job's changes do not go together.

@@ -11,22 +11,23 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
-from app.pipeline.alike import Alike, with_numbers
+from app.pipeline.alike import Alike
+from app.pipeline.alike_instructions import with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
+from app.pipeline.names import check_object_names
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
 from app.pipeline.plans import Recording
 from app.pipeline.plans.recording import GRASPED_M
-from app.pipeline.prompt import check_object_names
+from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
-from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
-from app.services.teach.workspace import FIRST
+from app.services.teach.workspace import NUM_FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord
 from app.store.values import JsonObject
@@ -76,7 +77,7 @@ class StoredTask:
     @property
     def first(self) -> tuple[DemonstrationRecord, ...]:
         """The demonstrations whose extent bounds how far an upload may widen the workspace."""
-        return self.demonstrations[:FIRST]
+        return self.demonstrations[:NUM_FIRST]
 
     def locked(self, connection: Connection) -> "StoredTask | None":
         """Lock the task and return it as it is now, or None where the episode must be extracted again.
@@ -92,7 +93,7 @@ class StoredTask:
             return None
         if (task.object_names, _extracting(task.settings)) != (self.object_names, _extracting(self.stored)):
             return None
-        shown = episodes.demonstrations(connection, self.name, FIRST)
+        shown = episodes.demonstrations(connection, self.name, NUM_FIRST)
         return replace(self, stored=task.settings, demonstrations=shown)
 
 

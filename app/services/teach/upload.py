@@ -13,7 +13,7 @@ from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.units import check_recording
 from app.pipeline.findings.upload import upload_findings
-from app.pipeline.prompt import check_object_names
+from app.pipeline.names import check_object_names
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
@@ -32,7 +32,6 @@ from roboprompt_client.types.names import checked_instruction, checked_name
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
-SCOPE = idempotency.UPLOAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ class Upload:
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """Those of the images."""
+        """The cameras of the images."""
         return tuple(frame.camera for frame in self.episode.frames)
 
     def draft(
@@ -200,7 +199,7 @@ class UploadEpisode:
                 settings, answer = _outcome(now, extracted, respond)
             episodes.add(connection, extracted.draft)
             if upload.idempotency_key is not None:
-                idempotency.save(connection, SCOPE, upload.idempotency_key, upload.digest, answer)
+                idempotency.save(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
         return answer
 
@@ -209,7 +208,7 @@ def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
     """Return the stored answer to the same request; None if it is new, or its episode was deleted since."""
     if upload.idempotency_key is None:
         return None
-    stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
+    stored = idempotency.find(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest)
     return stored if stored is not None and episodes.exist(connection, stored["id"]) else None
 
 

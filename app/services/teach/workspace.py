@@ -18,12 +18,12 @@ from app.store.records import DemonstrationRecord
 from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.types.arrays import Array
 
-FIRST = 3  # demonstrations that say how large the task is; fewer say little
+NUM_FIRST = 3  # demonstrations that say how large the task is; fewer say little
 MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span
 
 
 class Shown(Protocol):
-    """What an episode shows: where the hand and the objects were."""
+    """The positions of hand and objects in an episode."""
 
     @property
     def keyframes(self) -> Sequence[KeyframeRecord]: ...
@@ -51,7 +51,7 @@ def widened(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> W
     """The workspace with room for one more episode; unchanged where it reaches too far beyond the others.
 
     Args:
-        first: the task's first `FIRST` demonstrations; fewer say little about how far is too far.
+        first: the task's first `NUM_FIRST` demonstrations; fewer say little about how far is too far.
     """
     wider = grown(box, _places_m(episode))
     if not first or wider == box:
@@ -66,10 +66,10 @@ def uploaded(
     """The workspace after an upload, and which episodes lie outside of it and were not allowed to widen it.
 
     Args:
-        first: at most `FIRST` demonstrations that came before it.
+        first: at most `NUM_FIRST` demonstrations that came before it.
         stays: the episode moves no bound.
     """
-    tells = len(first) == FIRST - 1
+    tells = len(first) == NUM_FIRST - 1
     if tells and not stays and not all(_holds(box, shown) for shown in first):
         box = spanned(box, _without_odd_one((*first, episode)))
     elif not stays:
@@ -95,7 +95,7 @@ def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
 def _beyond(box: WorkspaceSettings, name: str, shown: Shown) -> Finding:
     wanted = grown(box, _places_m(shown))
     message = (
-        f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {FIRST}"
+        f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {NUM_FIRST}"
         f" demonstrations span: the workspace does not follow it. If it is right, somebody who may configure the"
         f' task sets "workspace" to "auto" again, which makes it {_text(wanted)}; otherwise delete the episode.'
     )

@@ -1,4 +1,4 @@
-"""What a task is: a scene drawn from a seed, an instruction, an expert that solves it and a test of success.
+"""The base of a task: a scene drawn from a seed, an instruction, an expert that solves it and a test of success.
 
 To add a task, write a subclass of SimTask in the module of its domain and name it in `app.sim.tasks`.
 """
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from app.sim import panda
 from app.sim.moves import Move, nearest_yaw_rad, tool_down
-from app.sim.scene import NO_TURN, Part, about_z
+from app.sim.scene import NO_TURN, SceneBody, about_z
 from app.sim.world import OBJECT_CONTACT, base_spec, place_arm
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -102,7 +102,7 @@ class SimTask(ABC):
     @property
     @abstractmethod
     def instruction(self) -> str:
-        """What the robot is asked to do."""
+        """The instruction for the robot."""
 
     @abstractmethod
     def expert(self) -> list[Move]:
@@ -119,12 +119,12 @@ class SimTask(ABC):
         rotation: Rotation = NO_TURN,
         *,
         free: bool = False,
-        parent: Part | None = None,
-    ) -> Part:
+        parent: SceneBody | None = None,
+    ) -> SceneBody:
         """A new body, of the world or of another part, which it then does not collide with; for use in `build`."""
         if parent is not None:
             self._spec.add_exclude(bodyname1=parent.body.name, bodyname2=name)
-        return Part(self._spec.worldbody if parent is None else parent.body, name, position_m, rotation, free=free)
+        return SceneBody(self._spec.worldbody if parent is None else parent.body, name, position_m, rotation, free=free)
 
     def add_cube(
         self,

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from app.sim.moves import LOOSE_M, UP, Move, carry, push
-from app.sim.scene import Part, about_z, scatter
+from app.sim.scene import SceneBody, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 
@@ -111,7 +111,7 @@ class SortShape(SimTask):
         return bool(in_box) and self.gripper_holds_nothing()
 
 
-def _add_sorter(sorter: Part) -> None:
+def _add_sorter(sorter: SceneBody) -> None:
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         half_sizes_m = (LID_M if x else HALF_WIDTH_M, LID_M if y else HALF_WIDTH_M, (HEIGHT_M - LID_M) / 2)
         at_m = MIDDLE_M + HALF_WIDTH_M * np.array([x, y, 0]) - (HEIGHT_M + LID_M) / 2 * UP
@@ -126,7 +126,7 @@ def _add_sorter(sorter: Part) -> None:
     sorter.cylinder(SHAPE_HALF_M, PAINT_M, "black", at_m=CYLINDER_HOLE_M)
 
 
-def _add_lid(sorter: Part, x_m: tuple[float, float], y_m: tuple[float, float]) -> None:
+def _add_lid(sorter: SceneBody, x_m: tuple[float, float], y_m: tuple[float, float]) -> None:
     """The part of the lid between two limits along x and two along y."""
     (x_low, x_high), (y_low, y_high) = x_m, y_m
     center_m = [(x_low + x_high) / 2, (y_low + y_high) / 2, -LID_M / 2]

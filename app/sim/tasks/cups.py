@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim.moves import UP, Move, carry, move_to, pick, tool_down
-from app.sim.scene import Part, about_z, scatter
+from app.sim.scene import SceneBody, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
@@ -87,7 +87,7 @@ def _spoke_tip_m(angle_rad: float) -> Array:
     return tip
 
 
-def _add_holder(holder: Part) -> None:
+def _add_holder(holder: SceneBody) -> None:
     holder.cylinder(0.055, 0.006, "wood", at_m=[0, 0, 0.006 - SPOKES_HEIGHT_M])
     holder.cylinder(POLE_RADIUS_M, POLE_HEIGHT_M / 2, "wood", at_m=[0, 0, POLE_HEIGHT_M / 2 - SPOKES_HEIGHT_M])
     upright = Rotation.from_euler("y", np.pi / 2 - SPOKE_RISE_RAD)
@@ -98,7 +98,7 @@ def _add_holder(holder: Part) -> None:
         holder.capsule(SPOKE_RADIUS_M, half_length, "wood", at_m=tip_m / 2, rotation=spoke)
 
 
-def _add_cup(cup: Part, color: str) -> None:
+def _add_cup(cup: SceneBody, color: str) -> None:
     bottom_m, top_m = CUP_WALL_M - GRASP_HEIGHT_M, CUP_HEIGHT_M - GRASP_HEIGHT_M
     radius_m, thickness_m = CUP_RADIUS_M, CUP_WALL_M
     cup.wall(

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim.moves import UP, Move, move_to, pick, place, tool_down
-from app.sim.scene import BOARD_M, Part, about_z
+from app.sim.scene import BOARD_M, SceneBody, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
@@ -75,14 +75,14 @@ class DrawerTask(SimTask):
         ]
 
 
-def _add_boards(cabinet: Part) -> None:
+def _add_boards(cabinet: SceneBody) -> None:
     heights_m = [storey * STOREY_M for storey in range(len(DRAWERS) + 1)]
     front_m = (-HALF_DEPTH_M, 0, BOARD_M / 2)
     cabinet.case("wood", heights_m, depth_m=2 * HALF_DEPTH_M, half_width_m=HALF_WIDTH_M, front_m=front_m)
     cabinet.box((HALF_DEPTH_M - 0.01, HALF_WIDTH_M - 0.01, FEET_M / 2), "black", at_m=[0, 0, -FEET_M / 2])
 
 
-def _add_drawer(drawer: Part) -> None:
+def _add_drawer(drawer: SceneBody) -> None:
     """Around the handle's center, a little smaller than the cabinet's storey."""
     front, back = HANDLE_FROM_FRONT_M + 0.001, HANDLE_FROM_FRONT_M + 2 * HALF_DEPTH_M - 0.012
     half_width, floor = HALF_WIDTH_M - 0.010, 0.012 - HANDLE_HEIGHT_M

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim.moves import UP, Move, carry, move_to, pick, place, tool_down
-from app.sim.scene import Part, about_z
+from app.sim.scene import SceneBody, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 
@@ -59,7 +59,7 @@ class MeatOffGrill(SimTask):
         return bool(on_table and beside) and self.gripper_holds_nothing()
 
 
-def _add_grill(grill: Part) -> None:
+def _add_grill(grill: SceneBody) -> None:
     """A box of coals on feet below the bars of the grate, a handle in front."""
     half_height_m = (GRILL_HEIGHT_M - FEET_M) / 2 - BAR_RADIUS_M
     coals_at_m = [0, 0, -half_height_m - 2 * BAR_RADIUS_M]
@@ -72,7 +72,7 @@ def _add_grill(grill: Part) -> None:
         grill.box((GRILL_HALF_DEPTH_M, BAR_RADIUS_M, BAR_RADIUS_M), "grey", at_m=[0, y_m, -BAR_RADIUS_M])
 
 
-def _add_meat(meat: Part, color: str) -> None:
+def _add_meat(meat: SceneBody, color: str) -> None:
     third_kg = MEAT_MASS_KG / 3
     meat.box((MEAT_HALF_LENGTH_M, MEAT_HALF_WIDTH_M, MEAT_HALF_HEIGHT_M - SUNK_M), color, mass_kg=third_kg)
     for x_m in (-MEAT_HALF_LENGTH_M, MEAT_HALF_LENGTH_M):
@@ -136,7 +136,7 @@ class PlaceWine(SimTask):
         return bool(lies and in_middle) and self.gripper_holds_nothing()
 
 
-def _add_rails(rack: Part) -> None:
+def _add_rails(rack: SceneBody) -> None:
     on_edge = Rotation.from_euler("x", np.pi / 4)
     for x_m in (-RAIL_X_M, RAIL_X_M):
         rack.box(RAIL_HALF_M, "wood", at_m=[x_m, 0, -RAIL_HALF_M[2]])
@@ -144,7 +144,7 @@ def _add_rails(rack: Part) -> None:
             rack.box((PEG_HALF_M,) * 3, "wood", at_m=[x_m, y_m, PEG_HEIGHT_M], rotation=on_edge)
 
 
-def _add_glass(bottle: Part) -> None:
+def _add_glass(bottle: SceneBody) -> None:
     half_body, half_neck = (SHOULDER_M - BOTTOM_M) / 2, (CORK_M - SHOULDER_M) / 2
     bottle.cylinder(BOTTLE_RADIUS_M, half_body, "purple", at_m=[0, 0, BODY_MIDDLE_M], mass_kg=BOTTLE_KG)
     bottle.sphere(BOTTLE_RADIUS_M, "purple", at_m=[0, 0, SHOULDER_M], mass_kg=SHOULDER_KG)
@@ -189,7 +189,7 @@ class TurnTap(SimTask):
             handle = self.add_part(name, [0, y_m, BAR_HEIGHT_M], parent=tap).box(BAR_HALF_M, color)
             stem_m = BAR_HEIGHT_M - 2 * PIPE_HALF_M[2] - BAR_HALF_M[2]
             handle.cylinder(STEM_RADIUS_M, stem_m / 2, "grey", at_m=[0, 0, -BAR_HALF_M[2] - stem_m / 2])
-            handle.hinge(name, (0, 0, 1), (-0.05, TAP_MAX_TURN_RAD), damping=0.02, dry_friction_nm=0.05)
+            handle.hinge(name, (0, 0, 1), (-0.05, TAP_MAX_TURN_RAD), dry_friction_nm=0.05)
 
     def expert(self) -> list[Move]:
         bar = self.position_m("left tap")

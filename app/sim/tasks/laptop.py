@@ -6,7 +6,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.sim.moves import LOOSE_M, UP, Move, move_to, push
-from app.sim.scene import NO_TURN, Part, about_z
+from app.sim.scene import NO_TURN, SceneBody, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
@@ -22,7 +22,7 @@ MARK_M = 0.0005
 class LaptopTask(SimTask):
     """A laptop whose front edge points away from the robot. Its pose is the center of its base, x to the front edge."""
 
-    def add_laptop(self, center_m: npt.ArrayLike, turn: Rotation) -> Part:
+    def add_laptop(self, center_m: npt.ArrayLike, turn: Rotation) -> SceneBody:
         """The body `laptop` with keyboard and touchpad; for use in `build`."""
         laptop = self.add_part("laptop", center_m, turn)
         laptop.box((HALF_DEPTH_M, HALF_WIDTH_M, HALF_THICKNESS_M), "grey")
@@ -32,7 +32,7 @@ class LaptopTask(SimTask):
             laptop.mark((*half_m, MARK_M), "black", at_m=[x_m, 0, HALF_THICKNESS_M])
         return laptop
 
-    def add_lid(self, laptop: Part, opened: Rotation = NO_TURN) -> Part:
+    def add_lid(self, laptop: SceneBody, opened: Rotation = NO_TURN) -> SceneBody:
         """The body `lid` about the hinge, along x where it is closed; the screen is on its lower side."""
         lid = self.add_part("lid", HINGE_M, opened, parent=laptop)
         half_sizes_m = (LID_LENGTH_M / 2, HALF_WIDTH_M, LID_THICKNESS_M / 2)
@@ -73,7 +73,7 @@ class CloseLaptop(LaptopTask):
         self._opened_rad = random.uniform(MIN_OPEN_RAD, MAX_OPEN_RAD)
         laptop = self.add_laptop([*point, TABLE_TOP_M + CENTER_HEIGHT_M], turn)
         lid = self.add_lid(laptop)
-        lid.hinge("lid", (0, -1, 0), (0, MAX_HINGE_RAD), damping=0.02, dry_friction_nm=HINGE_FRICTION_NM)
+        lid.hinge("lid", (0, -1, 0), (0, MAX_HINGE_RAD), dry_friction_nm=HINGE_FRICTION_NM)
 
     def after_reset(self) -> None:
         self.data.joint("lid").qpos = self._opened_rad
@@ -143,7 +143,7 @@ class UnplugCable(LaptopTask):
         socket.objtype = mujoco.mjtObj.mjOBJ_BODY
         socket.data[:10] = 0  # no anchor; the relative pose in which the bodies are built
 
-    def _add_links(self, plug: Part) -> None:
+    def _add_links(self, plug: SceneBody) -> None:
         bends = {0: Rotation.from_euler("y", SLOPE_RAD), SLOPE_LINKS: Rotation.from_euler("y", -SLOPE_RAD)}
         along_x = Rotation.from_euler("y", np.pi / 2)
         middle_m = [LINK_M / 2, 0, 0]

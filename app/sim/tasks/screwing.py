@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
-from app.sim.scene import Part, scatter
+from app.sim.scene import SceneBody, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
@@ -134,7 +134,7 @@ class ScrewBulb(SimTask):
         return bool(in_place and self._bulb_axes[8] > BULB_UPRIGHT)
 
 
-def _add_holder(holder: Part) -> None:
+def _add_holder(holder: SceneBody) -> None:
     holder.box((0.030, 0.030, HOLDER_BASE_M / 2), "wood", at_m=[0, 0, HOLDER_BASE_M / 2])
     top_m = HOLDER_BASE_M + HOLDER_HEIGHT_M
     holder.wall(
@@ -142,14 +142,14 @@ def _add_holder(holder: Part) -> None:
     )
 
 
-def _add_bulb(bulb: Part, color: str) -> None:
+def _add_bulb(bulb: SceneBody, color: str) -> None:
     thread_at_m = [0, 0, -GLASS_HALF_HEIGHT_M - THREAD_M / 2]
     bulb.cylinder(THREAD_RADIUS_M, THREAD_M / 2, "grey", at_m=thread_at_m, mass_kg=0.022)
     bulb.cylinder(GLASS_RADIUS_M, GLASS_HALF_HEIGHT_M, color, mass_kg=0.015)
     bulb.sphere(GLASS_RADIUS_M, color, at_m=[0, 0, GLASS_HALF_HEIGHT_M], mass_kg=0.01)
 
 
-def _add_lamp(lamp: Part) -> None:
+def _add_lamp(lamp: SceneBody) -> None:
     floor_m = -FUNNEL_M - SOCKET_M
     lamp.cylinder(LAMP_RADIUS_M, LAMP_BASE_M / 2, "black", at_m=[0, 0, floor_m - LAMP_BASE_M / 2])
     lamp.wall("black", bottom_m=floor_m, top_m=-FUNNEL_M, bottom_radius_m=SOCKET_RADIUS_M, thickness_m=WALL_M)

@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 
 from app.sim.moves import Move, move_to, pick, tool_down
-from app.sim.scene import BOARD_M, Part, Vector, about_z, scatter
+from app.sim.scene import BOARD_M, SceneBody, Vector, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 
@@ -79,7 +79,7 @@ class PutInSafe(ShelfTask):
         money = self.add_part("money", [*spot, TABLE_TOP_M + self.stored_half_m[2]], about_z(yaw_rad), free=True)
         money.box(self.stored_half_m, "green", mass_kg=0.06)
 
-    def _add_boards(self, safe: Part) -> None:
+    def _add_boards(self, safe: SceneBody) -> None:
         """The case and its door."""
         safe.case("grey", (*self.shelves_m, self.top_m), depth_m=DEPTH_M, half_width_m=self.half_width_m)
         swing = about_z(self.door_rad)
@@ -121,7 +121,7 @@ class PutInCupboard(ShelfTask):
             can = self.add_part(name, [*spot, TABLE_TOP_M + self.can_half_height_m], free=True)
             can.cylinder(self.can_radius_m, self.can_half_height_m, color, mass_kg=0.1)
 
-    def _add_boards(self, cupboard: Part) -> None:
+    def _add_boards(self, cupboard: SceneBody) -> None:
         """The case and its stand."""
         cupboard.case("wood", (*self.shelves_m, self.top_m), depth_m=DEPTH_M, half_width_m=self.half_width_m)
         stand_half_m = (DEPTH_M / 2 - 0.01, self.half_width_m - 0.01, (self.stand_m - BOARD_M) / 2)

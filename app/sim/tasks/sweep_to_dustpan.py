@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim.moves import UP, Move, move_to, pick, tool_down
-from app.sim.scene import Part, about_z, scatter
+from app.sim.scene import SceneBody, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
@@ -93,7 +93,7 @@ class SweepToDustpan(SimTask):
         return bool((inside & (dirt[:, 2] < 2 * PAN_WALL_M)).all())
 
 
-def _add_pan(pan: Part) -> None:
+def _add_pan(pan: SceneBody) -> None:
     half_floor, half_wall = PAN_FLOOR_M / 2, PAN_WALL_M
     (from_x, from_z), (to_x, to_z) = RAMP_FROM_M, RAMP_TO_M
     slope = Rotation.from_euler("y", -np.arctan2(to_z - from_z, to_x - from_x))
@@ -108,7 +108,7 @@ def _add_pan(pan: Part) -> None:
     pan.box((0.003, PAN_HALF_WIDTH_M, half_wall), "cyan", at_m=[PAN_DEPTH_M, 0, half_wall])
 
 
-def _add_holder(holder: Part) -> None:
+def _add_holder(holder: SceneBody) -> None:
     (half_x, half_y), half_height = HOLDER_HALF_M, HOLDER_HEIGHT_M / 2
     for x_m in (-half_x, half_x):
         holder.box((HOLDER_WALL_M, half_y, half_height), "grey", at_m=[x_m, 0, half_height])

@@ -11,7 +11,7 @@ from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
 from app.services.predict.standing import task_stats
 from app.store import prediction_lists, predictions, tasks
-from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
+from app.store.prediction_lists import FATES, Fate, ListCursor, ListOrder, PredictionFilter
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
@@ -36,7 +36,7 @@ def predictions_page(
     demonstrations: Annotated[str, Query(pattern=r"^\d{0,3}$")] = "",
     outcome: Fate | Literal[""] = "",
     yardsticks: bool = False,
-    order: Order = "successes",
+    order: ListOrder = "successes",
     cursor: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
     """Predictions and the success of each configuration.

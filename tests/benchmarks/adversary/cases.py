@@ -7,7 +7,6 @@ from roboprompt_client.types.poses import ObjectPose, Pose
 from tests.episodes import pick_trajectory
 
 NUMBER = 10
-UPRIGHT_XYZW = (0.0, 0.0, 0.0, 1.0)
 NAMES = ("red cube", "blue cube", "lid")
 
 

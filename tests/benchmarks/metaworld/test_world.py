@@ -19,7 +19,7 @@ from app.evaluation.foreign import ForeignExecutor
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.plan import Plan
-from app.evaluation.run import Run
+from app.evaluation.run import PlanRun
 from app.evaluation.sweep_run import SweepRun
 from app.evaluation.sweeps import COPY, OWN_KEYFRAMES, SWEEPS
 from app.executors import call
@@ -182,7 +182,7 @@ def test_one_evaluation_teaches_replays_asks_and_carries_out(url, tmp_path):
     plan = plan_of(*METHODS)
     with Ledger(tmp_path / "results.jsonl") as ledger, RoboPromptClient(url) as client:
         with closing(ForeignExecutor(ButtonWorld.python)) as executor:
-            (task,) = Run(plan, ledger, client, executor, Progress(disable=True), shared=True)().tasks
+            (task,) = PlanRun(plan, ledger, client, executor, Progress(disable=True), shared=True)().tasks
         stored = client.get(f"/predictions/{task.trials[3].answer['id']}")
     own, asked, noisy = (task.trials[k : k + 3] for k in (0, 3, 6))
     assert task.crashes == ()
@@ -208,7 +208,7 @@ def test_an_expert_that_never_succeeds_is_an_error_of_its_trials(url, tmp_path, 
     plan = plan_of(COPY, episodes=2, where=MetaWorld())
     simulation._hopeless_from = 0
     with Ledger(tmp_path / "results.jsonl") as ledger, RoboPromptClient(url) as client:
-        (task,) = Run(plan, ledger, client, InlineExecutor(), Progress(disable=True), shared=True)().tasks
+        (task,) = PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True), shared=True)().tasks
     assert (task.trials, len(task.crashes)) == ((), 2)
     assert "ExpertFailedError: the expert of button-press failed 4 times" in task.crashes[0].message
 

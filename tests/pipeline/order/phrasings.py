@@ -3,8 +3,8 @@
 import numpy as np
 
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.services.predict.instruction import is_english
+from app.pipeline.order.taught import TaughtWords
+from app.services.english import is_english
 
 # In the robot's frame: x forward, y left, z up.
 PLACES_M = {
@@ -24,7 +24,7 @@ TAUGHT_INSTRUCTIONS = {
 }
 ALIASES = {"things": {"mug": ("coffee cup",)}}
 TAUGHT = {
-    task: Taught(tuple(places), ALIASES.get(task, {}), TAUGHT_INSTRUCTIONS[task], is_english)
+    task: TaughtWords(tuple(places), ALIASES.get(task, {}), TAUGHT_INSTRUCTIONS[task], is_english)
     for task, places in PLACES_M.items()
 }
 LAYOUTS = {

@@ -10,15 +10,15 @@ from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructio
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.services.predict.instruction import is_english
+from app.pipeline.order.taught import TaughtWords
+from app.services.english import is_english
 
 BUTTONS = ("red button", "blue button")
 PUSH = ["push the red button", "push the blue button"]
 
 
 def taught(names, instructions, **aliases):
-    return Taught(names, aliases, instructions, is_english)
+    return TaughtWords(names, aliases, instructions, is_english)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_what_takes_too_many_steps_to_read_is_refused(options):
 )
 def test_every_phrase_tells_what_it_was_taken_for_and_by_what(said, phrase, name, by):
     layout = Layout({"red button": np.array([0.3, 0.2, 0.8]), "blue button": np.array([0.3, -0.2, 0.8])}, np.zeros(3))
-    words = Taught(BUTTONS, {"red button": ("big one", "start")}, PUSH, is_english)
+    words = TaughtWords(BUTTONS, {"red button": ("big one", "start")}, PUSH, is_english)
     assert read(said, words, layout).phrases == (Grounding(phrase, name, by),)
 
 
@@ -155,7 +155,7 @@ def test_objects_that_are_not_clear_are_refused_all_the_same(said):
 
 
 def test_a_refusal_lists_what_the_task_knows():
-    words = Taught(BUTTONS, {"blue button": ("stop",)}, PUSH, is_english)
+    words = TaughtWords(BUTTONS, {"blue button": ("stop",)}, PUSH, is_english)
     with pytest.raises(UngroundedInstructionError, match="'the purple button' is none") as refused:
         read("push the purple button", words)
     assert refused.value.valid == (

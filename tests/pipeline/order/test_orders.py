@@ -6,8 +6,8 @@ from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructio
 from app.pipeline.findings.scene import Stranger, strangers
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import read
-from app.pipeline.order.taught import Taught
-from app.services.predict.instruction import is_english
+from app.pipeline.order.taught import TaughtWords
+from app.services.english import is_english
 
 TASKS = {
     "slider": (("slider",), ("move the slider from left to right",)),
@@ -43,7 +43,7 @@ TASKS = {
     "bin": (("parts bin",), ("push the parts bin to the left",)),
     "mugs": (("mug 1", "mug 2", "tray"), ("put mug 1 on the tray", "pick up mug 1")),
 }
-TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in TASKS.items()}
+TAUGHT = {task: TaughtWords(names, {}, texts, is_english) for task, (names, texts) in TASKS.items()}
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from app.pipeline.errors import InstructionError
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.pipeline.steps.reading import Scene, Skill, Step, read_steps
-from app.services.predict.instruction import is_english
+from app.pipeline.order.taught import TaughtWords
+from app.pipeline.steps.reading import Skill, Step, TasksOfScene, read_steps
+from app.services.english import is_english
 
 TASKS = {
     "open": (("upper box", "lower box"), ("open the upper box", "open the lower box")),
@@ -34,7 +34,7 @@ LEFT, RIGHT, SHAKE = "press the left button", "press the right button", "shake t
 
 
 def skill(task, names, texts, **aliases):
-    return Skill(task, Taught(names, aliases, texts, is_english))
+    return Skill(task, TaughtWords(names, aliases, texts, is_english))
 
 
 SKILLS = tuple(skill(task, names, texts) for task, (names, texts) in TASKS.items())
@@ -42,7 +42,7 @@ SKILLS = tuple(skill(task, names, texts) for task, (names, texts) in TASKS.items
 
 def plan(said, skills=SKILLS, names=NAMES, layout=None):
     aliases = shared_aliases([each.taught.aliases for each in skills], names)
-    return read_steps(said, Scene(names, aliases, skills, is_english), layout)
+    return read_steps(said, TasksOfScene(names, aliases, skills, is_english), layout)
 
 
 def texts(steps):
