@@ -152,10 +152,11 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
         how |= {"confirm": person.confirm, "preview": person.preview}
     how |= {"stream": arguments.stream, "look_again": arguments.look_again}
     if arguments.task is not None:
-        _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
-        if person.said is not None and not person.said.success:
-            offer_correction(client, robot, arguments.task, arguments.instruction)
-        return 0
+        predicted = run_task(*what, on_outcome=person.outcome, **how)
+        _print_json(predicted.response)
+        if person.said is None or person.said.success:
+            return 0
+        return offer_correction(client, robot, arguments.task, arguments.instruction, predicted.id)
     confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})

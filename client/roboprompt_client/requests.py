@@ -143,6 +143,7 @@ class Requests:
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
+        corrects: str | None = None,
     ) -> Request[dict[str, Any]]:
         """Store a demonstration; return the service's description of it.
 
@@ -150,6 +151,7 @@ class Requests:
             observation: what the robot saw at the first frame.
             mask_ids: by object name, the ids of its pixels in the frames' masks; instead of a pose or beside it.
             prediction_id: of the prediction that the robot carried out successfully in this episode.
+            corrects: id of the prediction that failed, and in whose scene the episode shows how it is done.
         """
         metadata = {
             "task": task,
@@ -158,6 +160,7 @@ class Requests:
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
             "prediction_id": prediction_id,
+            "corrects": corrects,
         }
         parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")

@@ -35,13 +35,14 @@ STORED = {
 @pytest.fixture
 def service(monkeypatch, tmp_path):
     """Answers 201 unless it is away or refuses."""
-    state = SimpleNamespace(away=False, refuses=False)
+    state = SimpleNamespace(away=False, refuses=False, sent=[])
 
     def answer(request):
         if state.away:
             raise httpx.ConnectError("refused")
         if state.refuses:
             return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
+        state.sent.append(request.content)
         return httpx.Response(201, json=STORED)
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
@@ -243,6 +244,7 @@ def test_an_arm_that_a_command_refuses_is_closed(tmp_path, monkeypatch, commands
 def test_a_failed_run_is_corrected_by_showing_it(service, arm, monkeypatch, tmp_path, capsys, answers, stored):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("builtins.input", lambda question: answers.pop(0))
-    offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up")
+    assert offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up", "p1") == 0
     assert ("stored as e1" in capsys.readouterr().out) is stored
+    assert [b'"corrects": "p1"' in body for body in service.sent] == [True] * stored
     assert (tmp_path / "recordings").exists() is stored

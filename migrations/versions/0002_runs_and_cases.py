@@ -1,5 +1,7 @@
 """Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again.
 
+Episodes that correct a failed prediction have its id.
+
 Columns go that nothing reads: the step of a prediction, and the status of an answer to a repeated request.
 """
 
@@ -34,6 +36,8 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["prediction_id"], ["predictions.id"], name="fk_cases_prediction_id_predictions"),
         sa.PrimaryKeyConstraint("prediction_id", name="pk_cases"),
     )
+    op.add_column("episodes", sa.Column("corrects", sa.String(32)))
+    op.create_index("ix_episodes_corrects", "episodes", ["corrects"])
     op.drop_column("predictions", "step")
     op.drop_column("idempotency_keys", "status")
 
@@ -41,5 +45,7 @@ def upgrade() -> None:
 def downgrade() -> None:
     op.add_column("idempotency_keys", sa.Column("status", sa.Integer(), nullable=False, server_default="200"))
     op.add_column("predictions", sa.Column("step", sa.Integer()))
+    op.drop_index("ix_episodes_corrects", "episodes")
+    op.drop_column("episodes", "corrects")
     op.drop_table("cases")
     op.drop_table("runs")

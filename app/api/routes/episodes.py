@@ -84,7 +84,7 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    said = metadata.model_dump(include={"prediction_id", "left_out", "note", "uploaded_instruction"})
+    said = metadata.model_dump(include={"prediction_id", "corrects", "left_out", "note", "uploaded_instruction"})
     return Upload(metadata.task, episode, objects, images, body.digest(), idempotency_key, **said)
 
 

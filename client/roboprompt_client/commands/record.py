@@ -42,6 +42,7 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     led.add_argument(
         "--teleop", choices=("keyboard", "spacemouse"), help="steer the hand with these keys or this device"
     )
+    record.set_defaults(corrects=None)
     record.add_argument("--send-only", action="store_true", help="upload recordings that wait, and record nothing")
 
 
@@ -78,15 +79,15 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     return failed
 
 
-def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str) -> None:
-    """After a run that failed, offer to record a demonstration of how it is done."""
+def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> int:
+    """After a run that failed, offer to record a demonstration that corrects its prediction; returns as `run_record`."""
     if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
-        return
+        return 0
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
-    how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None}
+    how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None, "corrects": prediction_id}
     _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
-    _send_all(client, spool)
+    return _send_all(client, spool)
 
 
 def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
@@ -96,7 +97,7 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
     except CameraError as error:
         say(str(error))
         return
-    folder = spool.new(shown.task, shown.instruction, seen)
+    folder = spool.new(shown.task, shown.instruction, seen, shown.corrects)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
     try:
         trajectory = record_live(arm, folder / JOURNAL, shown.rate_hz, guide=shown.guide, teleop=shown.teleop)

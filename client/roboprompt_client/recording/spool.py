@@ -51,15 +51,19 @@ class Spool:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.chmod(0o700)
 
-    def new(self, task: str, instruction: str, observation: Observation) -> Path:
-        """Write what was seen before a recording; return its folder, into which its `journal` may follow."""
+    def new(self, task: str, instruction: str, observation: Observation, corrects: str | None = None) -> Path:
+        """Write what was seen before a recording; return its folder, into which its `journal` may follow.
+
+        Args:
+            corrects: id of the failed prediction that the recording corrects, if it does.
+        """
         folder = self._folder / uuid4().hex
         folder.mkdir(mode=0o700)
         for frame in observation.frames:
             for name, image in images_of(frame):
                 file, data, _ = npy_part(name, image, frame)
                 _write(folder / file, data)
-        scene = {"task": task, "instruction": instruction, **scene_json(observation, None)}
+        scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation, None)}
         _write(folder / SCENE, json.dumps(scene).encode())
         return folder
 
