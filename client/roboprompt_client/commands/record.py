@@ -80,7 +80,7 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
 
 
 def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> int:
-    """After a run that failed, offer to record a demonstration that corrects its prediction; returns as `run_record`."""
+    """After a run that failed, offer to record a demonstration that corrects its prediction; return as `run_record`."""
     if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
         return 0
     spool = Spool(SPOOL)
