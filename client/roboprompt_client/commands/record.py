@@ -1,6 +1,6 @@
 """`roboprompt-robot record`: record demonstrations while a person moves the arm, and upload them."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 
 from roboprompt_client.arms.arm import Arm
@@ -39,11 +39,16 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     led = record.add_mutually_exclusive_group()
     what = "let the arm carry its own weight and yield to your hand (Franka only)"
     led.add_argument("--guide", action="store_true", help=what)
-    led.add_argument(
-        "--teleop", choices=("keyboard", "spacemouse"), help="steer the hand with these keys or this device"
-    )
+    what = "steer the hand with keyboard or spacemouse, or with a LeRobot leader arm that MODULE:FACTORY returns"
+    led.add_argument("--teleop", metavar="DEVICE", type=_device, help=what)
     record.set_defaults(corrects=None)
     record.add_argument("--send-only", action="store_true", help="upload recordings that wait, and record nothing")
+
+
+def _device(text: str) -> str:
+    if text in ("keyboard", "spacemouse") or ":" in text:
+        return text
+    raise ArgumentTypeError(f"{text!r:.40} is none of keyboard, spacemouse, MODULE:FACTORY")
 
 
 def run_record(client: RoboPromptClient, arguments: Namespace) -> int:

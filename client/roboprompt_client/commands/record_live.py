@@ -27,7 +27,7 @@ def record_live(
 
     Args:
         guide: let the arm yield to the person's hand.
-        teleop: `keyboard` or `spacemouse`, to steer the hand with; None: neither.
+        teleop: the device to steer the hand with, as of `opened`; None: no device.
 
     Returns:
         the recording, or None if the person discards it.
