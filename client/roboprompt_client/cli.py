@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any, get_args
 
 from roboprompt_client.answers import OnDanger
+from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
 from roboprompt_client.commands.look import add_find, add_look, asking_robot, find_in_pictures
 from roboprompt_client.commands.record import add_record, offer_correction
-from roboprompt_client.commands.terminal import Person
+from roboprompt_client.commands.terminal import Person, recovered
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
@@ -72,6 +73,8 @@ def _parser() -> ArgumentParser:
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
+    what = "acknowledge an arm's errors, so that it may move again, once somebody has looked at it"
+    add("recover", what, _recover).add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     init = add("init", "write a cell's file from your answers and the arm's measurements", run_init)
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
@@ -160,6 +163,11 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
     confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})
+
+
+def _recover(_: RoboPromptClient, arguments: Namespace) -> int:
+    with closing_robot(open_robot(arguments.robot, cameras=False)) as robot:
+        return int(not recovered(robot))
 
 
 def _print_json(document: object) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState
+from roboprompt_client.arms.driver import LOOK_FIRST, STEERED_S, ArmState
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
@@ -92,7 +92,7 @@ class Franka:
         """Also refuse while the arm reports an error: a reflex is acknowledged by `recover` only."""
         with self._errors("state"):
             if self._robot.has_errors:
-                raise MotionError(f"the arm reports {self._robot.state.current_errors}: call recover()")
+                raise MotionError(f"the arm reports {self._robot.state.current_errors}: {LOOK_FIRST}")
             joints = np.array(self._robot.current_joint_state.position, float).reshape(7)
         self.geometry().way(joints, position_m, quaternion_xyzw)
 

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState, MakersObject
+from roboprompt_client.arms.driver import LOOK_FIRST, STEERED_S, ArmState, MakersObject
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types import quaternions as rotations
@@ -139,7 +139,7 @@ class UR:
             (self._receive.isProtectiveStopped, "a protective stop"),
         ):
             if stopped():
-                raise MotionError(f"{self.name}: {what}: release it on the pendant, then call recover()")
+                raise MotionError(f"{self.name}: {what}: release it on the pendant; {LOOK_FIRST}")
         if not self._control.isConnected():
             raise MotionError(f"{self.name}: the connection is lost")
 

@@ -8,10 +8,10 @@ from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.look import AddCommand, add_find, asking_robot, find_in_pictures
 from roboprompt_client.commands.record_live import record_live
-from roboprompt_client.commands.terminal import ask, ask_yes, say
+from roboprompt_client.commands.terminal import ask, ask_yes, recovered, say
 from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recording.recorder import RATE_HZ, HasState
-from roboprompt_client.recording.spool import JOURNAL, Sent, Spool
+from roboprompt_client.recording.spool import UNFINISHED, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 
 SPOOL = Path("recordings")
@@ -42,7 +42,8 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     what = "steer the hand with keyboard or spacemouse, or with a LeRobot leader arm that MODULE:FACTORY returns"
     led.add_argument("--teleop", metavar="DEVICE", type=_device, help=what)
     record.set_defaults(corrects=None)
-    record.add_argument("--send-only", action="store_true", help="upload recordings that wait, and record nothing")
+    what = "upload recordings that wait, also those that were interrupted, and record nothing"
+    record.add_argument("--send-only", action="store_true", help=what)
 
 
 def _device(text: str) -> str:
@@ -61,7 +62,9 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
     except OSError as error:
         raise InvalidInputError("--spool", str(error), "a folder of this user's that can be written") from error
     failed = 0
-    if not arguments.send_only:
+    if arguments.send_only:
+        spool.finish_all()
+    else:
         for name in ("robot", "task", "instruction"):
             if getattr(arguments, name) is None:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
@@ -79,7 +82,13 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     find_in_pictures(robot, client, arguments.task, arguments.find)
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
-        _record_one(robot, spool, arguments)
+        try:
+            _record_one(robot, spool, arguments)
+        except MotionError as error:
+            say(str(error))
+            failed = 1
+            if not recovered(robot):
+                break
         failed |= _send_all(client, spool)
     return failed
 
@@ -96,7 +105,12 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
 
 
 def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
-    """Record one demonstration with the command's options; an interrupted one stays in the spool."""
+    """Record one demonstration with the command's options; an interrupted one stays in the spool, unfinished.
+
+    Raises:
+        MotionError: if the arm ended it.
+        InvalidInputError: if the next recording would fail, too.
+    """
     try:
         seen = _seen(robot, shown.objects)
     except CameraError as error:
@@ -105,22 +119,17 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
     folder = spool.new(shown.task, shown.instruction, seen, shown.corrects)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
     try:
-        trajectory = record_live(arm, folder / JOURNAL, shown.rate_hz, guide=shown.guide, teleop=shown.teleop)
-    except (MotionError, InvalidInputError) as error:
-        if (folder / JOURNAL).exists():
-            say(f"{error}; the recording until then is kept in {folder}")
-            return
-        spool.discard(folder)
-        if isinstance(error, InvalidInputError):  # the next recording would fail, too
-            raise
-        say(str(error))
-        return
-    except KeyboardInterrupt:
-        say(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")
+        trajectory = record_live(arm, folder / UNFINISHED, shown.rate_hz, guide=shown.guide, teleop=shown.teleop)
+    except (MotionError, InvalidInputError, KeyboardInterrupt):
+        if (folder / UNFINISHED).exists():
+            say(f"interrupted, and not uploaded: it is in {folder}; `roboprompt-robot record --send-only` uploads it")
+        else:
+            spool.discard(folder)
         raise
     if trajectory is None:
         spool.discard(folder)
         return
+    spool.finish(folder)
     say(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
 
 

@@ -27,6 +27,7 @@ WAITS_S = (1.0, 2.0, 4.0, 8.0)
 # No key or a wrong one, a timeout, too many requests: the service may store the same recording later.
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
+UNFINISHED = "journal.part"  # the journal until the recording has ended as the person wanted
 IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
 OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alone"
 
@@ -52,7 +53,7 @@ class Spool:
         folder.chmod(0o700)
 
     def new(self, task: str, instruction: str, observation: Observation, corrects: str | None = None) -> Path:
-        """Write what was seen before a recording; return its folder, into which its `journal` may follow.
+        """Write what was seen before a recording; return its folder, into which `UNFINISHED` may follow.
 
         Args:
             corrects: id of the failed prediction that the recording corrects, if it does.
@@ -73,6 +74,15 @@ class Spool:
         for folder in sorted(folders, key=lambda path: (path / SCENE).lstat().st_mtime):
             if not (folder / SENT).exists() and not (folder / REFUSED).exists():
                 yield folder
+
+    def finish(self, folder: Path) -> None:
+        """Let a recording be uploaded."""
+        (folder / UNFINISHED).rename(folder / JOURNAL)
+
+    def finish_all(self) -> None:
+        """Let recordings be uploaded that were interrupted."""
+        for path in self._folder.glob(f"*/{UNFINISHED}"):
+            self.finish(path.parent)
 
     def discard(self, folder: Path) -> None:
         """Delete a recording."""
