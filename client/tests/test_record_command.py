@@ -40,6 +40,8 @@ def service(monkeypatch, tmp_path):
     def answer(request):
         if state.away:
             raise httpx.ConnectError("refused")
+        if request.method == "GET":
+            return httpx.Response(404, json={"title": "Not found", "detail": "there is no task 'pick'"})
         if state.refuses:
             return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
         state.sent.append(request.content)
@@ -62,6 +64,7 @@ def run(monkeypatch, tmp_path, *more, answers=()):
 def test_record_keep_and_upload(service, monkeypatch, tmp_path, capsys):
     assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 0
     said = capsys.readouterr().out
+    assert "'pick' is a new task" in said
     assert "7 joints" in said
     assert "stored as e1: 2 keyframes" in said
     assert "info long-rest: The hand stands still for 9 s." in said

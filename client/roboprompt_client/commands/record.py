@@ -6,11 +6,17 @@ from pathlib import Path
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.look import AddCommand, add_find, asking_robot, find_in_pictures
-from roboprompt_client.commands.record_live import record_live
+from roboprompt_client.commands.look import NOT_FOUND, AddCommand, add_find, asking_robot, find_in_pictures
+from roboprompt_client.commands.record_live import record_live, require_leading
 from roboprompt_client.commands.terminal import ask, ask_yes, recovered, say
-from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recording.recorder import RATE_HZ, HasState
+from roboprompt_client.errors import (
+    CameraError,
+    InvalidInputError,
+    MotionError,
+    ServiceProblemError,
+    ServiceUnreachableError,
+)
+from roboprompt_client.recording.recorder import RATE_HZ, HasState, checked_rate_hz
 from roboprompt_client.recording.spool import UNFINISHED, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 
@@ -34,7 +40,7 @@ def add_record(add: AddCommand, robot_help: str) -> None:
         help="folder for recordings that wait for the service (default: %(default)s)",
     )
     record.add_argument(
-        "--rate-hz", type=float, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
+        "--rate-hz", type=_rate_hz, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
     )
     led = record.add_mutually_exclusive_group()
     what = "let the arm carry its own weight and yield to your hand (Franka only)"
@@ -44,6 +50,13 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     record.set_defaults(corrects=None)
     what = "upload recordings that wait, also those that were interrupted, and record nothing"
     record.add_argument("--send-only", action="store_true", help=what)
+
+
+def _rate_hz(text: str) -> float:
+    try:
+        return checked_rate_hz(float(text))
+    except ValueError as error:  # an InvalidInputError, too
+        raise ArgumentTypeError(str(error)) from error
 
 
 def _device(text: str) -> str:
@@ -79,7 +92,9 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
         raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
+    require_leading(robot, guide=arguments.guide, teleop=arguments.teleop)
     find_in_pictures(robot, client, arguments.task, arguments.find)
+    _say_where(client, arguments)
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
         try:
@@ -91,6 +106,18 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
                 break
         failed |= _send_all(client, spool)
     return failed
+
+
+def _say_where(client: RoboPromptClient, arguments: Namespace) -> None:
+    """Say before the first recording what would surprise a person after it; raises ServiceProblemError for a key."""
+    try:
+        client.get(f"/tasks/{arguments.task}")
+    except ServiceUnreachableError as error:
+        say(f"{error} Recordings wait in {arguments.spool}.")
+    except ServiceProblemError as error:
+        if error.status != NOT_FOUND:
+            raise
+        say(f"{arguments.task!r} is a new task: the first recording makes it")
 
 
 def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> int:

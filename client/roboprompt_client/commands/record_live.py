@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from roboprompt_client.arms.arm import Steer
+from roboprompt_client.arms.driver import Guidable, Steerable
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.recording.recorder import HasState, Progress, Recorder
 from roboprompt_client.recording.teleop import END, MOVES, SPEED_M_S, TICK_S, TURN_RAD_S, Read, Said, keyboard, opened
@@ -17,7 +18,24 @@ KEYS = "o: open the gripper   c: close it   x: discard   Enter: keep"
 OPEN, CLOSE, KEEP = "o", "c", "\r\n"
 SHOWN_S = 0.2
 MAX_LINE_CHARS, CLEAR_LINE = 78, "\x1b[K"
-AN_ARM = "an Arm, such as that of a cell's file"
+
+
+def require_leading(arm: object, *, guide: bool, teleop: str | None) -> None:
+    """Refuse before a recording what cannot lead the arm.
+
+    Raises:
+        InvalidInputError: if the arm cannot be guided or steered, or the device is not there.
+        MotionError: if the device does not answer.
+    """
+    driver = getattr(arm, "driver", None)
+    if guide and not isinstance(driver, Guidable):
+        raise InvalidInputError("--guide", "this arm cannot be guided by its driver", "its maker's button")
+    if teleop is None:
+        return
+    if not isinstance(driver, Steerable):
+        raise InvalidInputError("--teleop", "this arm cannot be steered by its driver", "another arm")
+    with opened(teleop):
+        pass
 
 
 def record_live(
@@ -54,14 +72,10 @@ def record_live(
 def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
     """Let the arm be guided or steered until `led` is closed; return the function that steers it, or None."""
     if guide:
-        if not hasattr(arm, "guided"):
-            raise InvalidInputError("--guide", "this robot cannot be guided", AN_ARM)
-        led.enter_context(arm.guided())
+        led.enter_context(arm.guided())  # type: ignore[attr-defined]  # see `require_leading`
     if not steers:
         return None
-    if not hasattr(arm, "steered"):
-        raise InvalidInputError("--teleop", "this robot cannot be steered", AN_ARM)
-    steer: Steer = led.enter_context(arm.steered())
+    steer: Steer = led.enter_context(arm.steered())  # type: ignore[attr-defined]  # see `require_leading`
     return steer
 
 
