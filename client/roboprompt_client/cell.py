@@ -137,7 +137,7 @@ def read_cell(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
     if not isinstance(cell, dict) or not isinstance(cell.get("arm"), str):
-        raise InvalidInputError("arm", "is missing", ", ".join(ARMS))
+        raise InvalidInputError("arm", "is missing", ", ".join([*ARMS, "MODULE:FACTORY"]))
     if unknown := [name for name in cell if name not in CELL_FIELDS]:
         raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
     return cell

@@ -12,7 +12,7 @@ def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        remedy = f"pip install 'roboprompt-client[{extra}]'"
+        remedy = f"in a checkout, pip install './client[{extra}]'"
         raise InvalidInputError(extra, f"{package} is not installed or cannot be loaded: {error}", remedy) from error
 
 

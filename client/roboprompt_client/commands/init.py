@@ -2,7 +2,7 @@
 
 import math
 from argparse import Namespace
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,11 @@ import numpy as np
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.panda import LIMITS_RAD
 from roboprompt_client.cameras.realsense import realsense_serials
-from roboprompt_client.cell import open_robot, write_cell
+from roboprompt_client.cell import ARMS, open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.terminal import ask, ask_yes, led_by_hand, say
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.extras import make_driver
 from roboprompt_client.robot import observation_from_file
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
@@ -45,7 +46,11 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     path: Path = arguments.file
     if path.exists():
         raise InvalidInputError("FILE", f"{path} exists and is not overwritten", "a new name")
-    cell = {**_arm(), "base_to_world": _base()}
+    if not path.parent.is_dir():
+        raise InvalidInputError("FILE", f"there is no folder {path.parent}", "a file in a folder that exists")
+    cell = _arm()
+    _try_to_connect(cell)  # before a person answers what would be lost
+    cell["base_to_world"] = _base()
     if cameras := [camera for serial in realsense_serials() if (camera := _camera(serial))]:
         cell["cameras"] = cameras
     elif objects := _answer(WITHOUT_CAMERAS, partial(_objects_file, path.parent)):
@@ -77,6 +82,13 @@ def _arm() -> dict[str, Any]:
         if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
             options["realtime"] = False
     return {"arm": name, "options": options}
+
+
+def _try_to_connect(cell: Mapping[str, Any]) -> None:
+    """Raise as `open_robot` if the arm's package is missing, or the arm does not answer."""
+    made = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
+    if hasattr(made, "close"):
+        made.close()
 
 
 def _realtime_kernel() -> bool:

@@ -19,6 +19,7 @@ from roboprompt_client.errors import (
 from roboprompt_client.recording.recorder import RATE_HZ, HasState, checked_rate_hz
 from roboprompt_client.recording.spool import UNFINISHED, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
+from roboprompt_client.types.names import checked_instruction, checked_name
 
 SPOOL = Path("recordings")
 
@@ -81,6 +82,8 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
         for name in ("robot", "task", "instruction"):
             if getattr(arguments, name) is None:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+        checked_name("--task", arguments.task)
+        checked_instruction("--instruction", arguments.instruction)
         if arguments.objects is not None:
             observation_from_file("--objects", arguments.objects)  # report its faults before the recording
         with asking_robot(arguments.robot) as robot:
