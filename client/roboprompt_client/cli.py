@@ -12,14 +12,14 @@ from typing import Any, get_args
 
 from roboprompt_client.answers import OnDanger
 from roboprompt_client.cell import closing_robot, open_robot
-from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.client import DEFAULT_URL, KEY_VARIABLE, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
 from roboprompt_client.commands.look import add_find, add_look, asking_robot, find_in_pictures
 from roboprompt_client.commands.record import add_record, offer_correction
 from roboprompt_client.commands.terminal import Person, recovered
-from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.runs.live import Live
@@ -30,6 +30,7 @@ from roboprompt_client.types.trajectory_npz import trajectory_from_file
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
 )
+UNAUTHORIZED = 401
 ROBOT = (
     "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot; modules in the current folder are found"
 )
@@ -44,6 +45,8 @@ def main() -> int:
             return int(arguments.command(client, arguments))
     except RoboPromptError as error:
         print(error, file=sys.stderr)
+        if isinstance(error, ServiceProblemError) and error.status == UNAUTHORIZED:
+            print(f"This computer takes the key from the environment: export {KEY_VARIABLE}=...", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
