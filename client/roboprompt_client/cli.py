@@ -164,7 +164,8 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
         _print_json(predicted.response)
         if person.said is None or person.said.success:
             return 0
-        return offer_correction(client, robot, arguments.task, arguments.instruction, predicted.id)
+        offer_correction(client, robot, arguments.task, arguments.instruction, predicted.id)
+        return 1
     confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})

@@ -247,7 +247,7 @@ def test_an_arm_that_a_command_refuses_is_closed(tmp_path, monkeypatch, commands
 def test_a_failed_run_is_corrected_by_showing_it(service, arm, monkeypatch, tmp_path, capsys, answers, stored):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("builtins.input", lambda question: answers.pop(0))
-    assert offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up", "p1") == 0
+    offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up", "p1")
     assert ("stored as e1" in capsys.readouterr().out) is stored
     assert [b'"corrects": "p1"' in body for body in service.sent] == [True] * stored
     assert (tmp_path / "recordings").exists() is stored

@@ -38,7 +38,7 @@ def test_poses_without_an_observation_are_named():
 def test_an_observation_may_be_empty():
     assert Observation() == Observation((), (), (), None)
     for wrong in (np.zeros(3), (np.zeros(3),), {"name": "cube"}, None, "cube"):
-        with pytest.raises(InvalidInputError, match="objects: has a .* one or several of ObjectPose"):
+        with pytest.raises(InvalidInputError, match=r"objects: has a .* one or several of ObjectPose"):
             Observation(wrong)
 
 

@@ -123,15 +123,15 @@ def _say_where(client: RoboPromptClient, arguments: Namespace) -> None:
         say(f"{arguments.task!r} is a new task: the first recording makes it")
 
 
-def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> int:
-    """After a run that failed, offer to record a demonstration that corrects its prediction; return as `run_record`."""
+def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> None:
+    """After a run that failed, offer to record a demonstration that corrects its prediction."""
     if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
-        return 0
+        return
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
     how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None, "corrects": prediction_id}
     _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
-    return _send_all(client, spool)
+    _send_all(client, spool)
 
 
 def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
