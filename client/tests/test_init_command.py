@@ -60,6 +60,15 @@ def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
     assert "none.json cannot be read" in said
 
 
+def test_a_factory_of_one_s_own_is_given_its_options(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(Body()))
+    path = tmp_path / "cell.json"
+    answers = ["roboprompt_client.arms.xarm:XArm", "[1]", "{", '{"address": "192.168.1.5"}', "", "", "", "n", "n"]
+    assert run(monkeypatch, path, answers) == 0
+    assert json.loads(path.read_text())["options"] == {"address": "192.168.1.5"}
+    assert "'[1]' is no JSON object" in capsys.readouterr().out
+
+
 def test_cameras_that_are_plugged_in_are_asked_about(body, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("roboprompt_client.commands.init.realsense_serials", lambda: ["41", "42", "43"])
     path = tmp_path / "cell.json"

@@ -1,5 +1,6 @@
 """`roboprompt-robot init`: write a cell's file from a person's answers and the arm's measurements."""
 
+import json
 import math
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping
@@ -29,6 +30,7 @@ REALTIME = Path("/sys/kernel/realtime")
 WITHOUT_REALTIME = (
     "This computer has no real-time kernel: a Franka may stop with communication errors. Go on without one? [y/N] "
 )
+OPTIONS = 'Its options, a JSON object such as {"address": "192.168.0.2"} [Enter: none] '
 WITHOUT_CAMERAS = "A file with the objects' poses, such as objects.json [Enter: none, or cameras later] "
 CORNERS = (
     "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
@@ -75,7 +77,8 @@ def _arm() -> dict[str, Any]:
     question = f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] "
     name = _answer(question, lambda text: text if ":" in text else _one_of((*ADDRESSED, "MODULE:FACTORY"), text))
     if name not in ADDRESSED:
-        return {"arm": name}
+        options = _answer(OPTIONS, _json_object)
+        return {"arm": name, **({"options": options} if options else {})}
     options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
         options["model"] = _answer("Its model [panda or fr3]: ", partial(_one_of, LIMITS_RAD))
@@ -176,6 +179,13 @@ def _one_of(valid: Iterable[str], text: str) -> str:
     if text in valid:
         return text
     raise ValueError(f"{text!r:.40} is none of {', '.join(valid)}")
+
+
+def _json_object(text: str) -> dict[str, Any]:
+    found = json.loads(text or "{}")
+    if not isinstance(found, dict):
+        raise ValueError(f"{text!r:.40} is no JSON object")
+    return found
 
 
 def _numbers(text: str, count: int) -> list[float]:
