@@ -96,6 +96,12 @@ def franky(body):
             raise NetworkException("TCP receive: Connection reset by peer")
         return value
 
+    def fail_to_plan():
+        if body.unplanned:
+            body.unplanned -= 1
+            body.error = RuntimeError("Motion planner failed with error code -111")
+            raise body.error
+
     class Robot:
         def __init__(self, address, relative_dynamics_factor, realtime_config):
             assert 0 < relative_dynamics_factor <= 0.05
@@ -115,7 +121,10 @@ def franky(body):
         def move(self, motion, asynchronous):
             assert asynchronous
             answer(None)
+            if body.error is not None:
+                raise body.error
             if isinstance(motion, list):
+                fail_to_plan()
                 assert motion[-1] == ((0, 0, 0), (0, 0, 0), 0)  # a motion must end at rest
                 for velocity, turning, hold_ms in motion:
                     assert np.linalg.norm(velocity) < 0.05 * 1.7
@@ -129,10 +138,7 @@ def franky(body):
             answer(None)
             if body.error is not None:
                 raise body.error
-            if body.unplanned:
-                body.unplanned -= 1
-                body.error = RuntimeError("Motion planner failed with error code -111")
-                raise body.error
+            fail_to_plan()
             return not body.poll()
 
         def join_motion(self, timeout):
