@@ -46,7 +46,7 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else {"extra": record.extra, "films": list(record.films)}),
-        **_fields(record, "prediction_id", "left_out", "note", "uploaded_instruction"),
+        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),

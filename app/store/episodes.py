@@ -87,6 +87,12 @@ def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, E
     return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
 
 
+def corrections_of(connection: Connection, prediction_id: str) -> tuple[str, ...]:
+    """The ids of the episodes that correct a prediction, oldest first."""
+    query = select(_EPISODES.c.id).where(_EPISODES.c.corrects == prediction_id).order_by(_EPISODES.c.sequence)
+    return tuple(connection.scalars(query))
+
+
 def instructions(connection: Connection, task: str) -> tuple[str, ...]:
     """At most `MAX_INSTRUCTIONS` different instructions of a task's demonstrations."""
     query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task, _SHOWN).distinct().limit(MAX_INSTRUCTIONS)

@@ -83,6 +83,7 @@ class EpisodeFields(DemonstrationRecord):
     cameras: tuple[CameraRecord, ...]
     extra: JsonObject | None = None  # what else was uploaded; None in lists, which do not read it
     prediction_id: str | None = None  # of the prediction that the episode carried out, if any
+    corrects: str | None = None  # id of the failed prediction in whose scene the episode shows how it is done
     left_out: bool = False  # kept, but shown in no prompt
     note: str = ""  # what a person says of it
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since

@@ -104,6 +104,7 @@ episodes = Table(
     Column("control_frequency_hz", Float, nullable=False),
     Column("created_at", UtcDateTime, nullable=False),
     Column("prediction_id", String(32)),
+    Column("corrects", String(32), index=True),
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),

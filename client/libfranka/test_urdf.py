@@ -5,12 +5,13 @@ import pytest
 from franky_sim import FR3_URDF
 
 from roboprompt_client.arms.geometry import UrdfGeometry
-from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.panda import PandaGeometry, flange
 from roboprompt_client.errors import InvalidInputError, MotionError
 
 DOWN = np.array([1.0, 0, 0, 0])
 FRAME = "link8"
 BARE = PandaGeometry("fr3", np.eye(4))
+BARE_FLANGE, _ = flange(BARE.ready_rad)
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +38,15 @@ def test_what_it_cannot_reach_is_refused(geometry):
         geometry.way(BARE.ready_rad, np.array([1.2, 0, 0.4]), DOWN)
     with pytest.raises(MotionError, match="reports 6 joints, its URDF has 7"):
         geometry.way(np.zeros(6), np.array([0.4, 0, 0.4]), DOWN)
+
+
+def test_the_frame_of_angles_by_name_whatever_their_order(geometry):
+    joints = dict(zip((f"joint{k}" for k in range(1, 8)), BARE.ready_rad, strict=True))
+    angles = {"gripper": 1.0, **dict(reversed(joints.items()))}
+    np.testing.assert_allclose(geometry.frame(angles), BARE_FLANGE, atol=1e-4)
+    del angles["joint3"]
+    with pytest.raises(MotionError, match="joints joint3 are not among gripper, joint7"):
+        geometry.frame(angles)
 
 
 def test_what_is_no_urdf_is_refused(file, tmp_path):

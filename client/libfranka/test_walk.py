@@ -74,7 +74,7 @@ class Person:
         end_s = time.monotonic() + PATIENCE_S
         while text not in self.said[self._seen :]:
             assert self.read(1.0), self._before + self.said
-            assert time.monotonic() < end_s, (text, self._before + self.said)
+            assert time.monotonic() < end_s, f"no {text!r} in {self._before}{self.said}"
         self._seen = self.said.index(text, self._seen) + len(text)
 
     def answer(self, question, line=""):

@@ -38,12 +38,12 @@ from roboprompt_client.runs.live import checked_on_lost
 from roboprompt_client.types.camera import checked_camera_pose
 from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.poses import Pose
+from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M
 
 ARMS = {
     "franka": "roboprompt_client.arms.franka:Franka",
     "ur": "roboprompt_client.arms.ur:UR",
     "xarm": "roboprompt_client.arms.xarm:XArm",
-    "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
     "ros": "roboprompt_client.arms.ros:Ros",
 }
 CAMERAS = {
@@ -56,7 +56,9 @@ CELL_FIELDS = (*OF_ARM, "cameras", "viewpoints", "table", "lost_contact")
 MOUNTS = ("camera_to_world", "camera_to_hand")
 CAMERA_FIELDS = ("name", "driver", "options", *MOUNTS)
 ONE_CAMERA = '{"name": "front", "driver": "realsense", "camera_to_world": null}'
+ONE_VIEWPOINT = '{"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}'
 MAX_VIEWPOINTS = 8
+MOST_M = {"open_width_m": MAX_GRIPPER_WIDTH_M, "reach_m": 10.0}  # larger numbers are no meters
 
 
 def open_robot(name: str, *, cameras: bool = True) -> Robot:
@@ -100,10 +102,12 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitS
         "geometry": _geometry(folder, cell["urdf"]) if "urdf" in cell else None,
         "viewpoints": viewpoints_from_json(cell.get("viewpoints", [])),
         "on_lost": checked_on_lost(cell.get("lost_contact", "continue")),
-        **{name: checked_bound(name, cell[name]) for name in ("open_width_m", "reach_m") if name in cell},
+        **{name: checked_bound(name, cell[name], most_m) for name, most_m in MOST_M.items() if name in cell},
     }
     if "objects" in cell:
-        how["observe_scene"] = partial(observation_from_file, "objects", folder / str(cell["objects"]))
+        if not isinstance(cell["objects"], str):
+            raise InvalidInputError("objects", f"is {cell['objects']!r:.80}", "the name of a JSON file")
+        how["observe_scene"] = partial(observation_from_file, "objects", folder / cell["objects"])
         how["observe_scene"]()  # and again at each observation
     made: Any = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
     if hasattr(made, "halt"):
@@ -133,7 +137,7 @@ def read_cell(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
     if not isinstance(cell, dict) or not isinstance(cell.get("arm"), str):
-        raise InvalidInputError("arm", "is missing", ", ".join(ARMS))
+        raise InvalidInputError("arm", "is missing", ", ".join([*ARMS, "MODULE:FACTORY"]))
     if unknown := [name for name in cell if name not in CELL_FIELDS]:
         raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
     return cell
@@ -204,13 +208,12 @@ def _camera(k: int, document: object, folder: Path) -> MountedCamera:
 def viewpoints_from_json(document: object) -> tuple[Pose, ...]:
     """Return poses of the hand in the world frame; raises InvalidInputError if the document is malformed."""
     if not isinstance(document, list) or len(document) > MAX_VIEWPOINTS:
-        valid = f'at most {MAX_VIEWPOINTS} of {{"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}'
-        raise InvalidInputError("viewpoints", f"are {document!r:.80}", valid)
+        raise InvalidInputError("viewpoints", f"are {document!r:.80}", f"at most {MAX_VIEWPOINTS} of {ONE_VIEWPOINT}")
     found = []
     for k, item in enumerate(document):
         try:
             pose = Calibration.from_json({"base_to_world": item})
         except InvalidInputError as error:
-            raise InvalidInputError(f"viewpoints[{k}]", error.message, error.valid) from error
+            raise InvalidInputError(f"viewpoints[{k}]", error.message, ONE_VIEWPOINT) from error
         found.append(Pose(pose.position_m, pose.quaternion_xyzw))
     return tuple(found)

@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Any, get_args
 
 from roboprompt_client.answers import OnDanger
-from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.cell import closing_robot, open_robot
+from roboprompt_client.client import DEFAULT_URL, KEY_VARIABLE, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
 from roboprompt_client.commands.look import add_find, add_look, asking_robot, find_in_pictures
 from roboprompt_client.commands.record import add_record, offer_correction
-from roboprompt_client.commands.terminal import Person
-from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.commands.terminal import Person, recovered
+from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.runs.live import Live
@@ -29,6 +30,7 @@ from roboprompt_client.types.trajectory_npz import trajectory_from_file
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
 )
+UNAUTHORIZED = 401
 ROBOT = (
     "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot; modules in the current folder are found"
 )
@@ -43,6 +45,8 @@ def main() -> int:
             return int(arguments.command(client, arguments))
     except RoboPromptError as error:
         print(error, file=sys.stderr)
+        if isinstance(error, ServiceProblemError) and error.status == UNAUTHORIZED:
+            print(f"This computer takes the key from the environment: export {KEY_VARIABLE}=...", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -72,6 +76,8 @@ def _parser() -> ArgumentParser:
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
+    what = "acknowledge an arm's errors, so that it may move again, once somebody has looked at it"
+    add("recover", what, _recover).add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     init = add("init", "write a cell's file from your answers and the arm's measurements", run_init)
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
@@ -134,6 +140,8 @@ def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
 
 
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
+    if arguments.on_danger == "confirm" and not arguments.confirm:
+        raise InvalidInputError("--on-danger", "is confirm, but nobody is asked", "refuse, go, or --confirm beside it")
     client.ping()
     pinned = _pinned(arguments)
     with asking_robot(arguments.robot, asks=arguments.confirm) as robot:
@@ -152,13 +160,20 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
         how |= {"confirm": person.confirm, "preview": person.preview}
     how |= {"stream": arguments.stream, "look_again": arguments.look_again}
     if arguments.task is not None:
-        _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
-        if person.said is not None and not person.said.success:
-            offer_correction(client, robot, arguments.task, arguments.instruction)
-        return 0
+        predicted = run_task(*what, on_outcome=person.outcome, **how)
+        _print_json(predicted.response)
+        if person.said is None or person.said.success:
+            return 0
+        offer_correction(client, robot, arguments.task, arguments.instruction, predicted.id)
+        return 1
     confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})
+
+
+def _recover(_: RoboPromptClient, arguments: Namespace) -> int:
+    with closing_robot(open_robot(arguments.robot, cameras=False)) as robot:
+        return int(not recovered(robot))
 
 
 def _print_json(document: object) -> int:

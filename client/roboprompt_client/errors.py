@@ -41,8 +41,11 @@ class UnsafeActionError(RoboPromptError):
     def __init__(self, index: int, quantity: str, message: str, bound: str) -> None:
         super().__init__(f"action {index}: {quantity} {message} (allowed: {bound})")
         self.field = f"actions[{index}].{quantity}"
-        self.message = message
-        self.bound = bound
+        self._quantity, self.message, self.bound = quantity, message, bound
+
+    def without_action(self) -> str:
+        """Return the text for a pose that belongs to no plan."""
+        return f"{self._quantity} {self.message} (allowed: {self.bound})"
 
 
 class ServiceProblemError(RoboPromptError):

@@ -4,6 +4,7 @@ The arm is imaginary: it is at once where it is sent, and prints each action. Th
 """
 
 import argparse
+import signal
 from itertools import pairwise
 
 import numpy as np
@@ -69,13 +70,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", default=DEFAULT_URL, help="of the service (default: %(default)s)")
     try:
-        teach_and_press(parser.parse_args().url)
+        pressed = teach_and_press(parser.parse_args().url)
     except RoboPromptError as error:
         parser.exit(1, f"{error}\n")
+    except KeyboardInterrupt:
+        parser.exit(128 + signal.SIGINT, "interrupted\n")
+    parser.exit(int(not pressed))
 
 
-def teach_and_press(url: str) -> None:
-    """Teach and press with the service at `url`; raises RoboPromptError if it refuses or does not answer."""
+def teach_and_press(url: str) -> bool:
+    """Teach and press with the service at `url`; return whether the button was pressed.
+
+    Raises:
+        RoboPromptError: if the service refuses or does not answer, or the robot refuses the answer.
+    """
     with RoboPromptClient(url) as client:
         for place_m in TAUGHT_M:
             stored = client.upload(TASK, INSTRUCTION, press(place_m), Observation(button(place_m)))
@@ -86,6 +94,7 @@ def teach_and_press(url: str) -> None:
         client.record_outcome(predicted.id, success=arm.pressed)
         print(f"\nthe LLM wrote {predicted.response['reply_text']!r}")
         print(f"{'pressed' if arm.pressed else 'not pressed'}; more at {client.url}/ui/predictions/{predicted.id}")
+    return arm.pressed
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        remedy = f"pip install 'roboprompt-client[{extra}]'"
+        remedy = f"in a checkout, pip install './client[{extra}]'"
         raise InvalidInputError(extra, f"{package} is not installed or cannot be loaded: {error}", remedy) from error
 
 
@@ -28,11 +28,13 @@ def make_driver(field: str, name: str, known: Mapping[str, str], options: object
     Raises:
         InvalidInputError: if the factory does not exist, or does not take these options.
     """
-    module, _, factory = known.get(name, name).partition(":")
+    module, colon, factory = known.get(name, name).partition(":")
+    valid = ", ".join([*known, "MODULE:FACTORY"])
+    if not colon:
+        raise InvalidInputError(field, f"is {name!r:.80}", valid)
     try:
         make = getattr(importlib.import_module(module), factory)
     except (ImportError, AttributeError, ValueError) as error:
-        valid = f"MODULE:FACTORY, or {', '.join(known)}"
         raise InvalidInputError(field, f"{name!r:.80} cannot be imported: {error}", valid) from error
     within, dot, _ = field.rpartition(".")
     options_field = f"{within}{dot}options"

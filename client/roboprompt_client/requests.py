@@ -145,6 +145,7 @@ class Requests:
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
         films: Iterable[Film] = (),
+        corrects: str | None = None,
     ) -> Request[dict[str, Any]]:
         """Store a demonstration; return the service's description of it.
 
@@ -153,6 +154,7 @@ class Requests:
             mask_ids: by object name, the ids of its pixels in the frames' masks; instead of a pose or beside it.
             prediction_id: of the prediction that the robot carried out successfully in this episode.
             films: what cameras took during the motion, such as `Recorder.films`.
+            corrects: id of the prediction that failed, and in whose scene the episode shows how it is done.
         """
         metadata = {
             "task": task,
@@ -161,6 +163,7 @@ class Requests:
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
             "prediction_id": prediction_id,
+            "corrects": corrects,
         }
         parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = npz_part("trajectory", npz_from_trajectory(trajectory))

@@ -5,13 +5,14 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose, object_from_json
 
+Item = TypeVar("Item")
 log = logging.getLogger(__name__)
 OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], meters, each with "quaternion_xyzw" where it is known'
 
@@ -43,12 +44,21 @@ class Observation:
     ) -> None:
         settle(
             self,
-            objects=(objects,) if isinstance(objects, ObjectPose) else tuple(objects),
-            frames=(frames,) if isinstance(frames, RgbdFrame) else tuple(frames),
-            to_find=(to_find,) if isinstance(to_find, str) else tuple(to_find),
+            objects=_several("objects", objects, ObjectPose),
+            frames=_several("frames", frames, RgbdFrame),
+            to_find=_several("to_find", to_find, str),
             end_effector=end_effector,
             mask_ids=dict(mask_ids or {}),
         )
+
+
+def _several(field: str, given: Item | Iterable[Item], kind: type[Item]) -> tuple[Item, ...]:
+    """Return one item or several as a tuple; raises InvalidInputError if one is of another kind."""
+    items = tuple(given) if isinstance(given, Iterable) and not isinstance(given, kind) else (given,)
+    for item in items:
+        if not isinstance(item, kind):
+            raise InvalidInputError(field, f"has a {type(item).__name__}", f"one or several of {kind.__name__}")
+    return items
 
 
 def observation_from_file(field: str, path: Path) -> Observation:

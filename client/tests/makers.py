@@ -35,6 +35,7 @@ class Body:
         self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
+        self.code = 0  # the error that an xArm's box reports
         self.unplanned, self.error = 0, None  # motions that franky's planner fails to plan; raised until it is joined
         self._left = 0
 
@@ -95,6 +96,12 @@ def franky(body):
             raise NetworkException("TCP receive: Connection reset by peer")
         return value
 
+    def fail_to_plan():
+        if body.unplanned:
+            body.unplanned -= 1
+            body.error = RuntimeError("Motion planner failed with error code -111")
+            raise body.error
+
     class Robot:
         def __init__(self, address, relative_dynamics_factor, realtime_config):
             assert 0 < relative_dynamics_factor <= 0.05
@@ -114,7 +121,10 @@ def franky(body):
         def move(self, motion, asynchronous):
             assert asynchronous
             answer(None)
+            if body.error is not None:
+                raise body.error
             if isinstance(motion, list):
+                fail_to_plan()
                 assert motion[-1] == ((0, 0, 0), (0, 0, 0), 0)  # a motion must end at rest
                 for velocity, turning, hold_ms in motion:
                     assert np.linalg.norm(velocity) < 0.05 * 1.7
@@ -128,10 +138,7 @@ def franky(body):
             answer(None)
             if body.error is not None:
                 raise body.error
-            if body.unplanned:
-                body.unplanned -= 1
-                body.error = RuntimeError("Motion planner failed with error code -111")
-                raise body.error
+            fail_to_plan()
             return not body.poll()
 
         def join_motion(self, timeout):
@@ -292,7 +299,7 @@ def xarm(body):
             get_position=get_position,
             get_joint_states=lambda is_radian: (0, [[0.1] * 7, [0.0] * 7, [0.0] * 7]),
             get_gripper_position=lambda: (0, int(body.width_m * 10_000)),
-            get_err_warn_code=lambda: (0, [0, 0]),
+            get_err_warn_code=lambda: (0, [body.code, 0]),
             get_state=lambda: ((lost if body.gone else 0), 1 if body.poll() else 2),
             is_tcp_limit=lambda pose, is_radian: (0, bool(np.linalg.norm(pose[:3]) > 700)),
             get_inverse_kinematics=lambda pose, input_is_radian, return_is_radian: (0, [0.1] * 7),
@@ -302,9 +309,9 @@ def xarm(body):
             set_state=set_state,
             set_mode=set_mode,
             vc_set_cartesian_velocity=vc_set_cartesian_velocity,
-            clean_error=lambda: 0,
+            clean_error=lambda: setattr(body, "code", 0),
             clean_warn=lambda: 0,
-            motion_enable=lambda enable: 0,
+            motion_enable=lambda enable: body.code,
             set_gripper_enable=lambda enable: 0,
             disconnect=lambda: None,
         )

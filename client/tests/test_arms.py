@@ -241,6 +241,18 @@ def test_a_motion_that_franky_does_not_plan_is_tried_at_other_speeds(body, monke
     assert body.starts == 6
 
 
+def test_a_steered_velocity_that_franky_does_not_plan_is_tried_slower(body, monkeypatch):
+    arm, before_m = Arm(MAKERS["franka"](body, monkeypatch)), body.position_m
+    with arm.steered() as steer:
+        body.unplanned = 2
+        steer(np.array([0.05, 0, 0]), np.zeros(3))
+        np.testing.assert_allclose(body.position_m - before_m, [0.8 * 0.05 * STEERED_S, 0, 0], atol=1e-9)
+        body.unplanned = 1
+    body.unplanned = 3
+    with pytest.raises(MotionError, match="Motion planner failed"), arm.steered() as steer:
+        steer(np.array([0.05, 0, 0]), np.zeros(3))
+
+
 @pytest.fixture(params=["franka", "ur"])
 def feeling(request, body, monkeypatch):
     return MAKERS[request.param](body, monkeypatch)

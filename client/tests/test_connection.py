@@ -5,7 +5,8 @@ import pytest
 from arms import client_of
 
 from roboprompt_client.answers import PredictedActions
-from roboprompt_client.errors import ServiceUnreachableError
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, ServiceUnreachableError
 from roboprompt_client.http.connection import is_own_machine, without_proxy
 from roboprompt_client.robot import Observation
 
@@ -32,6 +33,12 @@ def test_this_machine(url):
 def test_another(url):
     assert not is_own_machine(url)
     assert without_proxy(url) is None
+
+
+@pytest.mark.parametrize("key", ["ключ", "rp_1 2", "rp_1\n"])
+def test_a_key_that_no_header_can_have_is_named(key):
+    with pytest.raises(InvalidInputError, match="api_key: has blanks, or letters outside ASCII"):
+        RoboPromptClient("http://robots", api_key=key)
 
 
 STREAM = (

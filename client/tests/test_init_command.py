@@ -60,6 +60,15 @@ def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
     assert "none.json cannot be read" in said
 
 
+def test_a_factory_of_one_s_own_is_given_its_options(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(Body()))
+    path = tmp_path / "cell.json"
+    answers = ["roboprompt_client.arms.xarm:XArm", "[1]", "{", '{"address": "192.168.1.5"}', "", "", "", "n", "n"]
+    assert run(monkeypatch, path, answers) == 0
+    assert json.loads(path.read_text())["options"] == {"address": "192.168.1.5"}
+    assert "'[1]' is no JSON object" in capsys.readouterr().out
+
+
 def test_cameras_that_are_plugged_in_are_asked_about(body, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("roboprompt_client.commands.init.realsense_serials", lambda: ["41", "42", "43"])
     path = tmp_path / "cell.json"
@@ -85,6 +94,14 @@ def test_nothing_is_overwritten(body, monkeypatch, tmp_path, capsys):
     assert run(monkeypatch, path, []) == 1
     assert "exists" in capsys.readouterr().err
     assert path.read_text() == "mine"
+
+
+def test_a_missing_package_is_said_before_more_is_asked(monkeypatch, tmp_path, capsys):
+    status, asked = type_command(monkeypatch, "init", tmp_path / "cell.json", answers=["ur", "192.168.1.5"])
+    assert (status, len(asked)) == (1, 2)
+    assert "in a checkout, pip install './client[ur]'" in capsys.readouterr().err
+    status, asked = type_command(monkeypatch, "init", tmp_path / "none" / "cell.json")
+    assert (status, len(asked)) == (1, 0)
 
 
 @pytest.mark.parametrize(

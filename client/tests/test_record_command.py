@@ -19,7 +19,7 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import open_robot
 from roboprompt_client.commands.record import offer_correction
 from roboprompt_client.commands.record_live import record_live
-from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction
@@ -35,13 +35,16 @@ STORED = {
 @pytest.fixture
 def service(monkeypatch, tmp_path):
     """Answers 201 unless it is away or refuses."""
-    state = SimpleNamespace(away=False, refuses=False)
+    state = SimpleNamespace(away=False, refuses=False, sent=[])
 
     def answer(request):
         if state.away:
             raise httpx.ConnectError("refused")
+        if request.method == "GET":
+            return httpx.Response(404, json={"title": "Not found", "detail": "there is no task 'pick'"})
         if state.refuses:
             return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
+        state.sent.append(request.content)
         return httpx.Response(201, json=STORED)
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
@@ -61,6 +64,7 @@ def run(monkeypatch, tmp_path, *more, answers=()):
 def test_record_keep_and_upload(service, monkeypatch, tmp_path, capsys):
     assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 0
     said = capsys.readouterr().out
+    assert "'pick' is a new task" in said
     assert "7 joints" in said
     assert "stored as e1: 2 keyframes" in said
     assert "info long-rest: The hand stands still for 9 s." in said
@@ -243,6 +247,49 @@ def test_an_arm_that_a_command_refuses_is_closed(tmp_path, monkeypatch, commands
 def test_a_failed_run_is_corrected_by_showing_it(service, arm, monkeypatch, tmp_path, capsys, answers, stored):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("builtins.input", lambda question: answers.pop(0))
-    offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up")
+    offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up", "p1")
     assert ("stored as e1" in capsys.readouterr().out) is stored
+    assert [b'"corrects": "p1"' in body for body in service.sent] == [True] * stored
     assert (tmp_path / "recordings").exists() is stored
+
+
+@pytest.mark.parametrize("may_move", ["y", "n"])
+def test_a_recording_that_the_arm_interrupted_is_not_uploaded_by_the_way(
+    service, monkeypatch, tmp_path, capsys, may_move
+):
+    body = Body()
+    arm = Arm(open_xarm(body, monkeypatch))
+    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", lambda name: arm)
+
+    def the_arm_fails():
+        body.gone = True
+        time.sleep(0.2)
+        return "-"
+
+    def it_was_looked_at():
+        body.gone = False
+        return may_move
+
+    again = ["", "", "q"] if may_move == "y" else []
+    assert run(monkeypatch, tmp_path, answers=["", the_arm_fails, it_was_looked_at, *again]) == 1
+    assert len(service.sent) == len(again[:1])
+    said = capsys.readouterr().out
+    assert "interrupted, and not uploaded: it is in" in said
+    assert run(monkeypatch, tmp_path, "--send-only") == 0
+    assert len(service.sent) == len(again[:1]) + 1
+
+
+def test_an_error_of_the_arm_stays_until_a_person_has_looked(monkeypatch, tmp_path):
+    body = Body()
+    body.code = 31  # a collision
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
+    (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm", "options": {"address": "192.168.1.5"}}))
+    command = ("recover", "--robot", tmp_path / "cell.json")
+    assert type_command(monkeypatch, *command, answers=["n"])[0] == 1
+    with open_robot(str(tmp_path / "cell.json")) as arm:
+        action = EndEffectorAction(body.position_m + 0.01, body.quaternion, True)
+        with pytest.raises(MotionError, match=r"error 31: once a person has looked, .* roboprompt-robot recover"):
+            arm.execute(action)
+    assert type_command(monkeypatch, *command, answers=["y"])[0] == 0
+    with open_robot(str(tmp_path / "cell.json")) as arm:
+        arm.execute(action)

@@ -227,6 +227,8 @@ def test_options_that_cannot_be(robot, monkeypatch):
     monkeypatch.setattr("roboprompt_client.arms.rosbridge.CONNECT_S", 0.3)
     with pytest.raises(InvalidInputError, match="joints"):
         Ros(**options(robot, joints=None))
+    with pytest.raises(InvalidInputError, match=r"options.speed_m_s: is 100 \(valid: .* at most 2"):
+        Ros(**options(robot, speed_m_s=100))
     with pytest.raises(MotionError, match="lacks j3"):
         Ros(**options(robot, joint_names=["j1", "j3"]))
     with pytest.raises(MotionError, match=r"out of reach: 0\.566 m"):

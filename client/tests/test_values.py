@@ -37,6 +37,9 @@ def test_poses_without_an_observation_are_named():
 
 def test_an_observation_may_be_empty():
     assert Observation() == Observation((), (), (), None)
+    for wrong in (np.zeros(3), (np.zeros(3),), {"name": "cube"}, None, "cube"):
+        with pytest.raises(InvalidInputError, match=r"objects: has a .* one or several of ObjectPose"):
+            Observation(wrong)
 
 
 def test_an_observation_says_which_pixels_of_its_masks_are_an_objects():

@@ -1,6 +1,8 @@
 """Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again;
 films: what cameras took during an episode.
 
+Episodes that correct a failed prediction have its id.
+
 Columns go that nothing reads: the step of a prediction, and the status of an answer to a repeated request.
 """
 
@@ -43,6 +45,8 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["episode_id"], ["episodes.id"], name="fk_films_episode_id_episodes"),
         sa.PrimaryKeyConstraint("episode_id", "camera", name="pk_films"),
     )
+    op.add_column("episodes", sa.Column("corrects", sa.String(32)))
+    op.create_index("ix_episodes_corrects", "episodes", ["corrects"])
     op.drop_column("predictions", "step")
     op.drop_column("idempotency_keys", "status")
 
@@ -51,5 +55,7 @@ def downgrade() -> None:
     op.add_column("idempotency_keys", sa.Column("status", sa.Integer(), nullable=False, server_default="200"))
     op.add_column("predictions", sa.Column("step", sa.Integer()))
     op.drop_table("films")
+    op.drop_index("ix_episodes_corrects", "episodes")
+    op.drop_column("episodes", "corrects")
     op.drop_table("cases")
     op.drop_table("runs")

@@ -77,8 +77,8 @@ def test_diverse_demonstrations(http):
     assert places == [0.0, 0.1, 0.31]
 
 
-def linked(http, prediction_id, task="pick"):
-    document = metadata(task, {"cube": (0.2, 0.0, 0.78)}, prediction_id=prediction_id)
+def linked(http, prediction_id, task="pick", link="prediction_id"):
+    document = metadata(task, {"cube": (0.2, 0.0, 0.78)}, **{link: prediction_id})
     return http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory((0.2, 0.0, 0.78))))))
 
 
@@ -91,12 +91,22 @@ def test_an_executed_prediction_becomes_a_demonstration(http):
     assert stored["prediction_id"] == prediction
 
 
-@pytest.mark.parametrize("fault", ["unknown", "failed", "of another task"])
-def test_impossible_links_to_predictions_are_refused(http, fault):
+def test_a_demonstration_corrects_a_failed_prediction(http):
+    prediction = ask(http, num_samples=5).json()["id"]
+    http.post(f"/predictions/{prediction}/outcome", json={"success": False})
+    episode = linked(http, prediction, link="corrects").json()["id"]
+    assert http.get(f"/episodes/{episode}").json()["corrects"] == prediction
+    assert f'/ui/predictions/{prediction}">prediction {prediction[:8]}' in http.get(f"/ui/episodes/{episode}").text
+    assert f'/ui/episodes/{episode}">episode {episode[:8]}' in http.get(f"/ui/predictions/{prediction}").text
+
+
+@pytest.mark.parametrize("link", ["prediction_id", "corrects"])
+@pytest.mark.parametrize("fault", ["unknown", "of the other outcome", "of another task"])
+def test_links_that_cannot_be_are_refused(http, fault, link):
     prediction = "0" * 32 if fault == "unknown" else ask(http, num_samples=5).json()["id"]
-    if fault == "failed":
-        http.post(f"/predictions/{prediction}/outcome", json={"success": False})
-    refused(linked(http, prediction, "press" if fault == "of another task" else "pick"), "prediction_id")
+    if fault == "of the other outcome":
+        http.post(f"/predictions/{prediction}/outcome", json={"success": link == "corrects"})
+    refused(linked(http, prediction, "press" if fault == "of another task" else "pick", link), link)
     assert "press" not in [task["name"] for task in http.get("/tasks").json()["tasks"]]
 
 

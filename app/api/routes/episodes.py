@@ -91,7 +91,7 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     for camera, film in films.items():
         checked_film(camera, film, episode.times_s)
     objects = tuple(item.query() for item in metadata.objects)
-    said = metadata.model_dump(include={"prediction_id", "left_out", "note", "uploaded_instruction"})
+    said = metadata.model_dump(include={"prediction_id", "corrects", "left_out", "note", "uploaded_instruction"})
     return Upload(metadata.task, episode, objects, images, body.digest(), idempotency_key, films=films, **said)
 
 

@@ -106,6 +106,8 @@ class EpisodeMetadata(RequestModel):
     """rate of a trajectory without timestamps; with timestamps the measured rate is stored"""
     prediction_id: Annotated[str | None, Field(max_length=64)] = None
     """id of the prediction of this task that the robot carried out in this episode"""
+    corrects: Annotated[str | None, Field(max_length=64)] = None
+    """id of the prediction of this task that failed: the episode shows how its scene is done"""
     extra: Annotated[dict[str, Any], AfterValidator(_short_json)] = {}
     """any JSON to keep with the episode, at most 64 kB. Only `commanded_positions` (T, 3), the commanded hand
     positions, is interpreted: it may show contact"""

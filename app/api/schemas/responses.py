@@ -76,6 +76,7 @@ class ListedEpisode(BaseModel):
     prediction_id: Annotated[
         str | None, Field(description="id of the prediction that the robot carried out in this episode")
     ]
+    corrects: Annotated[str | None, Field(description="id of the failed prediction that this episode corrects")]
     left_out: Annotated[bool, Field(description="true: the episode is kept, but no prompt shows it")]
     note: str
     uploaded_instruction: Annotated[

@@ -41,7 +41,7 @@ class Upload:
     Attributes:
         images: per camera of `episode.frames`, by name.
         films: `.npz` files by camera, checked.
-        prediction_id: of the prediction that the robot carried out in this episode.
+        prediction_id, corrects: see `EpisodeFields`.
         left_out, note, uploaded_instruction: see `EpisodeFields`; of an episode that was edited elsewhere.
         alike: the objects that came with one name, and are numbered in `objects`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
@@ -54,6 +54,7 @@ class Upload:
     digest: str = ""
     idempotency_key: str | None = None
     prediction_id: str | None = None
+    corrects: str | None = None
     left_out: bool = False
     note: str = ""
     uploaded_instruction: str | None = None
@@ -105,6 +106,7 @@ class Upload:
             cameras=(),
             extra=dict(episode.extra),
             prediction_id=self.prediction_id,
+            corrects=self.corrects,
             left_out=self.left_out,
             note=self.note,
             uploaded_instruction=uploaded or (None if instruction == episode.instruction else episode.instruction),
@@ -154,7 +156,7 @@ class UploadEpisode:
             with self._store.read() as connection:
                 if (answer := _answer_before(connection, upload)) is not None:
                     return answer
-                _check_link(connection, upload)
+                _check_links(connection, upload)
                 task = StoredTask.read(connection, upload.task, upload.objects)
             if (answer := self._commit(upload, task, self._extracted(upload, task), respond)) is not None:
                 return answer
@@ -212,21 +214,28 @@ def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
     return stored if stored is not None and episodes.exist(connection, stored["id"]) else None
 
 
-def _check_link(connection: Connection, upload: Upload) -> None:
-    """Refuse a link to a prediction that the episode cannot have carried out.
+def _check_links(connection: Connection, upload: Upload) -> None:
+    """Refuse a link to a prediction that the episode cannot have carried out, or cannot correct.
 
     Raises:
-        InvalidInputError: if there is no such prediction, it is another task's, gave no actions, or failed.
+        InvalidInputError: if there is no such prediction, it is another task's, gave no actions to carry out, or its
+            outcome is the other one.
     """
-    if upload.prediction_id is None:
-        return
-    valid = f"the id of a prediction of the task {upload.task!r} that gave actions and did not fail"
+    for name, id_, is_success in (("prediction_id", upload.prediction_id, True), ("corrects", upload.corrects, False)):
+        if id_ is not None and (fault := _fault_of_link(connection, upload.task, id_, is_success)):
+            outcome = "gave actions and did not fail" if is_success else "did not succeed"
+            raise InvalidInputError(name, fault, f"the id of a prediction of the task {upload.task!r} that {outcome}")
+
+
+def _fault_of_link(connection: Connection, task: str, id_: str, is_success: bool) -> str:
     try:
-        prediction = predictions.get(connection, upload.prediction_id)
+        prediction = predictions.get(connection, id_)
     except NotFoundError:
-        raise InvalidInputError("prediction_id", f"{upload.prediction_id!r} is no prediction", valid) from None
-    if prediction.task != upload.task:
-        raise InvalidInputError("prediction_id", f"is a prediction of the task {prediction.task!r}", valid)
-    if not prediction.actions or prediction.outcome_success is False:
-        fault = "whose outcome was a failure" if prediction.actions else "without actions"
-        raise InvalidInputError("prediction_id", f"is a prediction {fault}", valid)
+        return f"{id_!r} is no prediction"
+    if prediction.task != task:
+        return f"is a prediction of the task {prediction.task!r}"
+    if is_success and not prediction.actions:
+        return "is a prediction without actions"
+    if prediction.outcome_success is (not is_success):
+        return f"is a prediction whose outcome was a {'failure' if is_success else 'success'}"
+    return ""

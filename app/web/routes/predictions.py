@@ -10,7 +10,7 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
 from app.services.predict.standing import task_stats
-from app.store import prediction_lists, predictions, tasks
+from app.store import episodes, prediction_lists, predictions, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, ListOrder, PredictionFilter
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, over_time, view_prediction
@@ -128,8 +128,9 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
         of_task = PredictionFilter(task=view.record.task)
         others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
         is_case = predictions.is_case(connection, prediction_id)
+        corrections = episodes.corrections_of(connection, prediction_id)
     others = tuple(item for item in others if item.id != prediction_id)
-    return render(request, "prediction.html", view=view, others=others, is_case=is_case)
+    return render(request, "prediction.html", view=view, others=others, is_case=is_case, corrections=corrections)
 
 
 @documents.get("/ui/predictions/{prediction_id}/result")

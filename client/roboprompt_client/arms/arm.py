@@ -189,7 +189,9 @@ class Arm:
         try:
             MotionGuard(self._limits, before=self.state().pose()).check(there)
             self._check_reach(there)
-        except (UnsafeActionError, MotionError) as error:
+        except UnsafeActionError as error:
+            return error.without_action()
+        except MotionError as error:
             return str(error)
         return self.preview([there], MotionLimits(hand_radius_m=0.0))[0].warning
 

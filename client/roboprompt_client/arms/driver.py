@@ -14,6 +14,8 @@ from roboprompt_client.types.arrays import Array, finite_array, settle, unit_qua
 from roboprompt_client.types.poses import Pose
 
 CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, meters'
+MAX_SPEED_M_S = 2.0  # of a hand; larger numbers are no meters per second
+LOOK_FIRST = "once a person has looked, call recover(), or type roboprompt-robot recover"
 STEERED_S = 0.15  # how long a velocity holds: the arm rests soon if the program hangs or is cut off
 
 

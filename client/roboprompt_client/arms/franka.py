@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState
+from roboprompt_client.arms.driver import LOOK_FIRST, STEERED_S, ArmState
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
@@ -27,7 +27,8 @@ CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
 DYNAMICS_MARGIN = 0.95  # franky's planner fails for velocities at the limit
-# Ruckig fails to synchronize one of about 70 motions; at another speed it succeeds. Nothing has moved by then.
+# Ruckig fails to synchronize one of about 70 motions, and one of about 200 steered velocities. At another speed it
+# succeeds; nothing has moved by then.
 PLANNER_FAILED, SPEED_SHARES = "Motion planner failed", (1.0, 0.9, 0.8)
 
 
@@ -92,7 +93,7 @@ class Franka:
         """Also refuse while the arm reports an error: a reflex is acknowledged by `recover` only."""
         with self._errors("state"):
             if self._robot.has_errors:
-                raise MotionError(f"the arm reports {self._robot.state.current_errors}: call recover()")
+                raise MotionError(f"the arm reports {self._robot.state.current_errors}: {LOOK_FIRST}")
             joints = np.array(self._robot.current_joint_state.position, float).reshape(7)
         self.geometry().way(joints, position_m, quaternion_xyzw)
 
@@ -106,8 +107,24 @@ class Franka:
             return
         target, motion = self._franky.Affine(position_m, quaternion_xyzw), self._franky.CartesianMotion
         # a motion object is good for one motion
-        self._attempts = iter([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
-        self._attempt()
+        self._begin([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
+
+    def _begin(self, attempts: list[Any]) -> None:
+        """Start the first motion that franky can plan; `finished` starts the next one if the failure comes later."""
+        self._attempts = iter(attempts)
+        failed: MotionError | None = None
+        while True:
+            try:
+                started = self._attempt()
+            except MotionError as error:  # of this motion, or of the one before
+                if PLANNER_FAILED not in str(error):
+                    raise
+                failed = error
+                self._forget_error()
+                continue
+            if failed is not None and not started:
+                raise failed
+            return
 
     def _attempt(self) -> bool:
         """Start the next attempt; return whether there was one."""
@@ -144,19 +161,26 @@ class Franka:
 
     def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
         """Velocities above the arm's dynamics are scaled down; the motion ends at rest by itself."""
-        franky, robot = self._franky, self._robot
         with self._errors("steer"):
-            limits = (robot.translation_velocity_limit, robot.rotation_velocity_limit)
+            limits = (self._robot.translation_velocity_limit, self._robot.rotation_velocity_limit)
             most = [DYNAMICS_MARGIN * self._dynamics * float(limit.get()) for limit in limits]
             speeds = [float(np.linalg.norm(vector)) for vector in (velocity_m_s, turning_rad_s)]
             slower = 1 / max(1.0, *(speed / fastest for speed, fastest in zip(speeds, most, strict=True)))
-            twists = (franky.Twist(slower * velocity_m_s, slower * turning_rad_s), franky.Twist())
-            held, rest = map(franky.RobotVelocity, twists)
-            hold = franky.Duration(round(1000 * STEERED_S))
-            points = [franky.CartesianVelocityWaypoint(held, hold_target_duration=hold)] if any(speeds) else []
-            points.append(franky.CartesianVelocityWaypoint(rest))
-            robot.move(franky.CartesianVelocityWaypointMotion(points), asynchronous=True)
+            shares = [share * slower for share in SPEED_SHARES]
+            motions = [self._held(share * velocity_m_s, share * turning_rad_s) for share in shares]
         self._going = True
+        self._begin(motions)
+
+    def _held(self, velocity_m_s: Array, turning_rad_s: Array) -> Any:  # noqa: ANN401
+        """Return a motion with velocities that are held for `STEERED_S`, then to rest."""
+        franky = self._franky
+        points = []
+        if velocity_m_s.any() or turning_rad_s.any():
+            held = franky.RobotVelocity(franky.Twist(velocity_m_s, turning_rad_s))
+            duration = franky.Duration(round(1000 * STEERED_S))
+            points.append(franky.CartesianVelocityWaypoint(held, hold_target_duration=duration))
+        rest = franky.RobotVelocity(franky.Twist())
+        return franky.CartesianVelocityWaypointMotion([*points, franky.CartesianVelocityWaypoint(rest)])
 
     def set_gripper(self, *, is_open: bool) -> None:
         if (hand := self._gripper) is None:

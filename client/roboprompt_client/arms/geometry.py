@@ -1,6 +1,6 @@
 """Whether an arm can follow a straight line within its joints' limits, and its joints at the end of the line."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -133,6 +133,14 @@ class UrdfGeometry:
 
     def nearest_limit(self, joints_rad: Array) -> Nearest:
         return nearest_limit(joints_rad, *self._limits_rad)
+
+    def frame(self, angles_rad: Mapping[str, float]) -> Array:
+        """Return the frame's pose (4, 4) for angles by the joints' names; raises MotionError if one is missing."""
+        names = list(self._model.names)[1:]  # the first is the world
+        if missing := [name for name in names if name not in angles_rad]:
+            raise MotionError(f"the URDF's joints {', '.join(missing)} are not among {', '.join(angles_rad)}")
+        pose, _ = self._forward(np.array([angles_rad[name] for name in names]))
+        return pose
 
     @property
     def _limits_rad(self) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from roboprompt_client.arms.driver import Driver
+from roboprompt_client.arms.driver import LOOK_FIRST, Driver
 from roboprompt_client.errors import MotionError
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ class Interlock:
     def refuse_if_stopped(self) -> None:
         """Raise MotionError after a stop."""
         if self._stopped.is_set():
-            raise MotionError("the arm was stopped: call recover() once a person has looked")
+            raise MotionError(f"the arm was stopped: {LOOK_FIRST}")
 
     def stop(self) -> None:
         """Stop, from any thread; an error of the driver is logged, so that it hides no other."""

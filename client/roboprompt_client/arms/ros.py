@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import ArmState, require_reach
+from roboprompt_client.arms.driver import MAX_SPEED_M_S, ArmState, require_reach
 from roboprompt_client.arms.rosbridge import Message, Rosbridge
 from roboprompt_client.arms.stepping import Stepping
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.motion.limits import checked_bound
 from roboprompt_client.types.arrays import Array, finite_array, unit_quaternions
 
 RATE_HZ, SETTLE_S = 20.0, 0.5
@@ -73,7 +74,8 @@ class Ros(Stepping):
         turn_rad_s: float = TURN_RAD_S,
         reach_m: float | None = None,
     ) -> None:
-        super().__init__(speed_m_s / RATE_HZ, turn_rad_s / RATE_HZ)
+        speed_m_s = checked_bound("options.speed_m_s", speed_m_s, MAX_SPEED_M_S)
+        super().__init__(speed_m_s / RATE_HZ, checked_bound("options.turn_rad_s", turn_rad_s) / RATE_HZ)
         if joints is None and (joint_names or finger_names):
             raise InvalidInputError("joints", "is missing, but joint names are given", "the topic of joint states")
         self._pose, self._target, self._frame, self._joints = pose, target, base_frame.lstrip("/"), joints
@@ -178,7 +180,7 @@ class Ros(Stepping):
             return np.zeros((0, 2))
         states = _by_name(self._fresh(self._joints))
         if missing := [name for name in names if name not in states]:
-            raise MotionError(f"{self.name}: {self._joints} lacks {', '.join(missing)}")
+            raise MotionError(f"{self.name}: {self._joints} lacks {', '.join(missing)}; it has {', '.join(states)}")
         return np.array([states[name] for name in names], float)
 
     def send(self, position_m: Array, quaternion_xyzw: Array) -> None:

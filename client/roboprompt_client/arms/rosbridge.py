@@ -38,7 +38,8 @@ class Rosbridge:
         try:
             self._socket = self._open.enter_context(client.connect(address, open_timeout=CONNECT_S, max_size=None))
         except Exception as error:  # of the system, of TLS, or of websockets
-            raise MotionError(f"rosbridge, connect {address}: {error or type(error).__name__}") from error
+            remedy = "does rosbridge_server run there, and is the address like ws://192.168.1.5:9090?"
+            raise MotionError(f"rosbridge, connect {address}: {error or type(error).__name__}: {remedy}") from error
         self._lost = ""
         self._last: dict[str, News] = {}
         self._merge: dict[str, Merge] = {}

@@ -91,7 +91,7 @@ def problem_ahead(
         MotionGuard(_widened(limits, now.position_m), before=now.pose()).check(ahead)
         check(ahead)
     except UnsafeActionError as error:
-        return f"ahead {error.field.partition('.')[2]} {error.message} (allowed: {error.bound})"
+        return f"ahead {error.without_action()}"
     except MotionError as error:
         return str(error)
     return ""

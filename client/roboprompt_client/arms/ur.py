@@ -4,9 +4,10 @@ import time
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState, MakersObject
+from roboprompt_client.arms.driver import LOOK_FIRST, MAX_SPEED_M_S, STEERED_S, ArmState, MakersObject
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
+from roboprompt_client.motion.limits import checked_bound
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 
@@ -26,6 +27,7 @@ class UR:
         gripper_s: how long the gripper takes.
 
     Raises:
+        InvalidInputError: for a speed or acceleration out of range.
         MotionError: if the arm cannot be reached.
     """
 
@@ -41,9 +43,10 @@ class UR:
         gripper_output: int | None = None,
         gripper_s: float = GRIPPER_S,
     ) -> None:
+        self._speed = checked_bound("options.speed_m_s", speed_m_s, MAX_SPEED_M_S)
+        self._acceleration = checked_bound("options.acceleration_m_s2", acceleration_m_s2)
         self._control, self._receive = (self._connected(kind, address) for kind in ("Control", "Receive"))
         self._outputs = None if gripper_output is None else self._connected("IO", address)
-        self._speed, self._acceleration = speed_m_s, acceleration_m_s2
         self._output, self._gripper_s = gripper_output, gripper_s
         self._gripper_open: bool | None = None if gripper_output is None else True
         self._progress_before, self._steering = -1, False
@@ -139,7 +142,7 @@ class UR:
             (self._receive.isProtectiveStopped, "a protective stop"),
         ):
             if stopped():
-                raise MotionError(f"{self.name}: {what}: release it on the pendant, then call recover()")
+                raise MotionError(f"{self.name}: {what}: release it on the pendant; {LOOK_FIRST}")
         if not self._control.isConnected():
             raise MotionError(f"{self.name}: the connection is lost")
 

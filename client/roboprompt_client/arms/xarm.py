@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import STEERED_S, ArmState, MakersObject
+from roboprompt_client.arms.driver import LOOK_FIRST, STEERED_S, ArmState, MakersObject
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types import quaternions as rotations
@@ -49,8 +49,10 @@ class XArm:
         )
         self._speed, self._acceleration = speed_mm_s, acceleration_mm_s2
         self._has_gripper = gripper
-        self._started_s = 0.0
-        self.recover()
+        self._started_s, self._mode = 0.0, POSITION_MODE
+        error, _ = self._result("get_err_warn_code")
+        if not error:  # else it is left for a person to see
+            self._make_ready()
 
     def state(self) -> ArmState:
         x, y, z, *turn = self._result("get_position", is_radian=True)
@@ -111,6 +113,9 @@ class XArm:
     def recover(self) -> None:
         self._do("clean_error")
         self._do("clean_warn")
+        self._make_ready()
+
+    def _make_ready(self) -> None:
         self._do("motion_enable", enable=True)
         self._set_mode(POSITION_MODE)
         if self._has_gripper:
@@ -122,7 +127,7 @@ class XArm:
     def _require_ready(self) -> None:
         error, _ = self._result("get_err_warn_code")
         if error:
-            raise MotionError(f"{self.name}: the arm reports error {error}: call recover() once a person has looked")
+            raise MotionError(f"{self.name}: the arm reports error {error}: {LOOK_FIRST}")
 
     def _set_mode(self, mode: int) -> None:
         self._do("set_mode", mode)

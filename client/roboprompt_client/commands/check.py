@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.look import AddCommand
@@ -97,6 +98,8 @@ class ArmCheck:
         place = ", ".join(f"{value:.3f}" for value in hand.position_m)
         detail = f"hand at {place} m, its z axis {math.degrees(math.acos(np.clip(-down, -1, 1))):.0f} degrees from down"
         self._say("observe: end_effector", None, f"{detail}: measure it")
+        if isinstance(self._robot, Arm) and (problem := self._robot.problem_with(hand)):
+            self._say("observe: limits", None, f"the hand could not go to where it is: {problem}")
         return hand
 
     def _check_touch(self, place_m: Array) -> None:

@@ -1,8 +1,9 @@
 """`roboprompt-robot init`: write a cell's file from a person's answers and the arm's measurements."""
 
+import json
 import math
 from argparse import Namespace
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,11 @@ import numpy as np
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.panda import LIMITS_RAD
 from roboprompt_client.cameras.realsense import realsense_serials
-from roboprompt_client.cell import open_robot, write_cell
+from roboprompt_client.cell import ARMS, open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.terminal import ask, ask_yes, led_by_hand, say
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.extras import make_driver
 from roboprompt_client.robot import observation_from_file
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
@@ -28,6 +30,7 @@ REALTIME = Path("/sys/kernel/realtime")
 WITHOUT_REALTIME = (
     "This computer has no real-time kernel: a Franka may stop with communication errors. Go on without one? [y/N] "
 )
+OPTIONS = 'Its options, a JSON object such as {"address": "192.168.0.2"} [Enter: none] '
 WITHOUT_CAMERAS = "A file with the objects' poses, such as objects.json [Enter: none, or cameras later] "
 CORNERS = (
     "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
@@ -45,7 +48,11 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     path: Path = arguments.file
     if path.exists():
         raise InvalidInputError("FILE", f"{path} exists and is not overwritten", "a new name")
-    cell = {**_arm(), "base_to_world": _base()}
+    if not path.parent.is_dir():
+        raise InvalidInputError("FILE", f"there is no folder {path.parent}", "a file in a folder that exists")
+    cell = _arm()
+    _try_to_connect(cell)  # before a person answers what would be lost
+    cell["base_to_world"] = _base()
     if cameras := [camera for serial in realsense_serials() if (camera := _camera(serial))]:
         cell["cameras"] = cameras
     elif objects := _answer(WITHOUT_CAMERAS, partial(_objects_file, path.parent)):
@@ -70,13 +77,21 @@ def _arm() -> dict[str, Any]:
     question = f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] "
     name = _answer(question, lambda text: text if ":" in text else _one_of((*ADDRESSED, "MODULE:FACTORY"), text))
     if name not in ADDRESSED:
-        return {"arm": name}
+        own = _answer(OPTIONS, _json_object)
+        return {"arm": name, **({"options": own} if own else {})}
     options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
         options["model"] = _answer("Its model [panda or fr3]: ", partial(_one_of, LIMITS_RAD))
         if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
             options["realtime"] = False
     return {"arm": name, "options": options}
+
+
+def _try_to_connect(cell: Mapping[str, Any]) -> None:
+    """Raise as `open_robot` if the arm's package is missing, or the arm does not answer."""
+    made = make_driver("arm", cell["arm"], ARMS, cell.get("options", {}))
+    if hasattr(made, "close"):
+        made.close()
 
 
 def _realtime_kernel() -> bool:
@@ -164,6 +179,13 @@ def _one_of(valid: Iterable[str], text: str) -> str:
     if text in valid:
         return text
     raise ValueError(f"{text!r:.40} is none of {', '.join(valid)}")
+
+
+def _json_object(text: str) -> dict[str, Any]:
+    found = json.loads(text or "{}")
+    if not isinstance(found, dict):
+        raise ValueError(f"{text!r:.40} is no JSON object")
+    return found
 
 
 def _numbers(text: str, count: int) -> list[float]:

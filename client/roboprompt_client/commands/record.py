@@ -1,19 +1,26 @@
 """`roboprompt-robot record`: record demonstrations while a person moves the arm, and upload them."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.look import AddCommand, add_find, asking_robot, find_in_pictures
-from roboprompt_client.commands.record_live import record_live
-from roboprompt_client.commands.terminal import ask, ask_yes, say
-from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recording.recorder import RATE_HZ, HasState, films_from_journal
-from roboprompt_client.recording.spool import JOURNAL, Sent, Spool
+from roboprompt_client.commands.look import NOT_FOUND, AddCommand, add_find, asking_robot, find_in_pictures
+from roboprompt_client.commands.record_live import record_live, require_leading
+from roboprompt_client.commands.terminal import ask, ask_yes, recovered, say
+from roboprompt_client.errors import (
+    CameraError,
+    InvalidInputError,
+    MotionError,
+    ServiceProblemError,
+    ServiceUnreachableError,
+)
+from roboprompt_client.recording.recorder import RATE_HZ, HasState, checked_rate_hz, films_from_journal
+from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.types.film import FILM_HZ
+from roboprompt_client.types.names import checked_instruction, checked_name
 
 SPOOL = Path("recordings")
 
@@ -35,7 +42,7 @@ def add_record(add: AddCommand, robot_help: str) -> None:
         help="folder for recordings that wait for the service (default: %(default)s)",
     )
     record.add_argument(
-        "--rate-hz", type=float, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
+        "--rate-hz", type=_rate_hz, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
     )
     record.add_argument(
         "--film-hz",
@@ -46,10 +53,24 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     led = record.add_mutually_exclusive_group()
     what = "let the arm carry its own weight and yield to your hand (Franka only)"
     led.add_argument("--guide", action="store_true", help=what)
-    led.add_argument(
-        "--teleop", choices=("keyboard", "spacemouse"), help="steer the hand with these keys or this device"
-    )
-    record.add_argument("--send-only", action="store_true", help="upload recordings that wait, and record nothing")
+    what = "steer the hand with keyboard or spacemouse, or with a LeRobot leader arm that MODULE:FACTORY returns"
+    led.add_argument("--teleop", metavar="DEVICE", type=_device, help=what)
+    record.set_defaults(corrects=None)
+    what = "upload recordings that wait, also those that were interrupted, and record nothing"
+    record.add_argument("--send-only", action="store_true", help=what)
+
+
+def _rate_hz(text: str) -> float:
+    try:
+        return checked_rate_hz(float(text))
+    except ValueError as error:  # an InvalidInputError, too
+        raise ArgumentTypeError(str(error)) from error
+
+
+def _device(text: str) -> str:
+    if text in ("keyboard", "spacemouse") or ":" in text:
+        return text
+    raise ArgumentTypeError(f"{text!r:.40} is none of keyboard, spacemouse, MODULE:FACTORY")
 
 
 def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
@@ -62,10 +83,14 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
     except OSError as error:
         raise InvalidInputError("--spool", str(error), "a folder of this user's that can be written") from error
     failed = 0
-    if not arguments.send_only:
+    if arguments.send_only:
+        spool.finish_all()
+    else:
         for name in ("robot", "task", "instruction"):
             if getattr(arguments, name) is None:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+        checked_name("--task", arguments.task)
+        checked_instruction("--instruction", arguments.instruction)
         if arguments.objects is not None:
             observation_from_file("--objects", arguments.objects)  # report its faults before the recording
         with asking_robot(arguments.robot) as robot:
@@ -77,52 +102,72 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
         raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
+    require_leading(robot, guide=arguments.guide, teleop=arguments.teleop)
     find_in_pictures(robot, client, arguments.task, arguments.find)
+    _say_where(client, arguments)
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
-        _record_one(robot, spool, arguments)
+        try:
+            _record_one(robot, spool, arguments)
+        except MotionError as error:
+            say(str(error))
+            failed = 1
+            if not recovered(robot):
+                break
         failed |= _send_all(client, spool)
     return failed
 
 
-def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str) -> None:
-    """After a run that failed, offer to record a demonstration of how it is done."""
+def _say_where(client: RoboPromptClient, arguments: Namespace) -> None:
+    """Say before the first recording what would surprise a person after it; raises ServiceProblemError for a key."""
+    try:
+        client.get(f"/tasks/{arguments.task}")
+    except ServiceUnreachableError as error:
+        say(f"{error} Recordings wait in {arguments.spool}.")
+    except ServiceProblemError as error:
+        if error.status != NOT_FOUND:
+            raise
+        say(f"{arguments.task!r} is a new task: the first recording makes it")
+
+
+def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> None:
+    """After a run that failed, offer to record a demonstration that corrects its prediction."""
     if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
         return
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
     how = {"objects": None, "rate_hz": RATE_HZ, "film_hz": FILM_HZ, "guide": guide, "teleop": None}
-    _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
+    _record_one(robot, spool, Namespace(task=task, instruction=instruction, corrects=prediction_id, **how))
     _send_all(client, spool)
 
 
 def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
-    """Record one demonstration with the command's options; an interrupted one stays in the spool."""
+    """Record one demonstration with the command's options; an interrupted one stays in the spool, unfinished.
+
+    Raises:
+        MotionError: if the arm ended it.
+        InvalidInputError: if the next recording would fail, too.
+    """
     try:
         seen = _seen(robot, shown.objects)
     except CameraError as error:
         say(str(error))
         return
-    folder = spool.new(shown.task, shown.instruction, seen)
+    folder = spool.new(shown.task, shown.instruction, seen, shown.corrects)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
     how = {"guide": shown.guide, "teleop": shown.teleop, "film_hz": shown.film_hz}
     try:
-        trajectory = record_live(arm, folder / JOURNAL, shown.rate_hz, **how)
-    except (MotionError, InvalidInputError) as error:
-        if (folder / JOURNAL).exists():
-            say(f"{error}; the recording until then is kept in {folder}")
-            return
-        spool.discard(folder)
-        if isinstance(error, InvalidInputError):  # the next recording would fail, too
-            raise
-        say(str(error))
-        return
-    except KeyboardInterrupt:
-        say(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")
+        trajectory = record_live(arm, folder / UNFINISHED, shown.rate_hz, **how)
+    except (MotionError, InvalidInputError, KeyboardInterrupt):
+        if (folder / UNFINISHED).exists():
+            say(f"interrupted, and not uploaded: it is in {folder}; `roboprompt-robot record --send-only` uploads it")
+        else:
+            spool.discard(folder)
         raise
     if trajectory is None:
         spool.discard(folder)
         return
+    spool.finish(folder)
     films = [f"film of {film.camera}: {len(film.pictures)}" for film in films_from_journal(folder / JOURNAL)]
     say(", ".join([f"{len(trajectory)} frames", f"{trajectory.num_joints} joints", *films]))
 

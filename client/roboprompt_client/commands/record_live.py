@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from roboprompt_client.arms.arm import Arm, Steer
+from roboprompt_client.arms.driver import Guidable, Steerable
 from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.recording.recorder import HasState, Progress, Recorder
@@ -19,7 +20,24 @@ KEYS = "o: open the gripper   c: close it   x: discard   Enter: keep"
 OPEN, CLOSE, KEEP = "o", "c", "\r\n"
 SHOWN_S = 0.2
 MAX_LINE_CHARS, CLEAR_LINE = 78, "\x1b[K"
-AN_ARM = "an Arm, such as that of a cell's file"
+
+
+def require_leading(arm: object, *, guide: bool, teleop: str | None) -> None:
+    """Refuse before a recording what cannot lead the arm.
+
+    Raises:
+        InvalidInputError: if the arm cannot be guided or steered, or the device is not there.
+        MotionError: if the device does not answer.
+    """
+    driver = getattr(arm, "driver", None)
+    if guide and not isinstance(driver, Guidable):
+        raise InvalidInputError("--guide", "this arm cannot be guided by its driver", "its maker's button")
+    if teleop is None:
+        return
+    if not isinstance(driver, Steerable):
+        raise InvalidInputError("--teleop", "this arm cannot be steered by its driver", "another arm")
+    with opened(teleop):
+        pass
 
 
 def record_live(
@@ -35,7 +53,7 @@ def record_live(
 
     Args:
         guide: let the arm yield to the person's hand.
-        teleop: `keyboard` or `spacemouse`, to steer the hand with; None: neither.
+        teleop: the device to steer the hand with, as of `opened`; None: no device.
         film_hz: pictures a second that the arm's cameras take; 0: none.
 
     Returns:
@@ -69,14 +87,10 @@ def _filming(arm: HasState) -> list[MountedCamera]:
 def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
     """Let the arm be guided or steered until `led` is closed; return the function that steers it, or None."""
     if guide:
-        if not hasattr(arm, "guided"):
-            raise InvalidInputError("--guide", "this robot cannot be guided", AN_ARM)
-        led.enter_context(arm.guided())
+        led.enter_context(arm.guided())  # type: ignore[attr-defined]  # see `require_leading`
     if not steers:
         return None
-    if not hasattr(arm, "steered"):
-        raise InvalidInputError("--teleop", "this robot cannot be steered", AN_ARM)
-    steer: Steer = led.enter_context(arm.steered())
+    steer: Steer = led.enter_context(arm.steered())  # type: ignore[attr-defined]  # see `require_leading`
     return steer
 
 

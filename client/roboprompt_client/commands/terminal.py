@@ -54,6 +54,14 @@ def led_by_hand(arm: Arm) -> AbstractContextManager[None]:
     return arm.guided() if yields else nullcontext()
 
 
+def recovered(robot: Robot) -> bool:
+    """Return whether a stopped arm may move again: a person must say so; raises MotionError if it does not answer."""
+    if not isinstance(robot, Arm) or not ask_yes("Has somebody looked at the arm, and may it move again? [y/N] "):
+        return False
+    robot.recover()
+    return True
+
+
 class Person:
     """The person who answers a run's `preview`, `confirm` and `on_outcome`.
 

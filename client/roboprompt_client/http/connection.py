@@ -2,6 +2,7 @@
 
 import ipaddress
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from urllib.parse import urlsplit
 import httpx
 from httpx_sse import ServerSentEvent
 
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
@@ -53,7 +54,10 @@ def http_options(url: str, api_key: str) -> dict[str, Any]:
 
     Raises:
         ServiceUnreachableError: for a URL without scheme or host.
+        InvalidInputError: for a key with blanks, or letters outside ASCII.
     """
+    if not re.fullmatch(r"[!-~]*", api_key):
+        raise InvalidInputError("api_key", "has blanks, or letters outside ASCII", "as `roboprompt keys add` prints it")
     headers = {"Authorization": f"Bearer {api_key}"} if api_key else {}
     refusal = f"{url!r} is not the address of a service (valid: one like http://127.0.0.1:8000)"
     try:

@@ -21,7 +21,7 @@ from roboprompt_client.types.trajectory import Trajectory
 from roboprompt_client.types.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
-MIN_RATE_HZ = 20.0
+MIN_RATE_HZ, MAX_RATE_HZ = 20.0, 1000.0
 MAX_FILM_HZ = 60.0
 FLUSH_S = 1.0
 OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
@@ -77,13 +77,11 @@ class Recorder:
         cameras: Iterable[MountedCamera] = (),
         film_hz: float = FILM_HZ,
     ) -> None:
-        if not MIN_RATE_HZ <= rate_hz <= 1000:
-            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
         if not 0 <= film_hz <= MAX_FILM_HZ:
             raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
-        self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
+        self._arm, self._journal, self._period_s = arm, journal, 1 / checked_rate_hz(rate_hz)
         self._cameras, self._film_hz, self._films = tuple(cameras) if film_hz else (), film_hz, list[Filming]()
         self._ended = threading.Event()
         self._progress: Progress | None = None
@@ -152,6 +150,13 @@ class Recorder:
         asked_s = time.monotonic()
         state = self._arm.state()
         return (asked_s + time.monotonic()) / 2, state
+
+
+def checked_rate_hz(rate_hz: float) -> float:
+    """Return a sampling rate; raises InvalidInputError if it is out of range."""
+    if MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
+        return rate_hz
+    raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:

@@ -30,6 +30,7 @@ WAITS_S = (1.0, 2.0, 4.0, 8.0)
 # No key or a wrong one, a timeout, too many requests: the service may store the same recording later.
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
+UNFINISHED = "journal.part"  # the journal until the recording has ended as the person wanted
 IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
 OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alone"
 
@@ -54,15 +55,19 @@ class Spool:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.chmod(0o700)
 
-    def new(self, task: str, instruction: str, observation: Observation) -> Path:
-        """Write what was seen before a recording; return its folder, into which its `journal` may follow."""
+    def new(self, task: str, instruction: str, observation: Observation, corrects: str | None = None) -> Path:
+        """Write what was seen before a recording; return its folder, into which `UNFINISHED` may follow.
+
+        Args:
+            corrects: id of the failed prediction that the recording corrects, if it does.
+        """
         folder = self._folder / uuid4().hex
         folder.mkdir(mode=0o700)
         for frame in observation.frames:
             for name, image in images_of(frame):
                 file, data, _ = npy_part(name, image, frame)
                 _write(folder / file, data)
-        scene = {"task": task, "instruction": instruction, **scene_json(observation, None)}
+        scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation, None)}
         _write(folder / SCENE, json.dumps(scene).encode())
         return folder
 
@@ -72,6 +77,17 @@ class Spool:
         for folder in sorted(folders, key=lambda path: (path / SCENE).lstat().st_mtime):
             if not (folder / SENT).exists() and not (folder / REFUSED).exists():
                 yield folder
+
+    def finish(self, folder: Path) -> None:
+        """Let a recording be uploaded, with its films."""
+        unfinished = folder / UNFINISHED
+        for path in (*film_files(unfinished), unfinished):  # the journal last: it says that all is there
+            path.rename(path.with_name(path.name.replace(UNFINISHED, JOURNAL, 1)))
+
+    def finish_all(self) -> None:
+        """Let recordings be uploaded that were interrupted."""
+        for path in self._folder.glob(f"*/{UNFINISHED}"):
+            self.finish(path.parent)
 
     def discard(self, folder: Path) -> None:
         """Delete a recording."""

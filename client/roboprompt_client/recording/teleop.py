@@ -1,4 +1,4 @@
-"""Read a person's keys at a terminal or a SpaceMouse, with which they steer the hand.
+"""Read a person's keys at a terminal, a SpaceMouse or a leader arm, with which they steer the hand.
 
 A direction is (6,): motions along and about the world's x, y, z, each -1 to 1, where 1 is full speed. If the base is
 not rotated in the world, x points away from it, y to its left, z up.
@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.extras import make_driver
 from roboprompt_client.types.arrays import Array
 
 MAX_KEYS = 64  # per read
@@ -165,11 +166,19 @@ def opened(device: str) -> Iterator[Read]:
     """Yield the function that reads a person's input from a device.
 
     Args:
-        device: `keyboard` or `spacemouse`.
+        device: `keyboard`, `spacemouse`, or MODULE:FACTORY of a `Leader`, see the module `leader`.
 
     Raises:
         InvalidInputError: if the device is missing, or this user may not read it.
+        MotionError: if a leader arm does not answer.
     """
+    if ":" in device:
+        leader = make_driver("--teleop", device, {}, {})
+        if not hasattr(leader, "read"):
+            raise InvalidInputError("--teleop", f"{device} makes a {type(leader).__name__}", "a factory of a Leader")
+        with leader:
+            yield leader.read
+        return
     if device == "keyboard":
         if not has_keyboard():
             raise InvalidInputError("--teleop", "standard input is not a terminal", "a terminal")

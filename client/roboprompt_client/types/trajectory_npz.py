@@ -58,7 +58,9 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
 def trajectory_from_file(path: Path) -> Trajectory:
     """Return the trajectory of a .npz file; raises InvalidInputError naming the array and what is wrong with it."""
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+        if not (data := path.read_bytes()).startswith(b"PK"):
+            raise ValueError("it is no archive of arrays, such as np.savez writes")
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
             arrays = dict(file)
     except (OSError, ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:  # the last two: no archive
         raise InvalidInputError("trajectory", f"{path} is not a readable .npz file: {error}", VALID) from error
