@@ -17,7 +17,7 @@ from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.recording.filming import MARK
 from roboprompt_client.recording.recorder import Recorder, films_from_journal
-from roboprompt_client.recording.spool import JOURNAL, Spool
+from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Spool
 from roboprompt_client.types.film import MAX_PICTURE_PIXELS, Film, npz_from_film
 
 INTRINSICS = Intrinsics(500, 500, 320, 240, 640, 480)
@@ -144,7 +144,10 @@ def test_a_crash_in_the_middle_of_a_picture_costs_that_picture(tmp_path):
 def test_a_spooled_film_is_uploaded_with_its_recording(tmp_path):
     spool = Spool(tmp_path / "spool")
     folder = spool.new("pick", "pick up the cube", SCENE)
-    _, (film,) = record(folder / JOURNAL, Camera())
+    _, (film,) = record(folder / UNFINISHED, Camera())
+    assert not list(spool.waiting())
+    spool.finish(folder)
+    assert list(spool.waiting()) == [folder]
     sent = []
 
     def answer(request):

@@ -13,7 +13,7 @@ from app.untrusted_arrays import film_from_npz
 from roboprompt_client import ArmState, ObjectPose, Observation, Recorder, RoboPromptClient
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera
-from roboprompt_client.recording.spool import JOURNAL, Spool
+from roboprompt_client.recording.spool import UNFINISHED, Spool
 from tests.episodes import arrays, film_npz, jpeg, metadata, multipart, npz, pick_trajectory, png, refused
 
 PLACE_M = (0.123, 0.077, 0.785)
@@ -83,15 +83,17 @@ def test_what_a_robot_filmed_is_stored(http, url, tmp_path):
     spool = Spool(tmp_path / "spool")
     folder = spool.new("guided", "pick up the cube", Observation(ObjectPose("cube", np.array(PLACE_M))))
     wrist = MountedCamera("wrist", SimpleNamespace(read=read, close=None), in_hand=True)  # not calibrated
-    recorder = Recorder(SimpleNamespace(state=state), folder / JOURNAL, cameras=[wrist], film_hz=20)
+    recorder = Recorder(SimpleNamespace(state=state), folder / UNFINISHED, cameras=[wrist], film_hz=20)
     recorder.start()
     time.sleep(1)
     recorder.stop()
+    films = recorder.films
+    spool.finish(folder)
     with RoboPromptClient(url) as client:
         sent = spool.send(client, folder)
     assert (sent.stored, sent.answer["films"]) == (True, ["wrist"])
     stored = http.get(f"/episodes/{sent.answer['id']}/films/wrist").content
-    assert film_from_npz("wrist", stored).times_s.tolist() == recorder.films[0].times_s.tolist()
+    assert film_from_npz("wrist", stored).times_s.tolist() == films[0].times_s.tolist()
 
 
 def huge_jpeg():
