@@ -77,8 +77,8 @@ def _arm() -> dict[str, Any]:
     question = f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] "
     name = _answer(question, lambda text: text if ":" in text else _one_of((*ADDRESSED, "MODULE:FACTORY"), text))
     if name not in ADDRESSED:
-        options = _answer(OPTIONS, _json_object)
-        return {"arm": name, **({"options": options} if options else {})}
+        of_its_own = _answer(OPTIONS, _json_object)
+        return {"arm": name, **({"options": of_its_own} if of_its_own else {})}
     options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
         options["model"] = _answer("Its model [panda or fr3]: ", partial(_one_of, LIMITS_RAD))
