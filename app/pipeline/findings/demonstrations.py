@@ -76,7 +76,9 @@ class Taught:
     @cached_property
     def decisive(self) -> frozenset[str]:
         """The objects that rows follow, words name or plans depend on, and those arranged with any of them."""
-        found = {anchor.object_name for _, rows in self.support.plans for row in rows for anchor in row.anchors}
+        found = {
+            name for _, rows in self.support.plans for row in rows for anchor in row.anchors for name in anchor.names
+        }
         found |= {name for item in self.demonstrations for name in item.order.objects}
         for alike in self._alike.values():
             if (parted := parting(alike)) is not None:
@@ -134,7 +136,7 @@ class Taught:
 
     def followed(self, asked: Order) -> frozenset[str]:
         """Return the objects that rows of the requested motion are relative to."""
-        return frozenset(anchor.object_name for anchor in self._anchors(asked) if anchor.object_name)
+        return frozenset(name for anchor in self._anchors(asked) for name in anchor.names)
 
     def follows_start(self, asked: Order) -> bool:
         """Return whether rows of the requested motion are relative to where the hand starts."""
