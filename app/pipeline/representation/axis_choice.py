@@ -33,7 +33,8 @@ def by_axis(
     """Return the anchors, with other origins along the axes where demonstrations contradict the row's own.
 
     At least three demonstrations must scatter by `CONTRADICTED_M` or more along the axis seen from the row's own
-    origin, and seen from another by a share that is small beyond chance (`certain_share`), within `SERVES_M`.
+    origin, and seen from another by a share that is small beyond chance (`certain_share`). All axes must then scatter
+    within `SERVES_M`.
 
     Args:
         columns: of each object its name in every demonstration.
@@ -88,10 +89,13 @@ def _followed(scatters_m: Array, own_m: Array, own: int, share: float) -> list[i
         own_m: (3,) as the row has it.
         own: the row's origin.
     """
-    best = [own] * 3
+    best, left_m = [own] * 3, own_m.copy()
     for axis, seen_m in enumerate(scatters_m.T):
-        if own_m[axis] >= CONTRADICTED_M and seen_m.min() < min(share * own_m[axis], SERVES_M):
+        if own_m[axis] >= CONTRADICTED_M and seen_m.min() < share * own_m[axis]:
             best[axis] = int(np.flatnonzero(seen_m <= seen_m.min() + EQUAL_M)[0])
+            left_m[axis] = seen_m.min()
+    if left_m.max() >= SERVES_M:  # still not explained, as on the way from the start to an object
+        return [own] * 3
     others = [place for place in best if place != own]
     for axis in range(3) if len(set(others)) > 1 else ():
         equal = [place for place in others if scatters_m[place, axis] <= own_m[axis] + EQUAL_M]
