@@ -113,8 +113,9 @@ def _along(anchors: Anchors, followed: Sequence[tuple[str, ...]], tilted: frozen
     if anchors[0].place_turns and aside:
         frame = UNTURNED[frame]
     if not anchors[0].hand_turns:  # the row then needs no rotation of the object that it names first
-        own = next((names for names in followed if any(names)), own)
-        frame = "w" if any(own) else "world"
+        objects = [names for names in followed if any(names)]
+        own = max(objects, key=objects.count)
+        frame = "w"
     return tuple(
         Anchor(name, frame, tuple((axis, names[k]) for axis, names in enumerate(followed) if names != own))
         for k, name in enumerate(own)
