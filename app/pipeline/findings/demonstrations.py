@@ -19,8 +19,9 @@ from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import by_plan, shown_together, usual_ways
+from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import acting_rows
+from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from roboprompt_client.types.poses import EndEffectorAction
@@ -155,12 +156,21 @@ class Taught:
 
     @cached_property
     def _shown_off_m(self) -> dict[int, float]:
-        """By `id`, how far each demonstration in `usual` acts from where the others of its plan do."""
-        return {
-            id(demonstration): max((float(rows[j].off_m[i]) for j in acting_rows(rows)), default=0.0)
-            for group, rows in self.support.plans
-            for i, demonstration in enumerate(group)
-        }
+        """By `id`, how far each demonstration in `usual` acts from where the others of its plan do.
+
+        Between switches of the gripper, rows of one number may show different stages, as after a detour: a
+        demonstration that acts there in another row acts alike.
+        """
+        found: dict[int, float] = {}
+        for group, rows in self.support.plans:
+            acting, switches = acting_rows(rows), group[0].switches
+            for i, demonstration in enumerate(group):
+                off_m = max((float(rows[j].off_m[i]) for j in acting), default=0.0)
+                at_switches_m = max((float(rows[j].off_m[i]) for j in switches), default=0.0)
+                if at_switches_m < BEYOND_NOISE_M < off_m and from_shown_m(self.support, demonstration) < TWO_WAYS_M:
+                    off_m = at_switches_m
+                found[id(demonstration)] = off_m
+        return found
 
     def _off_m(self, item: Demonstration) -> float:
         """Return how far it acts from where the others of its plan do, or from where the usual plans would act."""
