@@ -30,6 +30,7 @@ from app.pipeline.representation.anchors import (
     MIN_TURNED,
     MIXED_FRAMES,
     TURNED_SHARE,
+    WORLD,
     Anchor,
     asked_anchor,
     much_less,
@@ -137,23 +138,26 @@ def not_shown_findings(shown: Support | None, taught: Support, asked: Order) -> 
         shown: the plans in the prompt; None where they are not known.
         taught: the plans of all demonstrations of the task.
     """
-    missing = _mixed(taught, asked) - (frozenset() if shown is None else _mixed(shown, asked))
-    for name in sorted({anchor.object_name for anchor in missing})[:1]:
+    missing = _mixed(taught, asked) - (set() if shown is None else _mixed(shown, asked))
+    for name in sorted({anchor.object_name or "an object" for anchor in missing})[:1]:
         message = (
-            f"Where the hand acts at {name}, only its position or only its rotation turns with {name}. The prompt has"
-            " too few demonstrations to show that. Raise num_demonstrations."
+            f"What the hand does at {name} follows it in part: along some axes only, or only its position or rotation"
+            " turns with it. The prompt has too few demonstrations to show that. Raise num_demonstrations."
         )
         yield NOT_SHOWN_APART.finding(message, "demonstrations")
 
 
-def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
-    """Return the anchors with a mixed frame at which the hand acts, by the names in the observed scene."""
-    return frozenset(
-        asked_anchor(rows[k].anchors[0], group[0].order, asked)
-        for group, rows in support.alike(asked)
-        for k in touching_rows(rows)
-        if rows[k].anchors[0].frame in MIXED_FRAMES
-    )
+def _mixed(support: Support, asked: Order) -> set[Anchor]:
+    """Return the anchors with a mixed frame at which the hand acts, by the names in the observed scene.
+
+    Those that have other origins along single axes count as one, as several may fit.
+    """
+    found = set()
+    for group, rows in support.alike(asked):
+        acting = [rows[k].anchors[0] for k in touching_rows(rows)]
+        found |= {asked_anchor(one, group[0].order, asked) for one in acting if one.frame in MIXED_FRAMES}
+        found |= {WORLD for row in rows if row.anchors[0].along}
+    return found
 
 
 def _contradicting_message(item: _Acting) -> str:
