@@ -117,6 +117,20 @@ def test_only_what_hangs_on_moved_objects_follows():
     assert reanchored(actions[:1], [cube], {}, now, {}) == (on_cube,)
 
 
+def test_axes_that_follow_the_world_stay_and_those_of_another_object_follow_it():
+    before = {**seen("cube", 0), **seen("plate", 0.2)}
+    now = {
+        "cube": ObjectPose("cube", np.array([0.03, 0.02, 0.01])),
+        "plate": ObjectPose("plate", np.array([0.3, 0, 0])),
+    }
+    was = EndEffectorAction(before["cube"].position_m + np.array([0, 0, 0.1]), DOWN.as_quat(), True)
+    anchor = ActionAnchor("cube", "w", np.array([0, 0, 0.1]), DOWN.as_quat(), {0: "plate", 2: None})
+    (moved,) = reanchored([was], [anchor], before, now, {})
+    gone_m = now["plate"].position_m[0] - before["plate"].position_m[0]
+    y_m = was.position_m[1] + 0.02 - before["cube"].position_m[1]
+    np.testing.assert_allclose(moved.position_m, [was.position_m[0] + gone_m, y_m, was.position_m[2]])
+
+
 def test_a_pose_without_rotation_moves_actions_without_turning_them():
     before, now = {"cube": ObjectPose("cube", np.zeros(3))}, {"cube": ObjectPose("cube", np.array([0, 0.02, 0]))}
     action, anchor = placed(before["cube"], (0, 0, 0.1), "w")
@@ -138,6 +152,8 @@ def test_anchors_as_the_service_sends_them():
     anchor = anchor_from_json(0, {"anchor": SENT})
     assert (anchor.object_name, anchor.frame) == ("cube", "o")
     assert anchor_from_json(0, {"anchor": {**SENT, "object": None, "frame": "world"}}).object_name is None
+    along = anchor_from_json(0, {"anchor": {**SENT, "along": {"z": None, "x": "plate"}}}).along
+    assert along == {2: None, 0: "plate"}
     assert anchor_from_json(0, {"anchor": None}) is None
     assert anchor_from_json(0, {}) is None
 

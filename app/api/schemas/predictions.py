@@ -95,6 +95,13 @@ class AnchorOut(BaseModel):
             "world: the world frame; start: world axes where the end effector was at first"
         ),
     ]
+    along: Annotated[
+        dict[Literal["x", "y", "z"], str | None],
+        Field(
+            default={},
+            description="world axes along which the offset is from another object, or (null) from the world's origin",
+        ),
+    ]
     offset_m: Annotated[list[float], Field(description="(3) from the origin, along these axes")]
     rotation_xyzw: Annotated[list[float], Field(description="(4) from these axes")]
     tolerance_m: Annotated[float, Field(description="spread of the demonstrations: most of them lie within it")]

@@ -19,8 +19,9 @@ from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import by_plan, shown_together, usual_ways
+from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import acting_rows
+from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from roboprompt_client.types.poses import EndEffectorAction
@@ -76,7 +77,9 @@ class Taught:
     @cached_property
     def decisive(self) -> frozenset[str]:
         """The objects that rows follow, words name or plans depend on, and those arranged with any of them."""
-        found = {anchor.object_name for _, rows in self.support.plans for row in rows for anchor in row.anchors}
+        found = {
+            name for _, rows in self.support.plans for row in rows for anchor in row.anchors for name in anchor.names
+        }
         found |= {name for item in self.demonstrations for name in item.order.objects}
         for alike in self._alike.values():
             if (parted := parting(alike)) is not None:
@@ -134,7 +137,7 @@ class Taught:
 
     def followed(self, asked: Order) -> frozenset[str]:
         """Return the objects that rows of the requested motion are relative to."""
-        return frozenset(anchor.object_name for anchor in self._anchors(asked) if anchor.object_name)
+        return frozenset(name for anchor in self._anchors(asked) for name in anchor.names)
 
     def follows_start(self, asked: Order) -> bool:
         """Return whether rows of the requested motion are relative to where the hand starts."""
@@ -153,12 +156,21 @@ class Taught:
 
     @cached_property
     def _shown_off_m(self) -> dict[int, float]:
-        """By `id`, how far each demonstration in `usual` acts from where the others of its plan do."""
-        return {
-            id(demonstration): max((float(rows[j].off_m[i]) for j in acting_rows(rows)), default=0.0)
-            for group, rows in self.support.plans
-            for i, demonstration in enumerate(group)
-        }
+        """By `id`, how far each demonstration in `usual` acts from where the others of its plan do.
+
+        Between switches of the gripper, rows of one number may show different stages, as after a detour: a
+        demonstration that acts there in another row acts alike.
+        """
+        found: dict[int, float] = {}
+        for group, rows in self.support.plans:
+            acting, switches = acting_rows(rows), group[0].switches
+            for i, demonstration in enumerate(group):
+                off_m = max((float(rows[j].off_m[i]) for j in acting), default=0.0)
+                at_switches_m = max((float(rows[j].off_m[i]) for j in switches), default=0.0)
+                if at_switches_m < BEYOND_NOISE_M < off_m and from_shown_m(self.support, demonstration) < TWO_WAYS_M:
+                    off_m = at_switches_m
+                found[id(demonstration)] = off_m
+        return found
 
     def _off_m(self, item: Demonstration) -> float:
         """Return how far it acts from where the others of its plan do, or from where the usual plans would act."""

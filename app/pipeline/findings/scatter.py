@@ -30,6 +30,7 @@ from app.pipeline.representation.anchors import (
     MIN_TURNED,
     MIXED_FRAMES,
     TURNED_SHARE,
+    WORLD,
     Anchor,
     asked_anchor,
     much_less,
@@ -39,8 +40,9 @@ from app.pipeline.representation.anchors import (
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
 EXPLAINED = 0.8  # the share of the scatter (leave one out) that something explains: then it is no noise
+EXPLAINED_M = 0.007  # least scatter that is worth an explanation
 FEWEST_EXPLAINED = 6  # demonstrations with which chance hardly ever does
-VARIES_M = 0.015  # what varies by less explains nothing
+VARIES_M = 0.005  # what varies by less explains nothing
 CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
 
 
@@ -92,7 +94,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
             *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
-            *_explained_m(shown, rows[k]),
+            *_explained_m(shown, rows[k], by_objects=k in touching),
             _two_turns_deg(rows[k], round_objects) if k in touching else 0.0,
             _on_a_circle_m(rows[k], round_objects),
             loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
@@ -136,23 +138,26 @@ def not_shown_findings(shown: Support | None, taught: Support, asked: Order) -> 
         shown: the plans in the prompt; None where they are not known.
         taught: the plans of all demonstrations of the task.
     """
-    missing = _mixed(taught, asked) - (frozenset() if shown is None else _mixed(shown, asked))
-    for name in sorted({anchor.object_name for anchor in missing})[:1]:
+    missing = _mixed(taught, asked) - (set() if shown is None else _mixed(shown, asked))
+    for name in sorted({anchor.object_name or "an object" for anchor in missing})[:1]:
         message = (
-            f"Where the hand acts at {name}, only its position or only its rotation turns with {name}. The prompt has"
-            " too few demonstrations to show that. Raise num_demonstrations."
+            f"What the hand does at {name} follows it in part: along some axes only, or only its position or rotation"
+            " turns with it. The prompt has too few demonstrations to show that. Raise num_demonstrations."
         )
         yield NOT_SHOWN_APART.finding(message, "demonstrations")
 
 
-def _mixed(support: Support, asked: Order) -> frozenset[Anchor]:
-    """Return the anchors with a mixed frame at which the hand acts, by the names in the observed scene."""
-    return frozenset(
-        asked_anchor(rows[k].anchors[0], group[0].order, asked)
-        for group, rows in support.alike(asked)
-        for k in touching_rows(rows)
-        if rows[k].anchors[0].frame in MIXED_FRAMES
-    )
+def _mixed(support: Support, asked: Order) -> set[Anchor]:
+    """Return the anchors with a mixed frame at which the hand acts, by the names in the observed scene.
+
+    Those that have other origins along single axes count as one, as several may fit.
+    """
+    found = set()
+    for group, rows in support.alike(asked):
+        acting = [rows[k].anchors[0] for k in touching_rows(rows)]
+        found |= {asked_anchor(one, group[0].order, asked) for one in acting if one.frame in MIXED_FRAMES}
+        found |= {WORLD for row in rows if row.anchors[0].along}
+    return found
 
 
 def _contradicting_message(item: _Acting) -> str:
@@ -168,7 +173,7 @@ def _explained_message(item: _Acting) -> str:
         f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}, relative to {item.seen_from}), they"
         f" are up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no noise,"
         " and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
-        " frame; delete the recordings made otherwise."
+        " frame; delete the recordings made otherwise. Send a place between objects as an object of its own."
     )
 
 
@@ -228,13 +233,17 @@ def _apart(
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 
-def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, str]:
+def _explained_m(shown: Sequence[Demonstration], row: PlanRow, *, by_objects: bool) -> tuple[float, str]:
     """Return how far demonstrations are from the center of a row, and what explains it; (0, "") if nothing does.
 
     A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both are
-    measured at another point of it), a wrong scale or a turned frame by where the object stands.
+    measured at another point of it), a wrong scale or a turned frame by where the object stands, and a place between
+    objects by where another one stands, seen from it.
+
+    Args:
+        by_objects: whether the hand itself acts, and not on the way, which may depend on anything.
     """
-    if len(shown) < FEWEST_EXPLAINED or row.scatter_m < SCATTER_M or not row.anchors[0].object_name:
+    if len(shown) < FEWEST_EXPLAINED or row.scatter_m < EXPLAINED_M or not row.anchors[0].object_name:
         return 0.0, ""
     places_m = np.array([d.object(a.object_name).position_m for d, a in zip(shown, row.anchors, strict=True)])
     starts_m = [d.start.position_m for d in shown if d.start is not None]
@@ -243,6 +252,9 @@ def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, s
         "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 3))),
         f"the place of {row.anchors[0].object_name}": places_m,
     }
+    for others in zip(*(d.ordered_objects for d in shown), strict=False) if by_objects else ():
+        other_m = np.array([pose.position_m for pose in others])
+        causes.setdefault(f"the place of {others[0].name}", other_m - places_m)
     for name, inputs in causes.items():
         varied = inputs[:, inputs.std(axis=0) > VARIES_M]
         for seen_m in (row.positions_m - places_m, row.offsets_m):  # along the world's axes, and the row's own

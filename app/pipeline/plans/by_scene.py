@@ -231,7 +231,7 @@ def _clear(ways: Array, between: Array) -> float:
 def _quantities(demonstrations: Sequence[Demonstration]) -> list[Quantity]:
     """Return coordinates and yaws of the objects that serve as anchors in some plan, and their differences in pairs."""
     rows = [row for group in by_plan(demonstrations) for row in plan_rows(group)]
-    followed = {anchor.object_name for row in rows for anchor in row.anchors}
+    followed = {name for row in rows for anchor in row.anchors for name in anchor.names}
     poses = [pose for pose in demonstrations[0].objects if pose.name in followed]
     unturned = {pose.name for d in demonstrations for pose in d.objects if pose.quaternion_xyzw is None}
     single = [Quantity(axis, pose.name) for pose in poses for axis in range(3 + (pose.name not in unturned))]

@@ -19,6 +19,7 @@ from app.pipeline.representation.anchors import (
     mixed_frames,
     relative_poses,
 )
+from app.pipeline.representation.axis_choice import WORLD_REACH_M, by_axis
 from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts
@@ -29,7 +30,6 @@ EQUAL_SPREAD_M = 0.002  # anchors this close to the best count as equal: then th
 CLEARLY_LESS = 0.6  # share of the best object's scatter below which the world or the start is chosen instead
 MANY_DEMONSTRATIONS = 5  # from this number on a quantile replaces the maximum, so that one outlier does not decide
 DECIDING_SHARE = 0.8  # that quantile
-WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 # Of a single demonstration: a hand that is aligned with an object's axes acts at it rather than at a nearer object
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
 MAX_OBLIQUE_RAD = math.radians(20)  # beyond this angle it is not aligned
@@ -69,7 +69,8 @@ def choose_anchors(
             spreads_m[anchors] = _spreads_m(group, anchors, tilted)
             for k in rows:
                 settled[k] = min(settled[k], anchors, key=lambda one: spreads_m[one][k])
-    return _one_frame_in_approaches(group, settled, spreads_m, tilted)
+    found = _one_frame_in_approaches(group, settled, spreads_m, tilted)
+    return by_axis(group, found, _columns(group), tilted) if beyond_objects else found
 
 
 def _one_frame_in_approaches(
@@ -170,6 +171,18 @@ def _at_objects(group: Sequence[Demonstration]) -> list[Anchors]:
 
     The more likely frame comes first: the world's axes, or for a single demonstration the object's own.
     """
+    frames = OBJECT_FRAMES[::-1] if len(group) == 1 else OBJECT_FRAMES
+    without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
+    return [
+        tuple(Anchor(name, frame) for name in column)
+        for column in _columns(group)
+        for frame in frames
+        if frame == "w" or without_rotation.isdisjoint(column)
+    ]
+
+
+def _columns(group: Sequence[Demonstration]) -> list[Sequence[str]]:
+    """Return the objects, each by its name in every demonstration."""
     ordered = [d.ordered_objects for d in group]
     mentioned = [len(d.order.objects) for d in group]
     by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
@@ -178,15 +191,7 @@ def _at_objects(group: Sequence[Demonstration]) -> list[Anchors]:
         for pose in group[0].objects
         if all(pose.name not in [p.name for p in o[:m]] for o, m in zip(ordered, mentioned, strict=True))
     ]
-    columns = by_mention + [[name] * len(group) for name in never_mentioned]
-    frames = OBJECT_FRAMES[::-1] if len(group) == 1 else OBJECT_FRAMES
-    without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
-    return [
-        tuple(Anchor(name, frame) for name in column)
-        for column in columns
-        for frame in frames
-        if frame == "w" or without_rotation.isdisjoint(column)
-    ]
+    return [*by_mention, *([name] * len(group) for name in never_mentioned)]
 
 
 def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:

@@ -42,10 +42,18 @@ class Anchor(NamedTuple):
         frame: at the object's position `w`, world axes, or `o`, the object's own axes; `ow`: its own for the hand's
             place and the world's for its rotation, `wo` the reverse; `world`: the world frame itself; `start`: where
             the end effector was at first, world axes.
+        along: axes of the world (0 to 2) along which the hand's place follows something else than the object: the name
+            of another object, or empty for the world. Only the height (2) where the place turns with the object.
     """
 
     object_name: str
     frame: Frame
+    along: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All objects that it depends on."""
+        return frozenset((self.object_name, *(name for _, name in self.along))) - {""}
 
     @property
     def place_turns(self) -> bool:
@@ -67,7 +75,7 @@ NOT_TURNED = Rotation.identity()  # made once: that takes as long as rotating te
 
 def in_frame(anchors: Anchors, frame: Frame) -> Anchors:
     """Return the anchors at the same objects in another frame."""
-    return tuple(Anchor(anchor.object_name, frame) for anchor in anchors)
+    return tuple(anchor._replace(frame=frame) for anchor in anchors)
 
 
 def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
@@ -122,16 +130,23 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     pose = scene.object(anchor.object_name)
     own = object_rotation(pose, anchor.frame, tilted)
     place_axes, hand_axes = (own if turns else NOT_TURNED for turns in (anchor.place_turns, anchor.hand_turns))
-    return AnchorPose(pose.position_m, place_axes, hand_axes)
+    origin_m = pose.position_m
+    if anchor.along:
+        origin_m = origin_m.copy()
+        for axis, name in anchor.along:
+            origin_m[axis] = scene.object(name).position_m[axis] if name else 0.0
+    return AnchorPose(origin_m, place_axes, hand_axes)
 
 
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
-    """Return the anchor for another order: the object that is mentioned in the same place."""
-    if anchor.object_name in shown.objects:
-        place = shown.objects.index(anchor.object_name)
-        if place < len(asked.objects):
-            return Anchor(asked.objects[place], anchor.frame)
-    return anchor
+    """Return the anchor for another order: the objects that are mentioned in the same places."""
+    along = tuple((axis, _asked_name(name, shown, asked)) for axis, name in anchor.along)
+    return Anchor(_asked_name(anchor.object_name, shown, asked), anchor.frame, along)
+
+
+def _asked_name(name: str, shown: Order, asked: Order) -> str:
+    place = shown.objects.index(name) if name in shown.objects else len(asked.objects)
+    return asked.objects[place] if place < len(asked.objects) else name
 
 
 def relative_action(
@@ -166,14 +181,23 @@ def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset
     """
     if len(group) < MIN_TURNED or not group[0].actions:
         return {}
-    freedom = _deciding(len(group)) - 2  # half of that of offsets in a plane
-    quantile = float(betaincinv(freedom, freedom, CHANCE))
-    certain = min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
+    certain = certain_share(len(group), 2)
     world_m, own_m = scatters_m(group, own, tilted)
     by_world, by_own = much_less(world_m, own_m, certain), much_less(own_m, world_m, certain)
     rows = np.stack([by_own[0] & by_world[1], by_world[0] & by_own[1]])
     found = zip(MIXED_FRAMES, rows, strict=True)
     return {in_frame(own, frame): np.flatnonzero(which).tolist() for frame, which in found if which.any()}
+
+
+def certain_share(number: int, dimensions: int) -> float:
+    """Return the share of a scatter that is small beyond chance (see `mixed_frames`), of offsets in 1 or 2 dimensions.
+
+    Args:
+        number: of demonstrations, `MIN_TURNED` or more.
+    """
+    half_freedom = dimensions * (deciding(number) - 2) / 2
+    quantile = float(betaincinv(half_freedom, half_freedom, CHANCE))
+    return min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
 
 
 def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:
@@ -205,10 +229,10 @@ def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     places_m = np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=3)
     turns_m = M_PER_RAD * quaternions.angles_rad(hands[:, None], hands)
     apart_m = np.sort(np.array([places_m, turns_m]), axis=2)
-    scatter: Array = np.sqrt((apart_m[:, :, : _deciding(len(group))] ** 2).mean(axis=2)).min(axis=1)
+    scatter: Array = np.sqrt((apart_m[:, :, : deciding(len(group))] ** 2).mean(axis=2)).min(axis=1)
     return scatter
 
 
-def _deciding(number: int) -> int:
+def deciding(number: int) -> int:
     """Return how many of `number` demonstrations are kept as inliers."""
     return math.ceil(DECIDING_SHARE * number) if number >= MANY_TURNED else number

@@ -6,9 +6,10 @@ Objects stand in the order in which the instruction mentions them, each with a l
 letter, a frame at the object's position (`w`: world axes, `o`: axes turned with the object, `ow`: these for the offset
 and the world's for the rotation, `wo`: the reverse), the offset in units of 5 mm, the relative rotation in 72 bins and
 the gripper. A rotation with the numbers of the row before is left out. A row that follows no object has `world` or
-`start` (where the end effector was at first) instead of letter and frame. Rows of demonstrations that ask for the same
-thing of other objects are then the same. A reply is decoded against the CONTINUOUS observed pose, so that the object's
-own binning costs nothing.
+`start` (where the end effector was at first) instead of letter and frame. Where the hand's place follows something
+else along one axis, the row says so: `A w z=world` is at a height of the world, `A w y=B` has B's y. Rows of
+demonstrations that ask for the same thing of other objects are then the same. A reply is decoded against the CONTINUOUS
+observed pose, so that the object's own binning costs nothing.
 """
 
 import re
@@ -35,6 +36,7 @@ from app.pipeline.representation.anchors import (
     AnchorPose,
     Frame,
     anchor_pose,
+    asked_anchor,
     tilted_objects,
 )
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
@@ -56,7 +58,7 @@ from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 MAX_REPEATED = 3
 MAX_GRAMMARS = 32
 _ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
+    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
@@ -137,7 +139,7 @@ class ObjectFrameCodec(Codec):
     def _grammar(self, asked: Order, max_actions: int) -> str:
         if (plans := plans_of(self.demonstrations, self.table, asked)) is not None:
             return plans_grammar(plans, max_actions)
-        return any_rows_grammar(self.demonstrations, self.frames, asked, max_actions)
+        return any_rows_grammar(self.demonstrations, self.frames, self._by_axis, asked, max_actions)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
@@ -152,6 +154,12 @@ class ObjectFrameCodec(Codec):
     @cached_property
     def _shown(self) -> frozenset[Anchor]:
         return frozenset(row.anchor for rows in self.table for row in rows)
+
+    @cached_property
+    def _by_axis(self) -> frozenset[tuple[Order, Anchor]]:
+        """Anchors with several origins, each with the order of its demonstration."""
+        pairs = zip(self.demonstrations, self.table, strict=True)
+        return frozenset((item.order, row.anchor) for item, rows in pairs for row in rows if row.anchor.along)
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
@@ -175,6 +183,9 @@ class ObjectFrameCodec(Codec):
             for frame in self.frames
             if frame == "w" or pose.quaternion_xyzw is not None
         }
+        for shown, anchor in self._by_axis:
+            asked = asked_anchor(anchor, shown, query.order)
+            anchors[anchor_text(asked, query.objects, query.order)] = asked
         for anchor in (WORLD, START):
             if anchor in self._shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor

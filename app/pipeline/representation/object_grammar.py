@@ -13,7 +13,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.groups import places_by
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Frame, asked_anchor
+from app.pipeline.representation.anchors import Anchor, Frame, asked_anchor
 from app.pipeline.representation.base import row_count_bounds
 from app.pipeline.representation.object_rows import Row, anchor_text, letter
 from app.pipeline.workspace import ROTATION_BINS
@@ -119,18 +119,26 @@ def plans_grammar(plans: Sequence[Plan], most: int) -> str:
     return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
 
 
-def any_rows_grammar(demonstrations: Sequence[Demonstration], frames: Sequence[Frame], asked: Order, most: int) -> str:
+def any_rows_grammar(
+    demonstrations: Sequence[Demonstration],
+    frames: Sequence[Frame],
+    by_axis: Iterable[tuple[Order, Anchor]],
+    asked: Order,
+    most: int,
+) -> str:
     """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations.
 
     Args:
         frames: that a row may have at an object.
+        by_axis: anchors with several origins, each with the order of its demonstration.
     """
     fewest, most = row_count_bounds(demonstrations, asked, most)
     rows = [f'"{number} " a ": " {"b" if number == 1 else "s"}' for number in range(1, most + 1)]
     optional = ""
     for row in reversed(rows[fewest:]):
         optional = f' ("; " {row}{optional})?'
-    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(demonstrations, frames, asked))
+    mixed = {anchor_text(asked_anchor(one, shown, asked), demonstrations[0].objects, asked) for shown, one in by_axis}
+    anchors = " | ".join(f'"{anchor}"' for anchor in [*_anchors(demonstrations, frames, asked), *sorted(mixed)])
     required = ' "; " '.join(rows[:fewest])
     return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 

@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchor, AnchorPose, relative_action
+from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, relative_action
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 LETTERS = string.ascii_uppercase
+AXES = "xyz"
 Integers = npt.NDArray[np.int_]
 
 OFFSET_UNIT_M = 0.005
@@ -112,8 +113,9 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
     """An anchor of a scene as its rows write it."""
     if not anchor.object_name:
         return anchor.frame
-    names = [pose.name for pose in in_order(objects, order)]
-    return f"{letter(names.index(anchor.object_name))} {anchor.frame}"
+    letters = {pose.name: letter(place) for place, pose in enumerate(in_order(objects, order))} | {"": WORLD.frame}
+    along = "".join(f" {AXES[axis]}={letters[name]}" for axis, name in anchor.along)
+    return f"{letters[anchor.object_name]} {anchor.frame}{along}"
 
 
 def letter(place: int) -> str:

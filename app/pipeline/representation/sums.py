@@ -29,7 +29,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_inte
 from app.pipeline.representation.anchors import START, WORLD, Anchor, Frame, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import Row, actions_at, letter
+from app.pipeline.representation.object_rows import AXES, Row, actions_at, letter
 from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
@@ -60,24 +60,32 @@ class Step(NamedTuple):
     Attributes:
         form: of the instruction.
         role: place of the object in the instruction, or the name of one that it does not mention.
+        along: the same of what the row follows along other axes.
         numbers: of the row, relative to the object in `frame`.
     """
 
     form: str
     role: int | str
     frame: Frame
+    along: tuple[tuple[int, int | str], ...]
     numbers: tuple[int, ...]
 
     @classmethod
     def of(cls, demonstration: Demonstration, row: Row) -> "Step":
         """The step of a demonstration's row."""
-        order, name = demonstration.order, row.anchor.object_name
-        role = order.objects.index(name) if name in order.objects else name
-        return cls(order.form, role, row.anchor.frame, row.numbers)
+        order, anchor = demonstration.order, row.anchor
+        roles = {name: place for place, name in enumerate(order.objects)}
+        along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
+        return cls(order.form, roles.get(anchor.object_name, anchor.object_name), anchor.frame, along, row.numbers)
 
     def anchor(self, order: Order) -> Anchor:
         """What it is relative to where `order`, which has its form, is carried out."""
-        return Anchor(order.objects[self.role] if isinstance(self.role, int) else self.role, self.frame)
+        name, *others = (
+            order.objects[role] if isinstance(role, int) else role
+            for role in (self.role, *(role for _, role in self.along))
+        )
+        axes = (axis for axis, _ in self.along)
+        return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +135,7 @@ class SumsCodec(Codec):
             apart = {
                 self._differences(item, row.anchor, row.numbers)[:3] for item, row in zip(shown, rows, strict=True)
             }
-            if turns or tilts or len(apart) > 1:
+            if turns or tilts or anchor.along or len(apart) > 1:
                 yield steps.pop()
 
     @cached_property
@@ -161,7 +169,7 @@ class SumsCodec(Codec):
         """The steps at an object (or the start) in this scene."""
         texts = []
         for anchor, step in self._steps_at(query, name):
-            numbers = [f"{value:+d}" for value in self._differences(query, anchor, step.numbers)[:3]]
+            numbers = [f"{by:+d}" for by in self._differences(query, anchor, step.numbers)[:3] if by is not None]
             if anchor.object_name in self.fitted.tilted:
                 numbers += [str(self._placed(query, anchor, step.numbers)[k]) for k in self._shown[3:]]
             texts.append(f" {self._letters[step]}({' '.join(numbers)})")
@@ -179,11 +187,11 @@ class SumsCodec(Codec):
         return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
     def _row_text(self, demonstration: Demonstration, row: Row) -> str:
-        origin = self._origins(demonstration).get(_name(row.anchor), ())
+        origin = self._origin(demonstration, row.anchor)
         differences = self._differences(demonstration, row.anchor, row.numbers)
         placed = self._placed(demonstration, row.anchor, row.numbers)
         step = self._letters.get(Step.of(demonstration, row), "")
-        said = self._before_results(_name(row.anchor), step, differences, origin)
+        said = self._before_results(_said(row.anchor), step, differences, origin)
         results = (placed[k] if (by := differences[k]) is None else origin[k] + by for k in self._shown)
         cells = "".join(f"{text}{result}" for text, result in zip(said, results, strict=True))
         return f"{'open' if row.gripper_open else 'closed'} {cells}]"
@@ -203,6 +211,14 @@ class SumsCodec(Codec):
             origins[START.frame] = discretize_actions([query.start], self.workspace)[0].bins[:6]
         return origins
 
+    def _origin(self, query: Query, anchor: Anchor) -> tuple[int, ...]:
+        """The bins of what a row follows; of an axis along which it follows the world any number, which is not used."""
+        origins = self._origins(query)
+        bins = list(origins.get(_name(anchor), ()))
+        for axis, name in anchor.along:
+            bins[axis] = origins[name][axis] if name else 0
+        return tuple(bins)
+
     def _placed(self, query: Query, anchor: Anchor, numbers: tuple[int, ...]) -> tuple[int, ...]:
         """The six bins of a row in a scene."""
         pose = anchor_pose(anchor, query, self.fitted.tilted)
@@ -213,9 +229,10 @@ class SumsCodec(Codec):
         """A row's bins less those of what it follows."""
         if anchor == WORLD:
             return (None,) * 6
-        origin, placed = self._origins(query)[_name(anchor)], self._placed(query, anchor, numbers)
+        origin, placed = self._origin(query, anchor), self._placed(query, anchor, numbers)
         turn = numbers[5] - NO_TURN if self._yaw_follows(anchor) else None
-        return (*(placed[k] - origin[k] for k in range(3)), None, None, turn)
+        fixed = {axis for axis, name in anchor.along if not name}
+        return (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
 
     def _yaw_follows(self, anchor: Anchor) -> bool:
         return anchor.hand_turns and anchor.object_name not in self.fitted.tilted
@@ -234,19 +251,22 @@ class SumsCodec(Codec):
     def _rows_offered(self, query: Query) -> Iterator[str]:
         """Yield in GBNF what a row may say after its gripper: each step at its object, any other difference at all."""
         for name, origin in (self._origins(query) | {WORLD.frame: ()}).items():
-            steps = self._steps_at(query, name)
-            said = [(self._letters[step], self._differences(query, anchor, step.numbers)) for anchor, step in steps]
-            said += [("", by) for by in self._without_letter if (by[0] is None) == (name == WORLD.frame)]
-            for step, differences in said:
-                turn = differences[5] if len(origin) == 6 else None
-                before = self._before_results(name, step, (*differences[:5], turn), origin)
+            said = [
+                (_said(at), self._letters[step], self._differences(query, at, step.numbers), self._origin(query, at))
+                for at, step in self._steps_at(query, name)
+            ]
+            said += [(name, "", by, origin) for by in self._without_letter if (by[0] is None) == (name == WORLD.frame)]
+            for text, step, differences, bins in said:
+                turn = differences[5] if len(bins) == 6 else None
+                before = self._before_results(text, step, (*differences[:5], turn), bins)
                 rules = ("p" if k < 3 else "r" if turn is None or k < 5 else "t" for k in self._shown)
                 yield " ".join(f"{_literal(text)} {rule}" for text, rule in zip(before, rules, strict=True))
 
     @cached_property
     def _without_letter(self) -> dict[Differences, None]:
-        """The differences of the rows that are no steps."""
-        rows = ((item, row) for item, row in self._rows if Step.of(item, row) not in self._letters)
+        """The differences of the rows that are no steps; a row with several origins is one wherever all have it."""
+        unlike = ((item, row) for item, row in self._rows if not row.anchor.along)
+        rows = ((item, row) for item, row in unlike if Step.of(item, row) not in self._letters)
         return dict.fromkeys(self._differences(item, row.anchor, row.numbers) for item, row in rows)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -283,5 +303,9 @@ def _literal(text: str) -> str:
 
 
 def _name(anchor: Anchor) -> str:
-    """What rows call it."""
     return anchor.object_name or anchor.frame
+
+
+def _said(anchor: Anchor) -> str:
+    """What rows call it."""
+    return _name(anchor) + "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)

@@ -11,6 +11,7 @@ from app.pipeline.findings.actions import ActionDoubt
 from app.pipeline.plans.support import PlacedRow, SupportGuard
 from app.pipeline.plans.turn import half_turned
 from app.pipeline.reply import ReplyReader
+from app.pipeline.representation.object_rows import AXES
 from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, discretize_actions
 from app.services.measures import timed
 from app.services.predict.question import Question
@@ -51,9 +52,11 @@ class PredictedAction:
         """Return the frame that the action is relative to, so that a robot that looks again can follow it."""
         offset_m, rotation_xyzw = row.seen_from_anchor(self.action)
         tolerance_m, tolerance_deg = row.demonstrated.tolerance
+        along = {AXES[axis]: name or None for axis, name in row.anchor.along}
         return {
             "object": row.anchor.object_name or None,
             "frame": row.anchor.frame,
+            **({"along": along} if along else {}),
             "offset_m": offset_m.tolist(),
             "rotation_xyzw": rotation_xyzw.tolist(),
             "tolerance_m": tolerance_m,

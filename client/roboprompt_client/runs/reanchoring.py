@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,14 @@ class ActionAnchor:
         frame: `w` is at the object's position with the world's axes, `o` with the object's own axes; `ow` has the
             object's axes for the offset and the world's for the rotation, `wo` the reverse.
         offset_m, rotation_xyzw: the action's pose (3,), (4,) in that frame.
+        along: axes of the world (0 to 2) along which the position follows another object, or nothing (None).
     """
 
     object_name: str | None
     frame: str
     offset_m: Array
     rotation_xyzw: Array
+    along: Mapping[int, str | None] = field(default_factory=dict)
 
 
 def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | None:
@@ -45,15 +47,17 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
         return None
     try:
         name, frame = item["object"], item["frame"]
+        along = {"xyz".index(axis): other for axis, other in item.get("along", {}).items()}
         offset_m, rotation_xyzw = np.array(item["offset_m"], float), np.array(item["rotation_xyzw"], float)
         valid = frame in FRAMES and (isinstance(name, str) if frame in OBJECT_FRAMES else name is None)
         valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all())
         valid = valid and rotation_xyzw.shape == (4,) and abs(float(np.linalg.norm(rotation_xyzw)) - 1) < 1e-2
-    except (KeyError, TypeError, ValueError):
+        valid = valid and all(other is None or isinstance(other, str) for other in along.values())
+    except (AttributeError, KeyError, TypeError, ValueError):
         valid = False
     if not valid:
         raise UnsafeActionError(index, "anchor", f"is {item!r:.80}", "object, frame, offset_m, rotation_xyzw")
-    return ActionAnchor(name, frame, offset_m, rotation_xyzw)
+    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along)
 
 
 def reanchored(
@@ -80,9 +84,26 @@ def reanchored(
             followed.append(action)
             continue
         old, new, symmetry_deg = before[name], now[name], yaw_symmetry_deg.get(name)
-        moves = has_moved(old, new, symmetry_deg)
-        followed.append(_moved_along(action, anchor, old, new, symmetry_deg) if moves else action)
+        moved = _moved_along(action, anchor, old, new, symmetry_deg) if has_moved(old, new, symmetry_deg) else action
+        followed.append(_along_axes(action, moved, anchor, before, now))
     return tuple(followed)
+
+
+def _along_axes(
+    action: EndEffectorAction,
+    moved: EndEffectorAction,
+    anchor: ActionAnchor,
+    before: Mapping[str, ObjectPose],
+    now: Mapping[str, ObjectPose],
+) -> EndEffectorAction:
+    """Return the moved action with the coordinates that do not follow its object as they were, or as others moved."""
+    position_m = moved.position_m.copy()
+    for axis, other in anchor.along.items():
+        position_m[axis] = action.position_m[axis]
+        if other is not None and other in before and other in now:
+            position_m[axis] += now[other].position_m[axis] - before[other].position_m[axis]
+    same = np.array_equal(position_m, moved.position_m)
+    return moved if same else EndEffectorAction(position_m, moved.quaternion_xyzw, moved.gripper_open)
 
 
 def has_moved(old: ObjectPose, new: ObjectPose, yaw_symmetry_deg: float | None) -> bool:

@@ -224,3 +224,17 @@ def test_an_upload_whose_gripper_does_something_else_is_named(new, others, named
 
 def test_other_instructions_are_not_compared():
     assert not list(unlike_findings(gripped(SLIPS, "move the cube"), [gripped(PICKS)] * 9))
+
+
+@pytest.mark.parametrize(("returns", "severity"), [(True, None), (False, "danger")])
+def test_a_detour_that_shifts_rows_is_not_elsewhere(returns, severity):
+    """Three of ten go aside before they press: in the row in which others press they are 20 cm away."""
+    random, demonstrations = np.random.default_rng(1), []
+    for k in range(10):
+        button_m = random.uniform((0, -0.2, 0.8), (0.3, 0.2, 0.8))
+        aside_m, above_m = button_m + np.array([0.2, 0, 0.02]), button_m + np.array([0, 0, 0.1])
+        late = [above_m, aside_m, button_m if returns else aside_m, above_m]
+        way_m = late if k < 3 else [above_m, button_m, above_m, above_m]
+        rows = [action(place_m, gripper_open=False) for place_m in way_m]
+        demonstrations.append(replace(demonstration(PRESS, [pose("button", button_m)], rows), plan=0, id=f"d{k}"))
+    assert dict(found(Taught(tuple(demonstrations)))).get("acts-elsewhere") == severity

@@ -214,3 +214,17 @@ def test_where_something_is_only_carried_does_not_count():
         objects = pose("cube", tuple(cube_m), 0), pose("bin", (0.3, 0.3, 0.8), 0)
         group.append(demonstration("put the cube in the bin", objects, rows))
     assert found(group) == []
+
+
+@pytest.mark.parametrize(("share", "severity"), [(0.5, "danger"), (0.0, None)], ids=["between both", "at one post"])
+def test_a_place_between_two_objects_is_no_noise(share, severity):
+    random, group = np.random.default_rng(4), []
+    for _ in range(10):
+        post_m = random.uniform((0, -0.3, 0.8), (0.3, 0.1, 0.8))
+        other_m = post_m + random.uniform((-0.03, 0.10, 0), (0.03, 0.18, 0))
+        cube_m = np.array([*random.uniform(0.4, 0.6, 2), 0.8])
+        put_m = post_m + share * (other_m - post_m) + [0, 0, 0.02]
+        rows = [action(cube_m), action(cube_m, gripper_open=False), action(put_m)]
+        objects = (pose("cube", cube_m, 0), pose("left post", post_m), pose("right post", other_m))
+        group.append(demonstration("put the cube between the left post and the right post", objects, rows))
+    assert [finding.severity for finding in found(group)] == ([severity] if severity else [])

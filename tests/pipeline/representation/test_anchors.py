@@ -5,7 +5,7 @@ import pytest
 
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchor, relative_action, tilted_objects
+from app.pipeline.representation.anchors import Anchor, anchor_pose, relative_action, tilted_objects
 
 from ..scenes import action, demonstration, pose, rotated
 
@@ -228,3 +228,61 @@ def test_what_the_hand_carries_does_not_follow_a_bystander():
     assert names[1] == CUP
     assert names[-1] == PLATE
     assert LID not in names[1:]
+
+
+def at_heights(number, noise_m=0.0):
+    """Cups at several heights, each lifted to one height of the world; a plate stands elsewhere."""
+    random = np.random.default_rng(3)
+    group = []
+    for k in range(number):
+        cup_m = np.array([0.04 * k, 0.2 - 0.05 * k, 0.70 + 0.012 * (k * 7 % 10)])
+        places_m = cup_m + random.normal(0, noise_m, (3, 3)) + [[0, 0, 0.1], [0, 0, 0], [0, 0, 0]]
+        places_m[2, 2] = 1.1
+        rows = [action(place_m, gripper_open=place == 0) for place, place_m in enumerate(places_m)]
+        group.append(demonstration("lift the cup", [pose(CUP, cup_m, 9 * k), pose(PLATE, (0.5, 0.07 * k, 0.7))], rows))
+    return group
+
+
+@pytest.mark.parametrize(("number", "noise_m"), [(3, 0.0), (5, 0.002), (10, 0.004)])
+def test_a_lift_may_end_at_a_height_of_the_world(number, noise_m):
+    *at_cup, lifted = choose_anchors(at_heights(number, noise_m), LEVEL, beyond_objects=True)
+    assert {anchors[0] for anchors in at_cup} == {Anchor(CUP, "w")}
+    assert lifted == (Anchor(CUP, "w", ((2, ""),)),) * number
+
+
+def test_two_demonstrations_or_noise_do_not_show_what_single_axes_follow():
+    assert not choose_anchors(at_heights(2), LEVEL, beyond_objects=True)[2][0].along
+    noisy = [demonstration("press the cup", [pose(CUP, (0.1 * k, 0, 0.7))], [action((0.1 * k, 0.01 * k, 0.7))])
+             for k in range(3)]  # fmt: skip
+    assert not choose_anchors(noisy, LEVEL, beyond_objects=True)[0][0].along
+
+
+def test_a_place_may_have_x_of_one_object_and_y_of_another_and_is_found_again_in_another_scene():
+    places = [
+        ((0.1, 0.3), (0.4, -0.2)),
+        ((0.3, 0.1), (0.2, 0.25)),
+        ((0.2, -0.1), (0.5, 0.05)),
+        ((0.4, 0.2), (0.1, 0.1)),
+    ]
+    group = [
+        demonstration(
+            "press between the cup and the plate",
+            [pose(CUP, (*cup, 0.7)), pose(PLATE, (*plate, 0.7))],
+            [action((cup[0], plate[1], 0.75))],
+        )
+        for cup, plate in places
+    ]
+    ((anchor, *_),) = choose_anchors(group, LEVEL, beyond_objects=True)
+    assert anchor == Anchor(PLATE, "w", ((0, CUP),))
+    assert anchor.names == {CUP, PLATE}
+    scene = replace(group[0], objects=(pose(CUP, (0.15, 0, 0.7)), pose(PLATE, (0, -0.3, 0.7))))
+    np.testing.assert_allclose(anchor_pose(anchor, scene, LEVEL).origin_m, [0.15, -0.3, 0.7])
+
+
+def test_a_row_on_the_way_that_scatters_along_another_axis_keeps_its_frame():
+    group = at_heights(10)
+    astray = [
+        replace(shown, actions=(*shown.actions[:2], action((0.05 * (k % 4), *shown.actions[2].position_m[1:]))))
+        for k, shown in enumerate(group)
+    ]
+    assert not choose_anchors(astray, LEVEL, beyond_objects=True)[2][0].along

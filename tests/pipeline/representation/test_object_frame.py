@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -246,3 +247,37 @@ def test_each_thing_to_ask_for_keeps_its_demonstrations():
     taps = [lifted(place, "tap the cup", 0.2) for place in range(0, 25, 5)]
     mixed = [item for pair in zip(lifts, taps, strict=True) for item in pair]
     assert fitted(*mixed).needed() == tuple(mixed[-2 * MAX_REPEATED :])
+
+
+def placed_in_line(number=4):
+    """A peg is put down at x of one mark and y of the other, after a lift to a height of the world."""
+    random, shown = np.random.default_rng(2), []
+    for k in range(number):
+        (one, other, peg), height_m = random.uniform(0, 0.4, (3, 2)), 0.7 + 0.02 * k
+        rows = [action((*peg, height_m)), action((*peg, 1.0), gripper_open=False), action((one[0], other[1], 0.75))]
+        names, places = ("peg", "red mark", "blue mark"), [(*peg, height_m), (*one, 0.7), (*other, 0.7)]
+        text = "put the peg in line with the red mark and the blue mark"
+        item = demonstration(text, [pose(*pair) for pair in zip(names, places, strict=True)], rows)
+        shown.append(replace(item, plan=0))
+    return shown
+
+
+def test_a_row_says_along_which_axes_it_follows_something_else():
+    codec = fitted(*(shown := placed_in_line()))
+    _, lifted, put = codec.actions_text(shown[0]).split("; ")
+    assert (lifted, put) == ("2 A w z=world: +0 +0 +200 0", "3 B w y=C: +0 +0 +10 1")
+    names = ["peg", "blue mark", "red mark"]
+    objects = [pose(name, (0.1 + 0.1 * k, 0.3 - 0.2 * k, 0.8)) for k, name in enumerate(names)]
+    asked = Query("put the peg in line with the blue mark and the red mark", tuple(objects))
+    reply = f" {codec.actions_text(shown[0])}\n"
+    assert matches(codec.grammar(asked, 25), reply)
+    *_, lift, place = parse_reply(reply, codec, asked.objects, asked.instruction)
+    np.testing.assert_allclose(lift.position_m, [0.1, 0.3, 1.0], atol=1e-9)
+    np.testing.assert_allclose(place.position_m, [0.2, -0.1, 0.85], atol=1e-9)
+
+
+def test_other_origins_than_those_demonstrated_are_refused():
+    codec = fitted(*(shown := placed_in_line()))
+    reply = codec.actions_text(shown[0]).replace("y=C", "x=C")
+    with pytest.raises(ReplyParseError, match="relative to B w x=C, expected one of"):
+        parse_reply(f" {reply}\n", codec, shown[0].objects, shown[0].instruction)
