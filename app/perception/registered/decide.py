@@ -84,7 +84,8 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
 def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> Found:
     """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
-    places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
+    known = {part.tobytes(): hypotheses(template, lit, part) for part in parts}
+    places = sorted(known.values(), key=lambda place: -_rank(place[0]))
     if not places:
         cameras = ", ".join(view.camera.name for view in lit.scene.views)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
@@ -93,7 +94,8 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     best = places[0][0]
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
-    rivals = [place[0] for place in places[1:]] + _leftover(template, lit, best, elsewhere)
+    leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
+    rivals = [place[0] for place in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
     turned = yaw_rivals(template, places[0])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
@@ -158,13 +160,12 @@ def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequen
             raise UncertainPoseError(name, message, remedy)
 
 
-def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> list[Hypothesis]:
-    """Return the best poses for points that the found object does not explain, e.g. of another one that touches it."""
+def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> Sequence[Index]:
+    """Return parts of points that the found object does not explain, e.g. of another one that touches it."""
     explained = template.distance_m(best.pose.to_template(lit.scene.points_m)[0]) < EXPLAINED_M
     if elsewhere is not None:
         explained[elsewhere] = True
-    parts = candidates(template, lit, without=np.flatnonzero(explained))
-    return [hypotheses(template, lit, part)[0] for part in parts]
+    return candidates(template, lit, without=np.flatnonzero(explained))
 
 
 def causes(template: Template, lit: LitScene) -> str:

@@ -200,15 +200,13 @@ def registered(
         places_m = poses.to_template(points_m)
         partners = _partners(template, places_m, lab)
         offsets_m, normals = places_m - template.points_m[partners], template.normals[partners]
-        weights = np.clip(1 - (offsets_m**2).sum(axis=2) / reach_m**2, 0, None) ** 2
+        weights = np.clip(1 - np.einsum("spi,spi->sp", offsets_m, offsets_m) / reach_m**2, 0, None) ** 2
         to_plane = np.concatenate([np.cross(places_m, normals), normals], axis=2)[..., free]
         weighted = to_plane * weights[..., None]
-        lhs = weighted.transpose(0, 2, 1) @ to_plane
-        rhs = np.einsum("spi,sp->si", weighted, (offsets_m * normals).sum(axis=2))
-        to_point = _point_jacobian(places_m)[..., free]
-        weighted = (to_point * (beside * weights)[..., None, None]).reshape(len(poses), -1, len(free))
-        lhs += weighted.transpose(0, 2, 1) @ to_point.reshape(len(poses), -1, len(free)) + damping
-        rhs += np.einsum("spi,sp->si", weighted, offsets_m.reshape(len(poses), -1))
+        to_point, point_rhs = _to_points(places_m, offsets_m, beside * weights)
+        lhs = weighted.transpose(0, 2, 1) @ to_plane + to_point[:, free][:, :, free] + damping
+        along_m = np.einsum("spi,spi->sp", offsets_m, normals)
+        rhs = np.einsum("spi,sp->si", weighted, along_m) + point_rhs[:, free]
         step = np.zeros((len(poses), 6))  # of the scene in the template's frame
         step[:, free] = -np.linalg.solve(lhs, rhs[..., None])[..., 0]
         turns = Rotation.from_rotvec(np.clip(step[:, :3], -MAX_TURN_RAD, MAX_TURN_RAD)).as_matrix()
@@ -226,12 +224,18 @@ def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
     return partners
 
 
-def _point_jacobian(places_m: Array) -> Array:
-    """Return the derivatives (S, P, 3, 6) of points by (3,) rotation and (3,) translation."""
-    x, y, z = np.moveaxis(places_m, -1, 0)
-    jacobian = np.zeros((*places_m.shape, 6))
-    jacobian[..., 0, 1], jacobian[..., 0, 2] = z, -y
-    jacobian[..., 1, 0], jacobian[..., 1, 2] = -z, x
-    jacobian[..., 2, 0], jacobian[..., 2, 1] = y, -x
-    jacobian[..., 3:] = np.eye(3)
-    return jacobian
+def _to_points(places_m: Array, offsets_m: Array, weights: Array) -> tuple[Array, Array]:
+    """Return the normal equations (S, 6, 6) and (S, 6) that move points (S, P, 3) by their weighted offsets.
+
+    The unknowns are (3,) rotation and (3,) translation.
+    """
+    lhs, rhs = np.empty((len(places_m), 6, 6)), np.empty((len(places_m), 6))
+    weighted_m = places_m * weights[..., None]
+    products = weighted_m.transpose(0, 2, 1) @ places_m
+    lhs[:, :3, :3] = np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3) - products
+    lhs[:, :3, 3:] = np.cross(weighted_m.sum(axis=1)[:, None], np.eye(3)).transpose(0, 2, 1)
+    lhs[:, 3:, :3] = lhs[:, :3, 3:].transpose(0, 2, 1)
+    lhs[:, 3:, 3:] = weights.sum(axis=1)[:, None, None] * np.eye(3)
+    rhs[:, :3] = np.cross(weighted_m, offsets_m).sum(axis=1)
+    rhs[:, 3:] = np.einsum("spi,sp->si", offsets_m, weights)
+    return lhs, rhs
