@@ -1,6 +1,7 @@
 """The decision between a pose and a refusal, from the hypotheses in every part of the scene."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,6 +59,9 @@ class Found:
 def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> Found:
     """Return the pose of the object `name`.
 
+    If light and table may both have changed, it must be found in the light that the table shows: a white cup in half
+    the light looks like a gray one on another table. What is found on another table only can contradict that.
+
     Args:
         elsewhere: indices of points outside of its masks, which are ignored.
 
@@ -65,19 +69,16 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
         ObjectNotVisibleError: if nothing has its colors and shape.
         UncertainPoseError: if too little of it is visible, it lies on its side, or another place matches, too.
     """
-    found, refusals = list[Found](), list[ObjectNotVisibleError]()
-    for lit in scene.in_lights_of(template.table_rgb):
-        try:
+    likeliest, *others = scene.in_lights_of(template.table_rgb)
+    found = [_find(name, template, likeliest, elsewhere)]
+    for lit in others:
+        with suppress(ObjectNotVisibleError):
             found.append(_find(name, template, lit, elsewhere))
-        except ObjectNotVisibleError as error:
-            refusals.append(error)
-    if not found:
-        raise refusals[0]
-    first, *others = sorted(found, key=lambda item: -item.best.value)
-    for other in others:
-        _check_alone(name, template, first.best, [other.best])
-        if angle_deg(first.best.rotation, other.best.rotation, template.yaw_symmetry_deg) > SAME_YAW_DEG:
-            first = replace(first, yaw_rivals=first.yaw_rivals + 1 + other.yaw_rivals)
+    first, *rivals = sorted(found, key=lambda item: -item.best.value)
+    for rival in rivals:
+        _check_alone(name, template, first.best, [rival.best])
+        if angle_deg(first.best.rotation, rival.best.rotation, template.yaw_symmetry_deg) > SAME_YAW_DEG:
+            first = replace(first, yaw_rivals=first.yaw_rivals + 1 + rival.yaw_rivals)
     return first
 
 

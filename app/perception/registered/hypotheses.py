@@ -201,7 +201,7 @@ def registered(
         partners = _partners(template, places_m, lab)
         offsets_m, normals = places_m - template.points_m[partners], template.normals[partners]
         weights = np.clip(1 - np.einsum("spi,spi->sp", offsets_m, offsets_m) / reach_m**2, 0, None) ** 2
-        to_plane = np.concatenate([np.cross(places_m, normals), normals], axis=2)[..., free]
+        to_plane = _columns(places_m, normals, free)
         weighted = to_plane * weights[..., None]
         to_point, point_rhs = _to_points(places_m, offsets_m, beside * weights)
         lhs = weighted.transpose(0, 2, 1) @ to_plane + to_point[:, free][:, :, free] + damping
@@ -224,18 +224,27 @@ def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
     return partners
 
 
+def _columns(places_m: Array, normals: Array, free: Sequence[int]) -> Array:
+    """Return the derivatives (S, P, F) of points' offsets along normals by the free components."""
+    x, n = np.moveaxis(places_m, -1, 0), np.moveaxis(normals, -1, 0)
+    turns = [x[(k + 1) % 3] * n[(k + 2) % 3] - x[(k + 2) % 3] * n[(k + 1) % 3] for k in free if k < 3]
+    return np.stack([*turns, *(n[k - 3] for k in free if k >= 3)], axis=-1)
+
+
 def _to_points(places_m: Array, offsets_m: Array, weights: Array) -> tuple[Array, Array]:
     """Return the normal equations (S, 6, 6) and (S, 6) that move points (S, P, 3) by their weighted offsets.
 
     The unknowns are (3,) rotation and (3,) translation.
     """
-    lhs, rhs = np.empty((len(places_m), 6, 6)), np.empty((len(places_m), 6))
-    weighted_m = places_m * weights[..., None]
-    products = weighted_m.transpose(0, 2, 1) @ places_m
+    lhs, rhs = np.zeros((len(places_m), 6, 6)), np.empty((len(places_m), 6))
+    weighted_m = (places_m * weights[..., None]).transpose(0, 2, 1)
+    products, moments = weighted_m @ places_m, weighted_m @ offsets_m
     lhs[:, :3, :3] = np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3) - products
-    lhs[:, :3, 3:] = np.cross(weighted_m.sum(axis=1)[:, None], np.eye(3)).transpose(0, 2, 1)
-    lhs[:, 3:, :3] = lhs[:, :3, 3:].transpose(0, 2, 1)
     lhs[:, 3:, 3:] = weights.sum(axis=1)[:, None, None] * np.eye(3)
-    rhs[:, :3] = np.cross(weighted_m, offsets_m).sum(axis=1)
+    sums_m = weighted_m.sum(axis=2)
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        lhs[:, i, 3 + j] = lhs[:, 3 + j, i] = -sums_m[:, k]
+        lhs[:, j, 3 + i] = lhs[:, 3 + i, j] = sums_m[:, k]
+        rhs[:, k] = moments[:, i, j] - moments[:, j, i]
     rhs[:, 3:] = np.einsum("spi,sp->si", offsets_m, weights)
     return lhs, rhs
