@@ -86,7 +86,7 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
     known = {part.tobytes(): hypotheses(template, lit, part) for part in parts}
-    places = sorted(known.values(), key=lambda place: -_rank(place[0]))
+    places = sorted(known.values(), key=lambda place: -place[0].value * min(1.0, place[0].support / MIN_SUPPORT))
     if not places:
         cameras = ", ".join(view.camera.name for view in lit.scene.views)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
@@ -115,10 +115,6 @@ def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothes
         and other.support > RIVAL_SUPPORT
         and not best.beats(other)
     ]
-
-
-def _rank(hypothesis: Hypothesis) -> float:
-    return hypothesis.value * min(1.0, hypothesis.support / MIN_SUPPORT)
 
 
 def _check(

@@ -20,11 +20,7 @@ COARSE_M = (0.05, 0.04, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02)
 FINE_M = (0.02, 0.02, 0.015, 0.015, 0.012)
 FINAL_M = (0.012, 0.01, 0.01)
 HOPELESS = 0.5  # no refinement follows if the best coarse score is lower
-CLOSE_BY, FEWEST_KEPT, MAX_KEPT = (
-    0.12,
-    4,
-    14,
-)  # keep poses whose score is this close to the best; bounds of their number
+CLOSE_BY, FEWEST_KEPT, MAX_KEPT = 0.12, 4, 14  # poses whose score is so close to the best are kept; their number
 NEARBY_YAWS_DEG = (0.0, -10.0, -7, -4, -2, 2, 4, 7, 10)
 SURE = 3.0  # standard errors of evidence that one pose needs over another
 MIN_SHARE = 0.02  # least evidence for that, relative to the number of points
