@@ -70,7 +70,10 @@ def taught(room: Room, name: str, rng: np.random.Generator, num_cameras: int = 3
     views = [LabeledView(room.frames(layout, rng, of=(name, 0), num=num_cameras)) for layout in layouts]
     learned = learn(name, views, THINGS[name].symmetry_deg, needs_yaw=False)
     true = layouts[learned.merged[0]].poses[name, 0]
-    return Taught(learned.template, np.linalg.inv(_root_pose(learned.template, views[learned.merged[0]])) @ true)
+    object_to_template = np.linalg.inv(_root_pose(learned.template, views[learned.merged[0]])) @ true
+    if THINGS[name].symmetry_deg == 0:
+        object_to_template[:2, 3] = 0.0  # its origin is to be on its axis, which does not turn with its unseen yaw
+    return Taught(learned.template, object_to_template)
 
 
 def _root_pose(template: Template, view: LabeledView) -> Array:

@@ -1,6 +1,7 @@
 """The decision between a pose and a refusal, from the hypotheses in every part of the scene."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,6 +59,9 @@ class Found:
 def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> Found:
     """Return the pose of the object `name`.
 
+    If light and table may both have changed, it must be found in the light that the table shows: a white cup in half
+    the light looks like a gray one on another table. What is found on another table only can contradict that.
+
     Args:
         elsewhere: indices of points outside of its masks, which are ignored.
 
@@ -65,26 +69,24 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
         ObjectNotVisibleError: if nothing has its colors and shape.
         UncertainPoseError: if too little of it is visible, it lies on its side, or another place matches, too.
     """
-    found, refusals = list[Found](), list[ObjectNotVisibleError]()
-    for lit in scene.in_lights_of(template.table_rgb):
-        try:
+    likeliest, *others = scene.in_lights_of(template.table_rgb)
+    found = [_find(name, template, likeliest, elsewhere)]
+    for lit in others:
+        with suppress(ObjectNotVisibleError):
             found.append(_find(name, template, lit, elsewhere))
-        except ObjectNotVisibleError as error:
-            refusals.append(error)
-    if not found:
-        raise refusals[0]
-    first, *others = sorted(found, key=lambda item: -item.best.value)
-    for other in others:
-        _check_alone(name, template, first.best, [other.best])
-        if angle_deg(first.best.rotation, other.best.rotation, template.yaw_symmetry_deg) > SAME_YAW_DEG:
-            first = replace(first, yaw_rivals=first.yaw_rivals + 1 + other.yaw_rivals)
+    first, *rivals = sorted(found, key=lambda item: -item.best.value)
+    for rival in rivals:
+        _check_alone(name, template, first.best, [rival.best])
+        if angle_deg(first.best.rotation, rival.best.rotation, template.yaw_symmetry_deg) > SAME_YAW_DEG:
+            first = replace(first, yaw_rivals=first.yaw_rivals + 1 + rival.yaw_rivals)
     return first
 
 
 def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> Found:
     """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
-    places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
+    known = {part.tobytes(): hypotheses(template, lit, part) for part in parts}
+    places = sorted(known.values(), key=lambda place: -place[0].value * min(1.0, place[0].support / MIN_SUPPORT))
     if not places:
         cameras = ", ".join(view.camera.name for view in lit.scene.views)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
@@ -93,7 +95,8 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     best = places[0][0]
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
-    rivals = [place[0] for place in places[1:]] + _leftover(template, lit, best, elsewhere)
+    leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
+    rivals = [place[0] for place in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
     turned = yaw_rivals(template, places[0])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
@@ -112,10 +115,6 @@ def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothes
         and other.support > RIVAL_SUPPORT
         and not best.beats(other)
     ]
-
-
-def _rank(hypothesis: Hypothesis) -> float:
-    return hypothesis.value * min(1.0, hypothesis.support / MIN_SUPPORT)
 
 
 def _check(
@@ -158,13 +157,12 @@ def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequen
             raise UncertainPoseError(name, message, remedy)
 
 
-def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> list[Hypothesis]:
-    """Return the best poses for points that the found object does not explain, e.g. of another one that touches it."""
+def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> Sequence[Index]:
+    """Return parts of points that the found object does not explain, e.g. of another one that touches it."""
     explained = template.distance_m(best.pose.to_template(lit.scene.points_m)[0]) < EXPLAINED_M
     if elsewhere is not None:
         explained[elsewhere] = True
-    parts = candidates(template, lit, without=np.flatnonzero(explained))
-    return [hypotheses(template, lit, part)[0] for part in parts]
+    return candidates(template, lit, without=np.flatnonzero(explained))
 
 
 def causes(template: Template, lit: LitScene) -> str:

@@ -42,6 +42,12 @@ def normals_of(points_m: Array, eyes_m: Array) -> Array:
     return np.where(facing[:, None], -normals, normals)
 
 
+def lengths(vectors: Array) -> Array:
+    """Return the lengths (...) of vectors (..., 3); several times as fast as `np.linalg.norm`."""
+    result: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return result
+
+
 def unit(vectors: Array) -> Array:
     """Return vectors scaled to length 1; zero vectors remain zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)

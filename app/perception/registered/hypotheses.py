@@ -20,11 +20,7 @@ COARSE_M = (0.05, 0.04, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02)
 FINE_M = (0.02, 0.02, 0.015, 0.015, 0.012)
 FINAL_M = (0.012, 0.01, 0.01)
 HOPELESS = 0.5  # no refinement follows if the best coarse score is lower
-CLOSE_BY, FEWEST_KEPT, MAX_KEPT = (
-    0.12,
-    4,
-    14,
-)  # keep poses whose score is this close to the best; bounds of their number
+CLOSE_BY, FEWEST_KEPT, MAX_KEPT = 0.12, 4, 14  # poses whose score is so close to the best are kept; their number
 NEARBY_YAWS_DEG = (0.0, -10.0, -7, -4, -2, 2, 4, 7, 10)
 SURE = 3.0  # standard errors of evidence that one pose needs over another
 MIN_SHARE = 0.02  # least evidence for that, relative to the number of points
@@ -200,15 +196,13 @@ def registered(
         places_m = poses.to_template(points_m)
         partners = _partners(template, places_m, lab)
         offsets_m, normals = places_m - template.points_m[partners], template.normals[partners]
-        weights = np.clip(1 - (offsets_m**2).sum(axis=2) / reach_m**2, 0, None) ** 2
-        to_plane = np.concatenate([np.cross(places_m, normals), normals], axis=2)[..., free]
+        weights = np.clip(1 - np.einsum("spi,spi->sp", offsets_m, offsets_m) / reach_m**2, 0, None) ** 2
+        to_plane = _columns(places_m, normals, free)
         weighted = to_plane * weights[..., None]
-        lhs = weighted.transpose(0, 2, 1) @ to_plane
-        rhs = np.einsum("spi,sp->si", weighted, (offsets_m * normals).sum(axis=2))
-        to_point = _point_jacobian(places_m)[..., free]
-        weighted = (to_point * (beside * weights)[..., None, None]).reshape(len(poses), -1, len(free))
-        lhs += weighted.transpose(0, 2, 1) @ to_point.reshape(len(poses), -1, len(free)) + damping
-        rhs += np.einsum("spi,sp->si", weighted, offsets_m.reshape(len(poses), -1))
+        to_point, point_rhs = _to_points(places_m, offsets_m, beside * weights)
+        lhs = weighted.transpose(0, 2, 1) @ to_plane + to_point[:, free][:, :, free] + damping
+        along_m = np.einsum("spi,spi->sp", offsets_m, normals)
+        rhs = np.einsum("spi,sp->si", weighted, along_m) + point_rhs[:, free]
         step = np.zeros((len(poses), 6))  # of the scene in the template's frame
         step[:, free] = -np.linalg.solve(lhs, rhs[..., None])[..., 0]
         turns = Rotation.from_rotvec(np.clip(step[:, :3], -MAX_TURN_RAD, MAX_TURN_RAD)).as_matrix()
@@ -226,12 +220,27 @@ def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
     return partners
 
 
-def _point_jacobian(places_m: Array) -> Array:
-    """Return the derivatives (S, P, 3, 6) of points by (3,) rotation and (3,) translation."""
-    x, y, z = np.moveaxis(places_m, -1, 0)
-    jacobian = np.zeros((*places_m.shape, 6))
-    jacobian[..., 0, 1], jacobian[..., 0, 2] = z, -y
-    jacobian[..., 1, 0], jacobian[..., 1, 2] = -z, x
-    jacobian[..., 2, 0], jacobian[..., 2, 1] = y, -x
-    jacobian[..., 3:] = np.eye(3)
-    return jacobian
+def _columns(places_m: Array, normals: Array, free: Sequence[int]) -> Array:
+    """Return the derivatives (S, P, F) of points' offsets along normals by the free components."""
+    x, n = np.moveaxis(places_m, -1, 0), np.moveaxis(normals, -1, 0)
+    turns = [x[(k + 1) % 3] * n[(k + 2) % 3] - x[(k + 2) % 3] * n[(k + 1) % 3] for k in free if k < 3]
+    return np.stack([*turns, *(n[k - 3] for k in free if k >= 3)], axis=-1)
+
+
+def _to_points(places_m: Array, offsets_m: Array, weights: Array) -> tuple[Array, Array]:
+    """Return the normal equations (S, 6, 6) and (S, 6) that move points (S, P, 3) by their weighted offsets.
+
+    The unknowns are (3,) rotation and (3,) translation.
+    """
+    lhs, rhs = np.zeros((len(places_m), 6, 6)), np.empty((len(places_m), 6))
+    weighted_m = (places_m * weights[..., None]).transpose(0, 2, 1)
+    products, moments = weighted_m @ places_m, weighted_m @ offsets_m
+    lhs[:, :3, :3] = np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3) - products
+    lhs[:, 3:, 3:] = weights.sum(axis=1)[:, None, None] * np.eye(3)
+    sums_m = weighted_m.sum(axis=2)
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        lhs[:, i, 3 + j] = lhs[:, 3 + j, i] = -sums_m[:, k]
+        lhs[:, j, 3 + i] = lhs[:, 3 + i, j] = sums_m[:, k]
+        rhs[:, k] = moments[:, i, j] - moments[:, j, i]
+    rhs[:, 3:] = np.einsum("spi,sp->si", offsets_m, weights)
+    return lhs, rhs

@@ -158,7 +158,8 @@ class Scene:
     def in_lights_of(self, table_rgb: Array) -> "Sequence[LitScene]":
         """Return the scene as it would look in the light in which a table had the color (3,), 0..255.
 
-        If the table has another color now, either the light or the table has changed: one scene for each that may be.
+        If the table has another color now, either the light or the table has changed: one scene for each that may be,
+        that of changed light first.
         """
         gain = np.maximum(table_rgb, DARKEST_RGB) / np.maximum(self.table.rgb, DARKEST_RGB)
         change, tint = np.exp(np.abs(np.log(gain)).max()), gain.max() / gain.min()

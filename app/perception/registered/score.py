@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses
+from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses, lengths
 from app.perception.registered.scene import LIGHTNESS, LitScene
 from app.perception.registered.template import Template
 from roboprompt_client.types.arrays import Array
@@ -94,15 +94,15 @@ def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, pos
     world_m = poses.to_world(template.points_m[chosen])
     normals = template.normals[chosen] @ poses.rotations.transpose(0, 2, 1)
     rays_m = view.eye_m - world_m
-    faces = (normals * rays_m).sum(axis=2) > FACING * np.linalg.norm(rays_m, axis=2)
-    seen = view.look_up(world_m)
+    faces = np.einsum("spi,spi->sp", normals, rays_m) > FACING * lengths(rays_m)
+    seen = view.look_up(world_m[faces])
     off_m = seen.depth_m - seen.point_m
     is_there = (np.abs(off_m) < NEAR_M) & (seen.depth_m > 0)
-    colors = lit.lab_at(number, seen.rows, seen.columns)
-    hue = np.linalg.norm(colors - template.lab[chosen], axis=2) / SAME_LAB
-    evidence = np.where(is_there, _agreement(off_m / NEAR_M, hue), 0)
-    evidence = np.where(seen.nearest_m > seen.point_m + BEHIND_M, -1.0, evidence)
-    return np.where(faces, evidence, 0), faces
+    colors, taught = lit.lab_at(number, seen.rows, seen.columns), template.lab[chosen[np.nonzero(faces)[1]]]
+    agreement = _agreement(off_m / NEAR_M, lengths(colors - taught) / SAME_LAB)
+    evidence = np.zeros(faces.shape)
+    evidence[faces] = np.where(seen.nearest_m > seen.point_m + BEHIND_M, -1.0, np.where(is_there, agreement, 0))
+    return evidence, faces
 
 
 def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) -> tuple[Array, Bools]:
@@ -110,15 +110,16 @@ def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) 
     places_m = poses.to_template(points_m)
     partners = template.closest(places_m)
     offsets_m = places_m - template.points_m[partners]
-    across_m = np.abs((offsets_m * template.normals[partners]).sum(axis=2))
-    distance_m = np.linalg.norm(offsets_m, axis=2)
+    across_m = np.abs(np.einsum("spi,spi->sp", offsets_m, template.normals[partners]))
+    distance_m = lengths(offsets_m)
     off_m = across_m + ALONG_SURFACE * np.maximum(distance_m - VOXEL_M, 0)
     is_near = distance_m < NEAR_M
     is_free = np.zeros(is_near.shape, bool)
     for view in template.free_views:
-        seen = view.look_up(places_m)
-        is_free |= seen.nearest_m > seen.point_m + BEHIND_M
-    hue = np.linalg.norm(lab - template.lab[partners], axis=2) / SAME_LAB
+        open_ = ~(is_near | is_free)
+        seen = view.look_up(places_m[open_])
+        is_free[open_] = seen.nearest_m > seen.point_m + BEHIND_M
+    hue = lengths(lab - template.lab[partners]) / SAME_LAB
     evidence = np.where(is_near, _agreement(off_m / NEAR_M, hue), np.where(is_free, -1.0, 0.0))
     return evidence, ~is_near & ~is_free & (distance_m < BESIDE_M)
 

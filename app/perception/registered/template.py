@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from app.perception.registered.geometry import VOXEL_M, Index
+from app.perception.registered.geometry import VOXEL_M, Index, lengths
 from app.perception.registered.scene import to_lab
 from app.perception.registered.view import View
 from roboprompt_client.errors import InvalidInputError
@@ -116,8 +116,7 @@ class Template:
 
     def distance_m(self, points_m: Array) -> Array:
         """Return the distance (...) of each of (..., 3) from the approximately nearest point."""
-        distance_m: Array = np.linalg.norm(points_m - self.points_m[self.closest(points_m)], axis=-1)
-        return distance_m
+        return lengths(points_m - self.points_m[self.closest(points_m)])
 
     def to_bytes(self) -> bytes:
         """Return the template as a file; `from_bytes` is the inverse to 0.1 mm."""

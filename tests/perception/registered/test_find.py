@@ -71,6 +71,15 @@ def test_its_shape_in_other_colors_is_another_object(change):
         RegisteredPoses().estimate([asked], frames(layout(**ALL)))
 
 
+def test_in_half_the_light_it_is_not_a_darker_one_on_a_darker_table():
+    template = taught("brick").template
+    darker = replace(query("brick"), template=replace(template, rgb=template.rgb / 2))
+    where = layout(**ALL)
+    where.light = (where.light[0], np.full(3, 0.5))
+    with pytest.raises(ObjectNotVisibleError, match="in other colors, or much brighter"):
+        RegisteredPoses().estimate([darker], frames(where))
+
+
 def test_nothing_of_its_colors_is_refused_by_the_cameras_names():
     with pytest.raises(ObjectNotVisibleError, match=r"front, left, right"):
         estimate("jar", layout())
@@ -128,7 +137,7 @@ def test_another_brightness_changes_little(gain):
     np.testing.assert_allclose(pose.position_m[:2], ALL["jar"][:2], atol=0.005)
 
 
-@pytest.mark.parametrize("table_rgb", [(0.2, 0.45, 0.3), (0.95, 0.9, 0.93), (0.15, 0.2, 0.5)])
+@pytest.mark.parametrize("table_rgb", [(0.2, 0.45, 0.3), (0.95, 0.6, 0.93), (0.15, 0.2, 0.5)])
 def test_on_another_table_it_is_found_and_nothing_else_is(table_rgb):
     where, without = layout(**ALL), layout(**{name: place for name, place in ALL.items() if name != "carton"})
     where.table_rgb = without.table_rgb = table_rgb
@@ -136,6 +145,14 @@ def test_on_another_table_it_is_found_and_nothing_else_is(table_rgb):
         np.testing.assert_allclose(estimate(name, where).position_m[:2], ALL[name][:2], atol=0.01)
     with pytest.raises(ObjectNotVisibleError):
         estimate("carton", without)
+
+
+def test_on_a_table_that_may_be_the_taught_one_in_more_light_it_is_refused_with_that_cause():
+    where = layout(**ALL)
+    where.table_rgb = (0.95, 0.9, 0.93)
+    with pytest.raises(ObjectNotVisibleError, match="the table looks otherwise") as caught:
+        estimate("carton", where)
+    assert "labeled views in this light" in caught.value.valid
 
 
 def test_a_pose_that_is_less_certain_than_wanted_is_refused():
