@@ -35,6 +35,7 @@ from app.pipeline.representation.anchors import (
     much_less,
     scatters_m,
 )
+from roboprompt_client.types.arrays import Array
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
@@ -168,7 +169,7 @@ def _explained_message(item: _Acting) -> str:
         f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}, relative to {item.seen_from}), they"
         f" are up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no noise,"
         " and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
-        " frame; delete the recordings made otherwise."
+        " frame; delete the recordings made otherwise. A place that depends on two objects cannot be taught."
     )
 
 
@@ -232,7 +233,8 @@ def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, s
     """Return how far demonstrations are from the center of a row, and what explains it; (0, "") if nothing does.
 
     A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both are
-    measured at another point of it), a wrong scale or a turned frame by where the object stands.
+    measured at another point of it), a wrong scale or a turned frame by where the object stands, and a hand that
+    follows two objects, as one that pushes a box to a line, by where the other one stands.
     """
     if len(shown) < FEWEST_EXPLAINED or row.scatter_m < SCATTER_M or not row.anchors[0].object_name:
         return 0.0, ""
@@ -242,6 +244,7 @@ def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, s
         "the order of the recordings": np.linspace(0, 1, len(shown))[:, None],
         "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 3))),
         f"the place of {row.anchors[0].object_name}": places_m,
+        **{f"the place of {name}, too,": aside_m for name, aside_m in _asides_m(shown, row, places_m).items()},
     }
     for name, inputs in causes.items():
         varied = inputs[:, inputs.std(axis=0) > VARIES_M]
@@ -250,6 +253,13 @@ def _explained_m(shown: Sequence[Demonstration], row: PlanRow) -> tuple[float, s
             if varied.shape[1] and left < 1 - EXPLAINED:
                 return float(row.off_m.max()), name
     return 0.0, ""
+
+
+def _asides_m(shown: Sequence[Demonstration], row: PlanRow, places_m: Array) -> dict[str, Array]:
+    """Return (N, 3) how far each other object is from what the row follows, by the names that all have."""
+    names = set.intersection(*({pose.name for pose in item.objects} for item in shown))
+    others = sorted(names - {anchor.object_name for anchor in row.anchors})
+    return {name: np.array([item.object(name).position_m for item in shown]) - places_m for name in others}
 
 
 def _two_turns_deg(row: PlanRow, round_objects: frozenset[str]) -> float:
