@@ -46,7 +46,8 @@ def test_a_letter_that_grows_in_lower_case_leaves_the_others_readable():
 
 
 @pytest.mark.parametrize(
-    "alias", ["blue", "Blue", "cube", "blue_cube", "BLUE  cube", "blue cubes", "Cubes", "azure", "the teal one", "dark navy"]
+    "alias",
+    ["blue", "Blue", "cube", "blue_cube", "BLUE  cube", "blue cubes", "Cubes", "azure", "the teal one", "dark navy"],
 )
 def test_an_alias_is_no_word_of_another_objects_name(alias):
     with pytest.raises(InvalidInputError, match="is in the name of 'blue cube'") as caught:
@@ -67,7 +68,9 @@ def test_an_alias_has_a_word_that_says_what_is_meant(alias):
         check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
 
 
-@pytest.mark.parametrize("alias", ["red", "dice", "blueberry", "the blue dice", "red one", "crimson", "azure dice", "left"])
+@pytest.mark.parametrize(
+    "alias", ["red", "dice", "blueberry", "the blue dice", "red one", "crimson", "azure dice", "left"]
+)
 def test_an_alias_may_be_a_word_of_its_own_object_or_of_none(alias):
     check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
 

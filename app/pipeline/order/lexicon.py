@@ -180,7 +180,7 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
 def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
     """Refuse aliases of unknown objects, those that may be said of another object, too, and those that name nothing.
 
-    With the alias "blue" or "azure" for a red cube, beside a blue cube, "pick up the azure cube" could move the red one.
+    With the alias "azure" for a red cube, beside a blue cube, "pick up the azure cube" could move the red one.
 
     Args:
         names: the task's objects.
