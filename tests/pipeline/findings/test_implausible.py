@@ -118,7 +118,7 @@ def test_right_recordings_have_no_danger(words, number):
 def test_all_recordings_of_a_way_between_which_the_scene_seems_to_decide_may_be_wrong():
     """By chance the three with an inverted gripper have the least yaws."""
     by_yaw = sorted(
-        (put(seed) for seed in range(10)),
+        (put(seed) for seed in range(20, 30)),
         key=lambda item: float(yaw_rad(item.demonstration.objects[0].quaternion_xyzw)),
     )
     known = taught([inverted(item) if k < 3 else item for k, item in enumerate(by_yaw)])
