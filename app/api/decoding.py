@@ -88,6 +88,7 @@ def unique_members(pairs: Sequence[tuple[Any, Any]]) -> dict[Any, Any]:
     return members
 
 
+_KINDS = {list: "a list", str: "a text", bool: "a truth value", type(None): "null"}
 _DECODER = json.JSONDecoder(object_pairs_hook=unique_members)
 
 
@@ -104,7 +105,8 @@ def json_object(data: bytes, where: str = "body") -> dict[str, Any]:
     except ValueError as error:
         raise HTTPException(400, f"{where} is not JSON: {error}") from None
     if not isinstance(value, dict):
-        raise HTTPException(400, f"{where} is a JSON {type(value).__name__}, expected an object")
+        kind = _KINDS.get(type(value), "a number")
+        raise HTTPException(400, f"{where} is {kind}, expected a JSON object")
     return value
 
 

@@ -3,7 +3,7 @@
 import logging
 import re
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from http import HTTPMethod
 from uuid import uuid4
@@ -165,8 +165,9 @@ class BodyLimit:
                     budget.feed(piece)
             return message
 
-        if declared > self._limits.largest:  # also where no route would read it
-            await http_problem(_too_large(most))(scope, receive, send)
+        refused = _too_large(most) if declared > self._limits.largest else _encoded(headers)
+        if refused is not None:  # also where no route would read it
+            await http_problem(refused)(scope, receive, send)
             return
         try:
             await self._app(scope, limited_receive, send)
@@ -179,6 +180,14 @@ class BodyLimit:
         if self._held > self._limits.held:
             detail = f"requests under way hold more than {self._limits.held} bytes already: try again"
             raise HTTPException(503, detail, {"Retry-After": "1"})
+
+
+def _encoded(headers: Mapping[bytes, bytes]) -> HTTPException | None:
+    """Return an error for a compressed body, which nothing here unpacks."""
+    encoding = headers.get(b"content-encoding", b"identity").decode("latin-1").strip()
+    if encoding.lower() in ("", "identity"):
+        return None
+    return HTTPException(415, f"content encoding {encoding!r:.100}: send the body uncompressed")
 
 
 def _too_large(most: int) -> HTTPException:

@@ -109,7 +109,10 @@ _HTTP_TITLES = {
 }
 _HTTP_TYPES = {413: "too-large", 503: "busy"}
 # Pydantic's types of errors, where its own words would not say to a caller over HTTP what is wrong or what is valid
-_MESSAGES = {"missing": "is missing", "extra_forbidden": "is not a known field"}
+_MESSAGES = {
+    "missing": ("is missing", "a value as in /docs"),
+    "extra_forbidden": ("is not a known field", "the fields in /docs"),
+}
 _OBJECT = "a JSON object, sent as application/json"
 _VALID = {
     "list_type": "a list",
@@ -143,8 +146,9 @@ def problem_of(request: Request, error: Exception) -> JSONResponse:
         case HTTPException(status_code=404, detail="Not Found"):  # the router's own
             return http_problem(HTTPException(404, f"{request.url.path[:MAX_SHOWN]!r}: see /docs for the addresses"))
         case HTTPException(status_code=405, headers=headers):
-            allowed = (headers or {}).get("Allow")
-            return http_problem(HTTPException(405, f"{request.method} is not valid here; valid: {allowed}", headers))
+            allowed = _methods_of(request, (headers or {}).get("Allow", ""))
+            said = f"{request.method} is not valid here; valid: {allowed}"
+            return http_problem(HTTPException(405, said, {"Allow": allowed}))
         case HTTPException():
             return http_problem(error)
         case RequestValidationError() | ValidationError():
@@ -154,6 +158,13 @@ def problem_of(request: Request, error: Exception) -> JSONResponse:
         case _:
             logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
             return problem(_INTERNAL, "An unexpected error; the service's log has the details.")
+
+
+def _methods_of(request: Request, of_one_route: str) -> str:
+    """The methods that the request's address has: the document of the service has all of its routes."""
+    route = getattr(request.scope.get("route"), "path", None)
+    methods = request.app.openapi()["paths"].get(route, ())
+    return ", ".join(sorted(method.upper() for method in methods)) or of_one_route
 
 
 def problem(
@@ -241,7 +252,7 @@ def _refusal(item: Mapping[str, Any], location: Sequence[str | int]) -> InvalidI
         return own
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".") or "body"
     if item["type"] in _MESSAGES:
-        return InvalidInputError(field, _MESSAGES[item["type"]])
+        return InvalidInputError(field, *_MESSAGES[item["type"]])
     text = item["msg"].removeprefix("Value error, ")
     requirement = _REQUIREMENT.fullmatch(text)
     valid = context.get("expected") or _VALID.get(item["type"]) or (requirement and requirement[1])

@@ -214,11 +214,13 @@ class TaskSettings(BaseModel):
         return self.model_copy(update={"num_joints": found}) if found else self
 
     def check_models(self, names: Iterable[str]) -> None:
-        """Refuse models and aliases of objects that are not among the task's `names`."""
+        """Refuse models, aliases and symmetries of objects that are not among the task's `names`."""
         known = list(names)
         check_aliases_of(self.aliases, known)
         for one, other in spelling_variants((*known, *self.yaw_symmetry_deg)):
             raise InvalidInputError(f"yaw_symmetry_deg[{other}]", f"is {one!r} in another spelling", one)
+        for name in self.yaw_symmetry_deg.keys() - known:
+            raise InvalidInputError(f"yaw_symmetry_deg[{name}]", "is no object of the task", ", ".join(known))
         for name in self.object_models:
             if name not in known:
                 raise ObjectModelError(name, "is no object of the task", ", ".join(known))

@@ -157,6 +157,17 @@ def push(name, by_m=0.12):
     return stops
 
 
+def push_to(name, goal):
+    """To the x of another thing."""
+
+    def stops(scene):
+        behind = scene.places[name] - np.array([0.08, 0.0, 0.0])
+        ahead = np.array([scene.places[goal][0] - 0.04, *behind[1:]])
+        return [(over(behind), DOWN, 0), (behind, DOWN, 0), (ahead, DOWN, 0), (over(ahead), DOWN, 0)]
+
+    return stops
+
+
 def _puts(name, goal, offset=(0.0, 0.0, 0.05), words="put the {} on the {}", **how):
     """A skill, and how its thing should lie."""
     at = (lambda s: s.seen_from(goal, offset)) if how.get("turns_with", True) else (lambda s: s.places[goal] + offset)
@@ -196,6 +207,7 @@ SKILLS = {
         lambda c, s: c.visited([s.places["block"] - [0.08, 0, 0], s.places["block"] + [0.04, 0, 0]]),
     ),
 }
+OUT_OF = replace(_puts(CUBE, PLATE, words="take the {} off"), names=(CUBE, PLATE, "bin"))
 TAKE, BAR, PRESS, BOTH, FIXED, AWAY, BESIDE, TURN, PUSH = (
     SKILLS[name] for name in ("take", "bar", "press", "both", "fixed", "away", "beside", "turn", "push")
 )
@@ -253,6 +265,18 @@ def view(*by_m, turn_deg=0.0, scale=1.0, pivot=(0.8, 0.0, 1.5)):
 def shifted(*names, **how):
     """Some things are seen elsewhere than they are; see `Scene.moved`."""
     return seen(lambda scene, _: scene.moved(*names, **how))
+
+
+def exchanged(one, other):
+    """Two things have each other's names."""
+
+    def fault(demo, *_):
+        places, yaws = dict(demo.scene.places), dict(demo.scene.yaws)
+        for of in (places, yaws):
+            of[one], of[other] = of[other], of[one]
+        return replace(demo, scene=Scene(places, yaws))
+
+    return fault
 
 
 def yaw_times(factor):
@@ -552,6 +576,21 @@ case("twice_as_far_in_half", TURN, shows(turn("knob", 180)))
 case("a_pick_is_pushed_in_half", TAKE, shows(push(CUBE)))
 case("pushed_by_less_in_half", PUSH, shows(push("block", 0.06)))
 case("pushed_the_other_way_in_half", PUSH, shows(push("block", -0.12)))
+UP_TO = Skill(
+    "push the block to the ruler",
+    ("block", "ruler"),
+    push_to("block", "ruler"),
+    lambda c, s: c.visited([at for at, _, _ in push_to("block", "ruler")(s)[1:3]]),
+)
+case("pushed_up_to_another_thing", UP_TO)
+for _number in (3, 5):
+    case(
+        f"plate_and_bin_exchanged_in_one_of_{_number}",
+        OUT_OF,
+        exchanged(PLATE, "bin"),
+        lambda k: k == 1,
+        number=_number,
+    )
 
 # Units and axes
 case("hand_in_inches_in_half", TAKE, frame(scale=INCHES))

@@ -83,7 +83,7 @@ BODIES = {
     "JSON that says it is MessagePack": sent(WHOLE, headers=MSGPACK),
     "MessagePack that says it is JSON": sent(msgpack.packb(QUESTION)),
     "a content type of 10 kB": sent(WHOLE, 415, headers={"content-type": "a/" + "b" * 10_000}),
-    "a gzip bomb": posted("/episodes", gzip.compress(b" " * 20_000_000), 400, None, GZIP),
+    "a gzip bomb": posted("/episodes", gzip.compress(b" " * 20_000_000), 415, None, GZIP),
     "MessagePack of a list": sent(msgpack.packb([1, 2]), headers=MSGPACK),
     "MessagePack with the same key twice": packed(b"\xa4seed\x01\xa4seed\xa1x", members=2),
     "MessagePack with NaN": packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan")), 422, "temperature"),

@@ -204,7 +204,7 @@ def test_a_field_named_as_a_part_of_a_request_is_named_in_full(http, task):
     refused = http.put(f"/tasks/{task}", json={"aliases": {"body": 5}, "query": 1}).json()["errors"]
     assert refused == [
         {"field": "aliases.body", "message": "is 5", "valid": "a list"},
-        {"field": "query", "message": "is not a known field", "valid": None},
+        {"field": "query", "message": "is not a known field", "valid": "the fields in /docs"},
     ]
 
 
@@ -235,3 +235,8 @@ def test_an_unknown_address_or_method_is_named(http):
     assert http.get("/episode").json()["detail"] == "'/episode': see /docs for the addresses"
     refused = http.delete("/predictions").json()
     assert refused["detail"] == "DELETE is not valid here; valid: GET"
+    several = http.patch("/tasks/none")
+    assert (several.json()["detail"], several.headers["allow"]) == (
+        "PATCH is not valid here; valid: DELETE, GET, PUT",
+        "DELETE, GET, PUT",
+    )

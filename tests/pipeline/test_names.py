@@ -61,7 +61,10 @@ def test_a_letter_that_grows_in_lower_case_leaves_the_others_readable():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("alias", ["blue", "Blue", "cube", "blue_cube", "BLUE  cube", "blue cubes", "Cubes"])
+@pytest.mark.parametrize(
+    "alias",
+    ["blue", "Blue", "cube", "blue_cube", "BLUE  cube", "blue cubes", "Cubes", "azure", "the teal one", "dark navy"],
+)
 def test_an_alias_is_no_word_of_another_objects_name(alias):
     with pytest.raises(InvalidInputError, match="is in the name of 'blue cube'") as caught:
         check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
@@ -75,7 +78,15 @@ def test_two_objects_do_not_share_an_alias_in_singular_and_plural(words):
     assert checked_aliases({"one": list(words)}) == {"one": words}
 
 
-@pytest.mark.parametrize("alias", ["red", "dice", "blueberry", "the blue dice", "red one"])
+@pytest.mark.parametrize("alias", ["the", "other", "the other one", "it", "nearest", "both", "not", "on"])
+def test_an_alias_has_a_word_that_says_what_is_meant(alias):
+    with pytest.raises(InvalidInputError, match="names nothing by itself"):
+        check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
+
+
+@pytest.mark.parametrize(
+    "alias", ["red", "dice", "blueberry", "the blue dice", "red one", "crimson", "azure dice", "left"]
+)
 def test_an_alias_may_be_a_word_of_its_own_object_or_of_none(alias):
     check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
 
@@ -97,3 +108,5 @@ def test_settings_name_objects_as_the_task_does():
     settings = TaskSettings(yaw_symmetry_deg={"Red cube": 90})
     with pytest.raises(InvalidInputError, match="is 'red cube' in another spelling"):
         settings.check_models(["red cube", "bowl"])
+    with pytest.raises(InvalidInputError, match="is no object of the task"):
+        TaskSettings(yaw_symmetry_deg={"red cupe": 90}).check_models(["red cube", "bowl"])

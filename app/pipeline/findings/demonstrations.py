@@ -5,11 +5,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.findings import Finding
+from app.pipeline.findings import Finding, worst_severity
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
+from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.shown import ShownScenes
@@ -183,15 +184,31 @@ class Taught:
         """The recorded hands by `id` of the demonstration, where they are known."""
         return {id(item): hand for item, hand in zip(self.demonstrations, self.hands, strict=False)}
 
+    def _hands_of(self, demonstrations: Sequence[Demonstration]) -> list[RecordedHand]:
+        return [self._hands[id(item)] for item in demonstrations if id(item) in self._hands]
+
     def _of_forms(self, asked: str) -> Iterator[Finding]:
         """Yield findings for the requested instruction form, or for every form if it was not demonstrated."""
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
             left_out = [id(item) not in self._shown_off_m for item in alike]
-            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
+            hands = self._hands_of(alike)
             yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
             yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             yield from path_findings([hand.kept for hand in hands])
-            yield from hand_findings(alike, hands)
+            of_each = [tuple(hand_findings(group, self._hands_of(group))) for group in (alike, *_of_ways(alike))]
+            yield from next((found for found in of_each if worst_severity(found) == "danger"), of_each[0])
+
+
+def _of_ways(alike: Sequence[Demonstration]) -> list[list[Demonstration]]:
+    """Return the demonstrations of each way between which the scene decides: all of one way may be wrong."""
+    if (parted := parting(alike)) is None:
+        return []
+    numbers = parted.ways.tolist()
+    ways = [
+        [item for item, way in zip(parted.demonstrations, numbers, strict=True) if way == which]
+        for which in sorted(set(numbers))
+    ]
+    return [way for way in ways if len(way) >= MIN_DEMONSTRATIONS]

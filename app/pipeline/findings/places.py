@@ -24,6 +24,7 @@ FEW_M, MANY = 0.5, 10  # the slack grows by FEW_M * (1/N - 1/MANY): 5 cm for fiv
 SLACK = 15.0  # times range / N^2: 0.15 of the range for ten demonstrations, 0.6 for five: docs/results/safety.md
 # Less than 10 cm it is at least 4.5 range / N: of places that are drawn evenly, one in 150 lies farther off on an axis
 EVENLY, EVENLY_LESS_M = 4.5, 0.10
+LEAST_OF_A_LEVEL = 2  # demonstrations that have an object at one of several heights
 MIN_DEMONSTRATIONS = 3  # fewer demonstrations show no range
 
 
@@ -74,12 +75,14 @@ class ShownPlaces:
         box_m: the range of the places (3,), without outliers.
         up: (N, 3) the directions of its z axis; empty where its rotations are not known.
         yaws_rad: (N,) its yaws.
+        levels_m: the ranges of its heights, see `_levels`.
     """
 
     number: int
     box_m: Range
     up: Array
     yaws_rad: Array
+    levels_m: tuple[Range, ...]
 
     @classmethod
     def of(cls, poses: Sequence[ObjectPose]) -> "ShownPlaces":
@@ -88,7 +91,7 @@ class ShownPlaces:
         known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
         up = np.array([quaternions.rotated(turn, UP) for turn in known]).reshape(-1, 3)
         yaws_rad = np.array([quaternions.yaw_rad(turn) for turn in known])
-        return cls(len(poses), _box_m(places_m), up, yaws_rad)
+        return cls(len(poses), _box_m(places_m), up, yaws_rad, _levels(places_m[:, 2]))
 
     @property
     def slack_m(self) -> Array:
@@ -106,8 +109,8 @@ class ShownPlaces:
         return OffBox("xyz"[axis], far_m, far_m - float(self.slack_m[axis]), f"{low_m:.3f} to {high_m:.3f} m")
 
     def lifted_m(self, pose: ObjectPose) -> float:
-        """Return the height difference from the box; 0 if demonstrations have the object at several heights."""
-        return float(self.box_m.outside(pose.position_m)[2]) if self.box_m.width[2] < FIXED_M else 0.0
+        """Return the difference from the nearest height of the demonstrations; 0 if they have it at any height."""
+        return min((float(level.outside(pose.position_m[2])) for level in self.levels_m), default=0.0)
 
     def leans_deg(self, pose: ObjectPose) -> float:
         """Return the angle between its z axis and the nearest demonstrated one; 0 where one is not known."""
@@ -138,6 +141,18 @@ class ShownPlaces:
         own_deg = _wrapped_deg(np.array(quaternions.yaw_rad(pose.quaternion_xyzw) - middle_rad))
         beyond_deg = 0.0 if shown_deg.width > FULL_TURN_DEG else float(shown_deg.outside(own_deg))
         return beyond_deg, float(shown_deg.width)
+
+
+def _levels(heights_m: Array) -> tuple[Range, ...]:
+    """Return the ranges of heights (N,) of an object that has one height, or a few, as on the table or on a block.
+
+    Empty where some demonstrations have it at a height of their own, so that any may be right.
+    """
+    ordered = np.sort(heights_m)
+    levels = np.split(ordered, np.flatnonzero(np.diff(ordered) > FIXED_M) + 1)
+    ranges = tuple(Range.of(level) for level in levels)
+    alone = len(levels) > 1 and min(len(level) for level in levels) < LEAST_OF_A_LEVEL
+    return () if alone or any(found.width >= FIXED_M for found in ranges) else ranges
 
 
 def _box_m(places_m: Array) -> Range:

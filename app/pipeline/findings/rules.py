@@ -118,6 +118,7 @@ HAND_APART = Rule("scattered-demonstrations", "the same of the hand's rotations"
 NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the prompt's demonstrations are too few")
 CONTRADICTING = Rule("scattered-demonstrations", "of a third from the center", "m", danger=BEYOND_NOISE_M)
 EXPLAINED_AWAY = Rule("scattered-demonstrations", "from the center, where something explains it", "m", danger=0.015)
+UNLIKE_MOST = Rule("scattered-demonstrations", "where most agree relative to another object", "m", danger=0.02)
 TURNED_OTHERWISE = Rule("scattered-demonstrations", "that a third turn more or less", "degrees", danger=45.0)
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
 EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)

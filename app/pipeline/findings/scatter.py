@@ -8,6 +8,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.explained import SCATTER_M, explained_m, unlike_most_m
 from app.pipeline.findings.rules import (
     APART,
     CONTRADICTING,
@@ -19,10 +20,11 @@ from app.pipeline.findings.rules import (
     SCATTERED,
     TURNED_IN_TWO,
     TURNED_OTHERWISE,
+    UNLIKE_MOST,
     Rule,
 )
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import left_out_errors_m, two_ways
+from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import (
@@ -37,12 +39,7 @@ from app.pipeline.representation.anchors import (
     scatters_m,
 )
 
-SCATTER_M = 0.01  # the least scatter of people and pose estimators
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
-EXPLAINED = 0.8  # the share of the scatter (leave one out) that something explains: then it is no noise
-EXPLAINED_M = 0.007  # least scatter that is worth an explanation
-FEWEST_EXPLAINED = 6  # demonstrations with which chance hardly ever does
-VARIES_M = 0.005  # what varies by less explains nothing
 CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
 
 
@@ -53,9 +50,10 @@ class _Acting:
     Attributes:
         seen_from: the object or frame that the row is relative to, by its name in the observed scene.
         apart_m, hand_apart_deg: see `_apart`.
-        explained_m, by: see `_explained_m`.
+        explained_m, by: see `app.pipeline.findings.explained.explained_m`.
         two_turns_deg: see `_two_turns_deg`.
         on_a_circle_m: see `_on_a_circle_m`.
+        unlike_most_m: see `app.pipeline.findings.explained.unlike_most_m`.
         loosely: whether the hand releases something, or acts with a held object; both may happen anywhere, as in a bin.
         turn_off_deg: see `app.pipeline.plans.rows.turn_off_deg`, of a held object.
     """
@@ -69,6 +67,7 @@ class _Acting:
     by: str
     two_turns_deg: float
     on_a_circle_m: float
+    unlike_most_m: float
     loosely: bool
     turn_off_deg: float
 
@@ -94,9 +93,10 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
             *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
-            *_explained_m(shown, rows[k], by_objects=k in touching),
+            *explained_m(shown, rows[k], by_objects=k in touching),
             _two_turns_deg(rows[k], round_objects) if k in touching else 0.0,
             _on_a_circle_m(rows[k], round_objects),
+            unlike_most_m(shown, rows[k]),
             loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
             turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
         )
@@ -201,6 +201,14 @@ def _circle_message(item: _Acting) -> str:
     )
 
 
+def _unlike_most_message(item: _Acting) -> str:
+    return (
+        f"Where the hand acts (action {item.index + 1}), {len(item.row.off_m)} demonstrations scatter by"
+        f" {100 * item.row.scatter_m:.1f} cm relative to {item.seen_from}, but most of them agree relative to another"
+        " object. Delete the others, or correct the names of their objects."
+    )
+
+
 def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
     missed = [item for item in scattered if not item.loosely and MISSED.severity(item.row.center_off_m) is not None]
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
@@ -233,37 +241,6 @@ def _apart(
     return place_m, math.degrees(hand_m / M_PER_RAD)
 
 
-def _explained_m(shown: Sequence[Demonstration], row: PlanRow, *, by_objects: bool) -> tuple[float, str]:
-    """Return how far demonstrations are from the center of a row, and what explains it; (0, "") if nothing does.
-
-    A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both are
-    measured at another point of it), a wrong scale or a turned frame by where the object stands, and a place between
-    objects by where another one stands, seen from it.
-
-    Args:
-        by_objects: whether the hand itself acts, and not on the way, which may depend on anything.
-    """
-    if len(shown) < FEWEST_EXPLAINED or row.scatter_m < EXPLAINED_M or not row.anchors[0].object_name:
-        return 0.0, ""
-    places_m = np.array([d.object(a.object_name).position_m for d, a in zip(shown, row.anchors, strict=True)])
-    starts_m = [d.start.position_m for d in shown if d.start is not None]
-    causes = {
-        "the order of the recordings": np.linspace(0, 1, len(shown))[:, None],
-        "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 3))),
-        f"the place of {row.anchors[0].object_name}": places_m,
-    }
-    for others in zip(*(d.ordered_objects for d in shown), strict=False) if by_objects else ():
-        other_m = np.array([pose.position_m for pose in others])
-        causes.setdefault(f"the place of {others[0].name}", other_m - places_m)
-    for name, inputs in causes.items():
-        varied = inputs[:, inputs.std(axis=0) > VARIES_M]
-        for seen_m in (row.positions_m - places_m, row.offsets_m):  # along the world's axes, and the row's own
-            left = float((left_out_errors_m(varied, seen_m) ** 2).sum() / (row.off_m**2).sum())
-            if varied.shape[1] and left < 1 - EXPLAINED:
-                return float(row.off_m.max()), name
-    return 0.0, ""
-
-
 def _two_turns_deg(row: PlanRow, round_objects: frozenset[str]) -> float:
     """Return the angle between two clusters of the hand's rotations; 0 where they are one, or the object is round."""
     only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
@@ -294,6 +271,7 @@ DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]],
     (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),
     (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
     (EXPLAINED_AWAY, lambda item: item.explained_m, _explained_message),
+    (UNLIKE_MOST, lambda item: item.unlike_most_m, _unlike_most_message),
     (TURNED_OTHERWISE, lambda item: item.turn_off_deg, _turned_message),
     (TURNED_IN_TWO, lambda item: item.two_turns_deg, _two_turns_message),
     (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),

@@ -84,12 +84,21 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
         InvalidInputError: as `check_recording`.
     """
     for pose in objects:
-        away_m = np.maximum(workspace.min_m - pose.position_m, pose.position_m - workspace.max_m).max()
-        for unit, factor in UNITS_PER_M.items():
-            if away_m > MAX_AWAY_M and workspace.contains(pose.position_m / factor):
-                message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
-                raise InvalidInputError(f"objects[{pose.name}].position", message, "meters, world frame")
+        check_meters(f"objects[{pose.name}].position", pose.position_m, workspace)
     check_objects_order(objects)
+
+
+def check_meters(field: str, position_m: Array, workspace: Workspace) -> None:
+    """Refuse a place (3,) far from the workspace, which lies within it if its unit is another one.
+
+    Raises:
+        InvalidInputError: names the field and the unit.
+    """
+    away_m = np.maximum(workspace.min_m - position_m, position_m - workspace.max_m).max()
+    for unit, factor in UNITS_PER_M.items():
+        if away_m > MAX_AWAY_M and workspace.contains(position_m / factor):
+            message = f"is {position_m.round(3).tolist()}, which is likely in {unit}"
+            raise InvalidInputError(field, message, "meters, world frame")
 
 
 def _check_moves(motion: Motion) -> None:

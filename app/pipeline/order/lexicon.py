@@ -178,9 +178,9 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
 
 
 def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
-    """Refuse aliases of unknown objects, and aliases contained in another object's name.
+    """Refuse aliases of unknown objects, those that may be said of another object, too, and those that name nothing.
 
-    With the alias "blue" for a red cube, beside a blue cube, "pick up the blue cube" could move the red one.
+    With the alias "azure" for a red cube, beside a blue cube, "pick up the azure cube" could move the red one.
 
     Args:
         names: the task's objects.
@@ -190,8 +190,11 @@ def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str])
         if name not in names:
             raise InvalidInputError(field, "is no object of the task", ", ".join(names))
         for word in words:
-            if other := next((other for other in names if other != name and _contains(other, word)), None):
-                raise InvalidInputError(field, f"{word!r} is in the name of {other!r}", "words that no other name has")
+            if vocabulary.NAMELESS.issuperset(phrase_of(word)):
+                raise InvalidInputError(field, f"{word!r} names nothing by itself", "a noun")
+            if other := next((other for other in names if other != name and _may_mean(other, word)), None):
+                message = f"{word!r} is in the name of {other!r}, or its color"
+                raise InvalidInputError(field, message, "words that fit no other object")
 
 
 def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -205,9 +208,19 @@ def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Seque
 
     def is_own(name: str, word: str) -> bool:
         others = (called for other in names if other != name for called in (other, *words[other]))
-        return not any(_contains(called, word) for called in others)
+        return not any(_may_mean(called, word) for called in others)
 
     return {name: tuple(word for word in words[name] if is_own(name, word)) for name in names}
+
+
+def _may_mean(name: str, words: str) -> bool:
+    """Return whether the words may be said of an object with this name: a part of it, or a color like its own alone."""
+    said = set(phrase_of(words)) - vocabulary.NAMELESS - vocabulary.SHADES_OF - vocabulary.COLORED
+    own = vocabulary.COLORS.keys() & phrase_of(name)
+    is_color = bool(said) and said <= vocabulary.COLORS.keys()
+    return _contains(name, words) or (
+        is_color and any(vocabulary.look_alike(one, other) for one in said for other in own)
+    )
 
 
 def _contains(name: str, words: str) -> bool:

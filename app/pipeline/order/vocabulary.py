@@ -176,6 +176,7 @@ _ALONE = frozenset(
 NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for word in phrase} - {
     "left", "right", "top", "front"
 } | {"and", "or", "not", "it", "is"}  # fmt: skip
+NAMELESS = NEVER_LOOSE | REACHES.keys() | QUANTIFIERS | {"other", "another"}  # no alias consists of these alone
 FUNCTION_WORDS = (
     frozenset(word for table in _TABLES for phrase in table for word in phrase)
     | {*DETERMINERS, *COLORED, *ORDINALS, *REACHES, *MARKS, *_ALONE}

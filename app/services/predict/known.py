@@ -3,13 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.units import check_scene_units
+from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
@@ -101,6 +102,9 @@ class KnownReader:
                 task = TaskReading(connection, request.task, self._caches)
             record, settings = task.record, task.settings
             settings.limits_of_motion().require_start(request.end_effector)
+            if request.end_effector is not None:
+                place_m = np.array(request.end_effector.position_m)
+                check_meters("end_effector.position", place_m, settings.workspace.workspace())
             if scene is None:
                 with timed("poses"):
                     scene = observed(request, record, settings, self._store.blobs)

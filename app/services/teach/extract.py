@@ -63,7 +63,6 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         motion = settings.motion_of(get_trajectory(connection, record.id), record.control_frequency_hz)
     try:
         names = [item.name for item in record.objects]
-        settings.check_models(names)
         queries = settings.with_models(map(ObjectQuery.from_json, record.given_objects))
         looks = settings.pose_estimator != GIVEN or any(query.model is not None for query in queries)
         frames = [read_frame(store.blobs, item) for item in record.cameras] if looks else []

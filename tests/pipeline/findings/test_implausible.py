@@ -10,6 +10,8 @@ from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.plans import aligned_by_plan
+from app.pipeline.plans.by_scene import parting
+from roboprompt_client.types.quaternions import yaw_rad
 from tests.pipeline.plans.taught import recording
 from tests.pipeline.recordings import ScriptedMotion
 from tests.pipeline.scenes import pose
@@ -111,6 +113,17 @@ def dangers(recordings, asked=None):
 @pytest.mark.parametrize("words", [PUT, "take the red cube", "do it"])
 def test_right_recordings_have_no_danger(words, number):
     assert dangers([put(seed, words) for seed in range(number)]) == set()
+
+
+def test_all_recordings_of_a_way_between_which_the_scene_seems_to_decide_may_be_wrong():
+    """By chance the three with an inverted gripper have the least yaws."""
+    by_yaw = sorted(
+        (put(seed) for seed in range(20, 30)),
+        key=lambda item: float(yaw_rad(item.demonstration.objects[0].quaternion_xyzw)),
+    )
+    known = taught([inverted(item) if k < 3 else item for k, item in enumerate(by_yaw)])
+    assert parting(known.demonstrations) is not None
+    assert "implausible-gripper" in dangers_of(known)
 
 
 def trembling(item, by_m=0.001):

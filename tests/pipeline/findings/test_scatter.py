@@ -42,15 +42,20 @@ def test_the_center_counts(off_m, severity):
         assert finding.numbers["scatter_m"] == pytest.approx(off_m, rel=0.2)
 
 
+def line_m(k):
+    return np.random.default_rng(100 + k).uniform(-0.2, 0.2, 3)
+
+
 @pytest.mark.parametrize(
     ("off_m", "severity"),
     [
         (lambda k, cube_m, start_m, noise_m: (0.01 * k, 0, 0), "danger"),
         (lambda k, cube_m, start_m, noise_m: 0.15 * cube_m, "danger"),
         (lambda k, cube_m, start_m, noise_m: start_m, "danger"),
+        (lambda k, cube_m, start_m, noise_m: 0.3 * (line_m(k) - cube_m), "danger"),
         (lambda k, cube_m, start_m, noise_m: noise_m, "info"),
     ],
-    ids=["a camera that drifts", "a wrong scale", "another tool", "noise"],
+    ids=["a camera that drifts", "a wrong scale", "another tool", "between two objects", "noise"],
 )
 def test_what_explains_the_scatter_is_no_noise(off_m, severity):
     random, group = np.random.default_rng(0), []
@@ -59,7 +64,7 @@ def test_what_explains_the_scatter_is_no_noise(off_m, severity):
         at_m = cube_m + off_m(k, cube_m, start_m, random.normal(0, 0.02, 3))
         ups_m = np.array([[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]])
         rows = [action(at_m + up_m, gripper_open=row == 0) for row, up_m in enumerate(ups_m)]
-        given = demonstration(INSTRUCTION, (pose("cube", cube_m, 0),), rows)
+        given = demonstration(INSTRUCTION, (pose("cube", cube_m, 0), pose("line", line_m(k), 0)), rows)
         group.append(replace(given, start=action(start_m + np.array([0, 0, 0.4]))))
     (finding,) = found(group)
     assert finding.severity == severity

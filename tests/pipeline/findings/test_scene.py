@@ -54,6 +54,24 @@ def test_what_is_as_shown_deserves_no_look():
     assert found(OBSERVED) == []
 
 
+def at_heights(ups_m):
+    """The demonstrations with all objects so far above the table."""
+
+    def raised(item, up_m):
+        return replace(item, position_m=item.position_m + np.array([0, 0, up_m]))
+
+    pairs = zip(SHOWN, ups_m, strict=True)
+    return [demonstration(STACK, tuple(raised(item, up_m) for item in shown.objects), []) for shown, up_m in pairs]
+
+
+@pytest.mark.parametrize(("up_m", "doubtful"), [(0.0, False), (0.025, True), (0.05, False), (0.1, True)])
+def test_an_object_at_none_of_the_few_heights_that_are_shown(up_m, doubtful):
+    observed = moved("red cube", 0, 0, up_m)
+    lifted = ("object-at-another-height", "danger", "objects[red cube]")
+    assert (lifted in found(observed, at_heights([0.05 * (k % 2) for k in range(10)]))) == doubtful
+    assert lifted not in found(observed, at_heights([0.02 * k for k in range(10)]))
+
+
 CAUSES = [
     (moved("red cube", 0.4, 0, 0), ("object-beyond-demonstrations", "danger", "objects[red cube]")),
     (moved("red cube", 0, -0.15, 0), ("object-beyond-demonstrations", "warning", "objects[red cube]")),
