@@ -119,8 +119,7 @@ episodes = Table(
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
 )
 
-# The digest of what a camera took during the motion. A table of its own: SQLite would append a new column of `episodes`
-# behind the trajectory.
+# What cameras took during the motion, by digest. SQLite would append a new column of `episodes` behind the trajectory.
 films = Table(
     "films",
     metadata,

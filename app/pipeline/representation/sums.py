@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,10 +26,11 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.groups import places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_integers
-from app.pipeline.representation.anchors import START, WORLD, Anchor, Frame, anchor_pose
+from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.object_rows import AXES, Row, actions_at, letter
+from app.pipeline.representation.step import Step
 from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
@@ -52,40 +53,6 @@ t ::= "-"? ("1"? [0-9] [0-9] | [0-9])
 """
 
 Differences = tuple[int | None, ...]  # of six bins to those of what a row follows; None where a number does not follow
-
-
-class Step(NamedTuple):
-    """What a row does at an object, in whichever scene and whatever the object's name.
-
-    Attributes:
-        form: of the instruction.
-        role: place of the object in the instruction, or the name of one that it does not mention.
-        along: the same of what the row follows along other axes.
-        numbers: of the row, relative to the object in `frame`.
-    """
-
-    form: str
-    role: int | str
-    frame: Frame
-    along: tuple[tuple[int, int | str], ...]
-    numbers: tuple[int, ...]
-
-    @classmethod
-    def of(cls, demonstration: Demonstration, row: Row) -> "Step":
-        """The step of a demonstration's row."""
-        order, anchor = demonstration.order, row.anchor
-        roles = {name: place for place, name in enumerate(order.objects)}
-        along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
-        return cls(order.form, roles.get(anchor.object_name, anchor.object_name), anchor.frame, along, row.numbers)
-
-    def anchor(self, order: Order) -> Anchor:
-        """What it is relative to where `order`, which has its form, is carried out."""
-        name, *others = (
-            order.objects[role] if isinstance(role, int) else role
-            for role in (self.role, *(role for _, role in self.along))
-        )
-        axes = (axis for axis, _ in self.along)
-        return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
