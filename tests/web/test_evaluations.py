@@ -12,7 +12,7 @@ def test_the_names_that_evaluations_give_are_known(monkeypatch):
     given = []
     monkeypatch.setattr(run, "upload", lambda client, name, *rest: given.append(name))
     plan = Plan(("push_button",), (), 1, 1, "eval", images=True)
-    run.Run(plan, None, None, None, None, shared=True)._upload("push_button", "-vision", Method("default"), (), ())
+    run.PlanRun(plan, None, None, None, None, shared=True)._upload("push_button", "-vision", Method("default"), (), ())
     assert is_evaluated(given[0])
     assert task_text(given[0]) == f"push_button-vision, evaluation {given[0][-6:]}"
 
