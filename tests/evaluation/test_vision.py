@@ -42,7 +42,7 @@ def run_plan(url, folder, task, episodes=1, num_cameras=2):
         RoboPromptClient(url) as client,
     ):
         patch.setattr(run, "LABELED_SCENES", LABELED_SCENES)
-        (evaluated,) = run.Run(plan, ledger, client, InlineExecutor(), Progress(disable=True))().tasks
+        (evaluated,) = run.PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True))().tasks
     return evaluated
 
 
