@@ -1,5 +1,6 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -18,6 +19,8 @@ MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
 HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
+QUARTER_TURNS = Rotation.from_euler("z", [[0.0], [90.0], [180.0], [270.0]], degrees=True)
+LEAST_TURNING_DEG = 95.0  # how far hands are apart that take the nearest of four equal sides, with 5 degrees of noise
 
 
 def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
@@ -25,13 +28,17 @@ def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
     return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
 
 
-def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
-    """Return the hands as seen from objects, each turned by 180 degrees where that is nearer to the first one's."""
-    seen = objects.inv() * hands
-    turned = [turn * seen for turn in HALF_TURNS]
-    first = seen[0]
-    nearer = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
-    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearer)])
+def _but_for(turns: Rotation) -> Callable[[Rotation, Rotation], Rotation]:
+    """Return the hands as seen from objects, each by the one of `turns` that brings it nearest to the first one."""
+
+    def nearest(objects: Rotation, hands: Rotation) -> Rotation:
+        seen = objects.inv() * hands
+        turned = [turn * seen for turn in turns]
+        first = seen[0]
+        nearer = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
+        return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearer)])
+
+    return nearest
 
 
 Rotations = Mapping[str, Mapping[str, Array]]
@@ -42,7 +49,7 @@ READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
     "were turned the other way": _times(-1.0),
     "were turned twice as far": _times(2.0),
     "were turned half as far": _times(0.5),
-    "were turned by half a turn more in some": _but_for_half_turns,
+    "were turned by half a turn more in some": _but_for(HALF_TURNS),
 }
 OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _times(1.0)}
 
@@ -112,6 +119,12 @@ class Turning(NamedTuple):
         """Return the angle that more than a third of the hands are off where they take something without symmetry."""
         return of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
 
+    def takes_nearest_side(self) -> bool:
+        """Return whether hands are turned alike but for quarter turns of the object, and no farther than need be."""
+        sides_deg = of_a_way(_off_deg(_but_for(QUARTER_TURNS)(self.objects, self.hands)))
+        apart_deg = math.degrees(max((hand.inv() * self.hands).magnitude().max() for hand in self.hands))
+        return sides_deg < MUCH_LESS * of_a_way(self.row.off_deg) and apart_deg < LEAST_TURNING_DEG
+
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
         return _scatter_deg(self.objects.inv() * hands), _scatter_deg(hands)
@@ -158,6 +171,14 @@ def _misread_findings(turning: Sequence[Turning]) -> Iterator[Finding]:
         return
     item = max(turning, key=Turning.anyhow_deg)
     off_deg = item.anyhow_deg()
+    if item.takes_nearest_side():
+        message = (
+            f"The hand takes {item.name} by whichever side is nearest, as if it looked the same after a quarter turn;"
+            f' declare that (yaw_symmetry_deg: {{"{item.name}": 90}}), or it may be taken across by {off_deg:.0f}'
+            " degrees or more."
+        )
+        yield from rules.NEAREST_SIDE.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
+        return
     message = (
         f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
         f" others, seen from {item.name} and in the world: its rotations do not say how. Check them; if it looks the"

@@ -53,6 +53,20 @@ def test_what_never_turns_may_be_round():
     assert item.severity == "warning"
 
 
+@pytest.mark.parametrize(("nearest", "severity"), [(True, "warning"), (False, "danger")])
+def test_hands_that_take_the_nearest_of_four_sides(nearest, severity):
+    """A cube may be taken so; hands that are a quarter turn off anyhow are not explained by that."""
+    yaws_deg = np.random.default_rng(1).uniform(-180, 180, 10)
+    group = []
+    for k, yaw_deg in enumerate(yaws_deg.tolist()):
+        hand_deg = (yaw_deg + 45) % 90 - 45 if nearest else yaw_deg + 90 * (k % 2)
+        rows = [action((0.03 * k, 0, z_m), (180, 0, hand_deg), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
+        group.append(demonstration(TAKE, (pose("bar", (0.03 * k, 0, 0.8), yaw_deg),), rows))
+    items = list(turning_findings(Support.of([group]), group[0].order))
+    assert [(item.code, item.severity) for item in items] == [("scattered-demonstrations", severity)]
+    assert ('declare that (yaw_symmetry_deg: {"bar": 90})' in items[0].message) == nearest
+
+
 def test_a_yaw_of_a_symmetric_object_and_those_of_few_demonstrations_say_nothing():
     wrong, _ = MISREAD["the wrong sign"]
     assert found(takes(wrong), symmetric=["bar"]) == found(takes(wrong, number=4)) == []
