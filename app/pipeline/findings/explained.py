@@ -12,9 +12,8 @@ from roboprompt_client.types.poses import ObjectPose
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
 EXPLAINED_M = 0.007  # the least scatter that is worth an explanation
-EXPLAINED = 0.8  # the share of the scatter (leave one out) that something explains: then it is no noise
-FEWEST_EXPLAINED = 5  # demonstrations with which chance hardly ever does,
-SPARE = 3  # and how many more than what varies
+LEFT = 0.2  # the share of the scatter (leave one out) that is left where something explains it: then it is no noise
+FEWEST_EXPLAINED, SPARE = 5, 7  # demonstrations; with fewer than so many more than what varies, less may be left
 VARIES_M = 0.005  # what varies by less explains nothing
 
 
@@ -44,7 +43,7 @@ def explained_m(shown: Sequence[Demonstration], row: PlanRow, *, by_objects: boo
         varied = inputs[:, inputs.std(axis=0) > VARIES_M]
         for seen_m in (row.positions_m - places_m, row.offsets_m):  # along the world's axes, and the row's own
             left = float((left_out_errors_m(varied, seen_m) ** 2).sum() / (row.off_m**2).sum())
-            if 0 < varied.shape[1] <= len(shown) - SPARE and left < 1 - EXPLAINED:
+            if varied.shape[1] and left < LEFT * min(1, (len(shown) - varied.shape[1] - 1) / (SPARE - 1)):
                 return float(row.off_m.max()), name
     return 0.0, ""
 
