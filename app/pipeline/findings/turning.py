@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, rules
@@ -18,8 +19,10 @@ from roboprompt_client.types.arrays import Array
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
+Index = npt.NDArray[np.intp]
 HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
 QUARTER_TURNS = Rotation.from_euler("z", [[0.0], [90.0], [180.0], [270.0]], degrees=True)
+FEWEST_SIDES = 3  # that hands take of four equal ones
 LEAST_TURNING_DEG = 95.0  # how far hands are apart that take the nearest of four equal sides, with 5 degrees of noise
 
 
@@ -28,17 +31,17 @@ def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
     return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
 
 
-def _but_for(turns: Rotation) -> Callable[[Rotation, Rotation], Rotation]:
-    """Return the hands as seen from objects, each by the one of `turns` that brings it nearest to the first one."""
+def _but_for(turns: Rotation, objects: Rotation, hands: Rotation) -> tuple[Rotation, Index]:
+    """Return the hands as seen from objects, each turned so that it is nearest to the first one, and by which turn."""
+    seen = objects.inv() * hands
+    turned = [turn * seen for turn in turns]
+    first = seen[0]
+    nearest = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
+    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)]), nearest
 
-    def nearest(objects: Rotation, hands: Rotation) -> Rotation:
-        seen = objects.inv() * hands
-        turned = [turn * seen for turn in turns]
-        first = seen[0]
-        nearer = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
-        return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearer)])
 
-    return nearest
+def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
+    return _but_for(HALF_TURNS, objects, hands)[0]
 
 
 Rotations = Mapping[str, Mapping[str, Array]]
@@ -49,7 +52,7 @@ READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
     "were turned the other way": _times(-1.0),
     "were turned twice as far": _times(2.0),
     "were turned half as far": _times(0.5),
-    "were turned by half a turn more in some": _but_for(HALF_TURNS),
+    "were turned by half a turn more in some": _but_for_half_turns,
 }
 OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _times(1.0)}
 
@@ -120,10 +123,15 @@ class Turning(NamedTuple):
         return of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
 
     def takes_nearest_side(self) -> bool:
-        """Return whether hands are turned alike but for quarter turns of the object, and no farther than need be."""
-        sides_deg = of_a_way(_off_deg(_but_for(QUARTER_TURNS)(self.objects, self.hands)))
+        """Return whether hands are turned alike but for quarter turns of the object, and no farther than need be.
+
+        They take three of four sides or more: two may be those of two models of one object.
+        """
+        seen, sides = _but_for(QUARTER_TURNS, self.objects, self.hands)
+        sides_deg = of_a_way(_off_deg(seen))
         apart_deg = math.degrees(max((hand.inv() * self.hands).magnitude().max() for hand in self.hands))
-        return sides_deg < MUCH_LESS * of_a_way(self.row.off_deg) and apart_deg < LEAST_TURNING_DEG
+        alike = sides_deg < MUCH_LESS * of_a_way(self.row.off_deg)
+        return alike and apart_deg < LEAST_TURNING_DEG and len(set(sides.tolist())) >= FEWEST_SIDES
 
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""

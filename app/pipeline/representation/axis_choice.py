@@ -34,7 +34,7 @@ def by_axis(
 
     At least three demonstrations must scatter by `CONTRADICTED_M` or more along the axis seen from the row's own
     origin, and seen from another by a share that is small beyond chance (`certain_share`). All axes must then scatter
-    within `SERVES_M`.
+    within `SERVES_M`. A hand that closes does so at the height of what it takes; heights that vary were misread.
 
     Args:
         columns: of each object its name in every demonstration.
@@ -52,6 +52,8 @@ def by_axis(
     for k, anchors in enumerate(chosen):
         if (own_m[anchors][k] >= CONTRADICTED_M).any() and _names(anchors) in origins:
             followed = _followed(scatters_m[:, k], own_m[anchors][k], origins.index(_names(anchors)), share)
+            if k and group[0].actions[k - 1].gripper_open and not group[0].actions[k].gripper_open:
+                followed[2] = origins.index(_names(anchors))
             anchors = _along(anchors, [origins[place] for place in followed], tilted)
         found.append(anchors)
     return found
