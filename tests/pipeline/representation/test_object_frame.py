@@ -254,7 +254,8 @@ def placed_in_line(number=4):
     random, shown = np.random.default_rng(2), []
     for k in range(number):
         (one, other, peg), height_m = random.uniform(0, 0.4, (3, 2)), 0.7 + 0.02 * k
-        rows = [action((*peg, height_m)), action((*peg, 1.0), gripper_open=False), action((one[0], other[1], 0.75))]
+        grasp = [action((*peg, height_m), gripper_open=is_open) for is_open in (True, False)]
+        rows = [*grasp, action((*peg, 1.0), gripper_open=False), action((one[0], other[1], 0.75))]
         names, places = ("peg", "red mark", "blue mark"), [(*peg, height_m), (*one, 0.7), (*other, 0.7)]
         text = "put the peg in line with the red mark and the blue mark"
         item = demonstration(text, [pose(*pair) for pair in zip(names, places, strict=True)], rows)
@@ -264,8 +265,8 @@ def placed_in_line(number=4):
 
 def test_a_row_says_along_which_axes_it_follows_something_else():
     codec = fitted(*(shown := placed_in_line()))
-    _, lifted, put = codec.actions_text(shown[0]).split("; ")
-    assert (lifted, put) == ("2 A w z=world: +0 +0 +200 0", "3 B w y=C: +0 +0 +10 1")
+    *_, lifted, put = codec.actions_text(shown[0]).split("; ")
+    assert (lifted, put) == ("3 A w z=world: +0 +0 +200 0", "4 B w y=C: +0 +0 +10 1")
     names = ["peg", "blue mark", "red mark"]
     objects = [pose(name, (0.1 + 0.1 * k, 0.3 - 0.2 * k, 0.8)) for k, name in enumerate(names)]
     asked = Query("put the peg in line with the blue mark and the red mark", tuple(objects))

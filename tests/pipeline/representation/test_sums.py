@@ -205,19 +205,20 @@ def lifted_to_a_height(place):
     """A cup is taken at several heights and lifted to one height of the world."""
     cup = pose("cup", (0.105 + 0.04 * place, 0.105, 0.705 + 0.03 * place))
     x, y, z = cup.position_m
-    rows = [action((x, y, z)), action((x, y, 1.105), gripper_open=False)]
+    grasp = [action((x, y, z), gripper_open=is_open) for is_open in (True, False)]
+    rows = [*grasp, action((x, y, 1.105), gripper_open=False)]
     return replace(demonstration("lift the cup", [cup], rows), plan=0)
 
 
 def test_a_number_that_follows_the_world_is_written_as_it_is():
     shown = [lifted_to_a_height(place) for place in range(4)]
     codec = fitted(shown)
-    lifted = "2 closed cup z=world a +0 +0: [40+0=40,60+0=60,50]"
+    lifted = "3 closed cup z=world a +0 +0: [40+0=40,60+0=60,50]"
     assert lifted in codec.actions_text(shown[0]), codec.demonstration_text(shown[0])
     asked = Query("lift the cup", (pose("cup", (0.205, 0.205, 0.905)),))
-    grasped = "1 open cup +0 +0 +0: [50+0=50,70+0=70,30+0=30]"
-    reply = f"lift the cup [{grasped}; 2 closed cup z=world a +0 +0: [50+0=50,70+0=70,50]]"
+    grasped = "1 open cup +0 +0 +0: [50+0=50,70+0=70,30+0=30]; 2 closed cup +0 +0 +0: [50+0=50,70+0=70,30+0=30]"
+    reply = f"lift the cup [{grasped}; 3 closed cup z=world a +0 +0: [50+0=50,70+0=70,50]]"
     assert matches(codec.grammar(asked, 25), reply)
     np.testing.assert_allclose(
-        parse_reply(reply, codec, asked.objects, asked.instruction)[1].position_m, [0.205, 0.205, 1.105], atol=1e-9
+        parse_reply(reply, codec, asked.objects, asked.instruction)[2].position_m, [0.205, 0.205, 1.105], atol=1e-9
     )
