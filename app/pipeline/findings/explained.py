@@ -1,6 +1,6 @@
 """What explains the scatter of demonstrations where the hand acts, so that it is no noise."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,7 +13,8 @@ from roboprompt_client.types.poses import ObjectPose
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
 EXPLAINED_M = 0.007  # the least scatter that is worth an explanation
 LEFT = 0.2  # the share of the scatter (leave one out) that is left where something explains it: then it is no noise
-FEWEST_EXPLAINED, SPARE = 5, 7  # demonstrations; with fewer than so many more than what varies, less may be left
+FEWEST_EXPLAINED = 5  # demonstrations
+FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
 VARIES_M = 0.005  # what varies by less explains nothing
 
 
@@ -36,28 +37,28 @@ def explained_m(shown: Sequence[Demonstration], row: PlanRow, *, by_objects: boo
         "where the hand starts": np.array(starts_m if len(starts_m) == len(shown) else np.zeros((len(shown), 3))),
         f"the place of {row.anchors[0].object_name}": places_m,
     }
-    for others in zip(*(d.ordered_objects for d in shown), strict=False) if by_objects else ():
-        other_m = np.array([pose.position_m for pose in others])
-        causes.setdefault(f"the place of {others[0].name}", other_m - places_m)
+    for poses in _others(shown, row) if by_objects else ():
+        causes.setdefault(f"the place of {poses[0].name}", np.array([pose.position_m for pose in poses]) - places_m)
     for name, inputs in causes.items():
         varied = inputs[:, inputs.std(axis=0) > VARIES_M]
         for seen_m in (row.positions_m - places_m, row.offsets_m):  # along the world's axes, and the row's own
             left = float((left_out_errors_m(varied, seen_m) ** 2).sum() / (row.off_m**2).sum())
-            if varied.shape[1] and left < LEFT * min(1, (len(shown) - varied.shape[1] - 1) / (SPARE - 1)):
+            freedom = len(shown) - varied.shape[1] - 1
+            if varied.shape[1] and left < LEFT * min(1, freedom / FREEDOM):
                 return float(row.off_m.max()), name
     return 0.0, ""
 
 
-def _others(shown: Sequence[Demonstration], row: PlanRow) -> dict[str, list[ObjectPose]]:
-    """Return the poses of the objects that the row does not follow, by the names that all demonstrations have."""
-    names = set.intersection(*({pose.name for pose in item.objects} for item in shown))
-    others = sorted(names - {anchor.object_name for anchor in row.anchors})
-    return {name: [item.object(name) for item in shown] for name in others}
+def _others(shown: Sequence[Demonstration], row: PlanRow) -> Iterator[tuple[ObjectPose, ...]]:
+    """Yield the poses of each object that the row does not follow; its name may differ between demonstrations."""
+    for poses in zip(*(item.ordered_objects for item in shown), strict=False):
+        if all(pose.name != anchor.object_name for pose, anchor in zip(poses, row.anchors, strict=True)):
+            yield poses
 
 
 def unlike_most_m(shown: Sequence[Demonstration], row: PlanRow) -> float:
     """Return the scatter of a row if most hands are at one place relative to an object that it does not follow."""
-    for poses in _others(shown, row).values():
+    for poses in _others(shown, row):
         away_m = row.positions_m - [pose.position_m for pose in poses]
         turns = Rotation.from_quat(
             [(0, 0, 0, 1) if pose.quaternion_xyzw is None else pose.quaternion_xyzw for pose in poses]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings import Finding, rules
+from app.pipeline.findings import SEVERITIES, Finding, rules
 from app.pipeline.findings.quaternion_order import MISREADINGS
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
@@ -177,23 +177,27 @@ def _misread_findings(turning: Sequence[Turning]) -> Iterator[Finding]:
     if misread := rules.MISREAD.findings(off_deg, message, f"objects[{name}]", {"off_deg": off_deg}):
         yield from misread
         return
-    item = max(turning, key=Turning.anyhow_deg)
+    anyhow = [finding for item in turning for finding in _anyhow_findings(item)]
+    yield from sorted(anyhow, key=lambda each: (SEVERITIES.index(each.severity), each.numbers["off_deg"]))[-1:]
+
+
+def _anyhow_findings(item: Turning) -> Sequence[Finding]:
+    """Return at most one finding, of hands that do not take an object alike."""
     off_deg = item.anyhow_deg()
-    if item.takes_nearest_side():
-        message = (
-            f"The hand takes {item.name} by whichever side is nearest, as if it looked the same after a quarter turn;"
-            f' declare that (yaw_symmetry_deg: {{"{item.name}": 90}}), or it may be taken across by {off_deg:.0f}'
-            " degrees or more."
-        )
-        yield from rules.NEAREST_SIDE.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
-        return
+    rule = rules.TURNED_ANYHOW if _scatter_deg(item.objects) > TURNS_DEG else rules.NEVER_TURNED
     message = (
         f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
         f" others, seen from {item.name} and in the world: its rotations do not say how. Check them; if it looks the"
         " same from every side, declare that (yaw_symmetry_deg 0)."
     )
-    rule = rules.TURNED_ANYHOW if _scatter_deg(item.objects) > TURNS_DEG else rules.NEVER_TURNED
-    yield from rule.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
+    if off_deg and item.takes_nearest_side():
+        rule = rules.NEAREST_SIDE
+        message = (
+            f"The hand takes {item.name} by whichever side is nearest, as if it looked the same after a quarter turn;"
+            f' declare that (yaw_symmetry_deg: {{"{item.name}": 90}}), or it may be taken across by {off_deg:.0f}'
+            " degrees or more."
+        )
+    return rule.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
 
 
 def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[Turning]:

@@ -20,6 +20,7 @@ from app.pipeline.representation.anchors import (
     relative_poses,
 )
 from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
 
 CONTRADICTED_M = 0.01  # least scatter (rms) along an axis that something else must explain
 EQUAL_M = 0.002  # scatters that differ by less are equal
@@ -52,11 +53,16 @@ def by_axis(
     for k, anchors in enumerate(chosen):
         if (own_m[anchors][k] >= CONTRADICTED_M).any() and _names(anchors) in origins:
             followed = _followed(scatters_m[:, k], own_m[anchors][k], origins.index(_names(anchors)), share)
-            if k and group[0].actions[k - 1].gripper_open and not group[0].actions[k].gripper_open:
+            if _closes(group[0].actions, k):
                 followed[2] = origins.index(_names(anchors))
             anchors = _along(anchors, [origins[place] for place in followed], tilted)
         found.append(anchors)
     return found
+
+
+def _closes(actions: Sequence[EndEffectorAction], k: int) -> bool:
+    """Return whether the hand closes at row `k`, or is closed in the first one, as where it acts alone is compared."""
+    return not actions[k].gripper_open and (k == 0 or actions[k - 1].gripper_open)
 
 
 def _names(anchors: Anchors) -> tuple[str, ...]:

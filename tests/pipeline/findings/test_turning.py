@@ -67,6 +67,19 @@ def test_hands_that_take_the_nearest_of_four_sides(nearest, severity):
     assert ('declare that (yaw_symmetry_deg: {"bar": 90})' in items[0].message) == nearest
 
 
+def test_the_nearest_side_of_one_object_does_not_hide_hands_that_take_another_anyhow():
+    random, group = np.random.default_rng(3), []
+    for k in range(10):
+        cube_m, bar_m = (0.03 * k, 0.2, 0.8), (0.03 * k, -0.2, 0.8)
+        yaw_deg, bar_deg, off_deg = random.uniform(-180, 180), random.uniform(-60, 60), (-30, 30, 0)[k % 3]
+        turned = (((yaw_deg + 45) % 90 - 45, cube_m), (off_deg, bar_m))
+        rows = [action(at_m, (180, 0, deg), gripper_open=is_open) for deg, at_m in turned for is_open in (True, False)]
+        objects = (pose("cube", cube_m, yaw_deg), pose("bar", bar_m, bar_deg))
+        group.append(demonstration("pick up the cube and the bar", objects, rows))
+    (item,) = turning_findings(Support.of([group]), group[0].order)
+    assert (item.severity, item.where) == ("danger", "objects[bar]")
+
+
 def test_a_yaw_of_a_symmetric_object_and_those_of_few_demonstrations_say_nothing():
     wrong, _ = MISREAD["the wrong sign"]
     assert found(takes(wrong), symmetric=["bar"]) == found(takes(wrong, number=4)) == []
