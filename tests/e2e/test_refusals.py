@@ -96,7 +96,7 @@ PREDICT = {"task": "refusals", "instruction": "pick up the cube", "objects": [{"
         ({"objects": [{"name": "ball", "position": [0, 0, 1]}]}, 422, "missing: cube"),
         ({"objects": []}, 422, "objects"),
         ({"objects": [{"name": "cube", "position": ["0.1", 0, 1]}]}, 422, "objects[0].position[0]"),
-        ({"end_effector": {"position": [100, 100, 900], "quaternion_xyzw": [1, 0, 0, 0]}}, 422, "likely in millimeters"),
+        ({"end_effector": {"position": [99, 99, 900], "quaternion_xyzw": [1, 0, 0, 0]}}, 422, "likely in millimeters"),
         ({"end_effector": {"position": [10, 10, 90], "quaternion_xyzw": [1, 0, 0, 0]}}, 422, "likely in centimeters"),
         ({"representation": "poetry"}, 422, "absolute"),
         ({"num_demonstrations": 0}, 422, "num_demonstrations"),
