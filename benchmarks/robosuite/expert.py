@@ -17,12 +17,16 @@ HANDLE_M = 0.06  # of the square nut's handle from its hole
 HANDLE_DIRECTIONS_RAD = (np.pi / 2, np.pi, 3 * np.pi / 2)
 PEG_TOP_M, ON_PEG_M = 0.14, 0.03  # of the nut over the peg's body
 LIFTED_M = np.array([0.0, 0.0, 0.15])
+# Of a door, in its latch's frame: where the handle is taken, the way out of the door, and the hinge.
+HANDLE_END_M, OUTWARDS, HINGE_M = np.array([0.11, -0.10, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.43, 0.0, 0.0])
+LATCH_RAD, OPENED_RAD = np.radians(80), (0.15, 0.3, 0.42)
 
 
 def plan(task: str, scene: Scene) -> list[EndEffectorAction]:
     """The expert's poses."""
     objects = scene.objects()
-    return {"lift": _lift, "stack": _stack, "can": _can, "square_nut": _square_nut}[task](objects, scene)
+    experts = {"lift": _lift, "stack": _stack, "square_nut": _square_nut, "round_nut": _round_nut, "door": _door}
+    return experts.get(task, _into_bin)(objects, scene)
 
 
 def _lift(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAction]:
@@ -38,10 +42,16 @@ def _stack(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAct
     return [*_grasp(moved.position_m, grasp), *_carry(moved.position_m, grasp, top_m, release)]
 
 
-def _can(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAction]:
-    can, goal = objects
-    grasp = _nearest(scene.hand, 0.0, np.pi)
-    held_m = can.position_m + _up(0.02)
+def _into_bin(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAction]:
+    """Takes a box over its thin side, the can as the hand is."""
+    moved, goal = objects
+    yaw_rad, above_m = {
+        "can": (0.0, 0.02),
+        "milk": (_yaw(moved), 0.05),
+        "bread": (_yaw(moved), -0.005),
+        "cereal": (_yaw(moved) + np.pi / 2, 0.06),
+    }[moved.name]
+    grasp, held_m = _nearest(scene.hand, yaw_rad, np.pi), moved.position_m + _up(above_m)
     return [*_grasp(held_m, grasp), *_carry(held_m, grasp, goal.position_m + _up(0.08), grasp)]
 
 
@@ -50,15 +60,20 @@ def _square_nut(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffect
 
     Pointing away from the arm the handle is beyond its reach.
     """
-    nut, peg = objects
-    yaw_rad = _yaw(nut)
-    grasp = _nearest(scene.hand, yaw_rad + np.pi / 2, np.pi)  # the fingers close along their x axis
+    yaw_rad = _yaw(objects[0])
     turns_rad = (np.array(HANDLE_DIRECTIONS_RAD) - yaw_rad + np.pi) % (2 * np.pi) - np.pi
-    turned_rad = float(turns_rad[np.abs(turns_rad).argmin()])
-    release = Rotation.from_euler("z", turned_rad) * grasp
-    handle_m = Rotation.from_euler("z", yaw_rad).apply([HANDLE_M, 0, 0])
-    held_m = nut.position_m + handle_m
-    placed_m = peg.position_m + Rotation.from_euler("z", turned_rad).apply(handle_m)
+    return _nut_on_peg(*objects, float(turns_rad[np.abs(turns_rad).argmin()]), scene.hand)
+
+
+def _round_nut(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAction]:
+    return _nut_on_peg(*objects, 0.0, scene.hand)
+
+
+def _nut_on_peg(nut: ObjectPose, peg: ObjectPose, turned_rad: float, hand: Rotation) -> list[EndEffectorAction]:
+    """Takes the nut by its handle and puts it over the peg, turned by that angle."""
+    turn, handle_m = Rotation.from_euler("z", turned_rad), Rotation.from_euler("z", _yaw(nut)).apply([HANDLE_M, 0, 0])
+    grasp = _nearest(hand, _yaw(nut) + np.pi / 2, np.pi)  # the fingers close along their x axis
+    release, held_m, placed_m = turn * grasp, nut.position_m + handle_m, peg.position_m + turn.apply(handle_m)
     over_m, on_m = placed_m + _up(PEG_TOP_M), placed_m + _up(ON_PEG_M)
     return [
         *_grasp(held_m, grasp),
@@ -67,6 +82,26 @@ def _square_nut(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffect
         _action(on_m, release, is_open=False),
         _action(on_m, release, is_open=True),
         _action(on_m + LIFTED_M, release, is_open=True),
+    ]
+
+
+def _door(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAction]:
+    """Takes the handle's end from the front, turns it up and pulls the door open about its hinge."""
+    (latch,) = objects
+    door = Rotation.from_euler("z", _yaw(latch))
+    outwards = door.apply(OUTWARDS)
+    front = Rotation.from_matrix(np.column_stack([[0, 0, 1], np.cross(-outwards, [0, 0, 1]), -outwards]))
+    hand = min((front, front * Rotation.from_euler("z", np.pi)), key=lambda way: (way * scene.hand.inv()).magnitude())
+    handle_m, hinge_m = (latch.position_m + door.apply(part) for part in (HANDLE_END_M, HINGE_M))
+    up = Rotation.from_rotvec(outwards * LATCH_RAD)
+    turned_m = latch.position_m + up.apply(handle_m - latch.position_m)
+    swings = [Rotation.from_euler("z", angle_rad) for angle_rad in OPENED_RAD]
+    return [
+        _action(handle_m + 0.1 * outwards, hand),
+        _action(handle_m, hand),
+        _action(handle_m, hand, is_open=False),
+        _action(turned_m, up * hand, is_open=False),
+        *(_action(hinge_m + swing.apply(turned_m - hinge_m), swing * up * hand, is_open=False) for swing in swings),
     ]
 
 

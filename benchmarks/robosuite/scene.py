@@ -52,12 +52,25 @@ TASKS: dict[str, Task] = {
         "stack the red cube on the green cube",
         (Body("red cube", "cubeA_main"), Body("green cube", "cubeB_main")),
     ),
-    "can": Task("PickPlaceCan", "put the can into the bin", (Body("can", "Can_main"), Body("bin", "VisualCan_main"))),
+    **{
+        name: Task(
+            f"PickPlace{name.title()}",
+            f"put the {name} into the bin",
+            (Body(name, f"{name.title()}_main"), Body("bin", f"Visual{name.title()}_main")),
+        )
+        for name in ("can", "milk", "bread", "cereal")
+    },
     "square_nut": Task(
         "NutAssemblySquare",
         "put the square nut on the peg",
         (Body("square nut", "SquareNut_main"), Body("peg", "peg1")),
     ),
+    "round_nut": Task(
+        "NutAssemblyRound",
+        "put the round nut on the peg",
+        (Body("round nut", "RoundNut_main"), Body("peg", "peg2")),
+    ),
+    "door": Task("Door", "open the door by its handle", (Body("door handle", "Door_latch"),)),
     "both_nuts": Task(
         "NutAssembly",
         "put the square nut on the square peg and the round nut on the round peg",

@@ -28,7 +28,7 @@ EXPERT_SPEED = 0.4  # of the fastest, as people go
 
 @dataclass(frozen=True)
 class Robosuite:
-    """Four tasks of robosuite 1.5 with scripted demonstrations, and four with those of people.
+    """Nine tasks of robosuite 1.5 with scripted demonstrations, and four with those of people.
 
     Attributes:
         recordings: the folder of people's recordings, from the variable ROBOSUITE_RECORDINGS; without it the tasks of
