@@ -152,7 +152,8 @@ function bounds(scene, shows) {
   const withArm = [...places, ...scene.path, ...(scene.play?.arm ?? []).flat()];
   const boxes = (scene.boxes ?? []).flatMap((item) => [item.min, item.max]);
   const whole = [scene.workspace.min, scene.workspace.max, ...withArm, ...boxes];
-  const near = { [CLOSE]: places, [ARM]: withArm, [WHOLE]: [] }[shows];
+  // The arm's way from its ready pose is long; without an arm the hand is what one looks at, wherever it is.
+  const near = { [CLOSE]: scene.play?.arm ? places : [...places, ...scene.path], [ARM]: withArm, [WHOLE]: [] }[shows];
   const points = near.length ? near : whole;
   const along = [0, 1, 2].map((k) => points.map((point) => point[k]));
   return { min: along.map((values) => Math.min(...values) - MARGIN_M), max: along.map((values) => Math.max(...values) + MARGIN_M) };
@@ -233,7 +234,7 @@ function frameLabels(frames) {
   return frames.flatMap((item, k) => (firsts[k] === k ? [[item, together(k).join(", ")]] : []));
 }
 
-/** A function that writes words so many pixels beside a point, in the first place where no others stand. */
+/** A function that writes words so many pixels beside a point, in the first place where no others stand; else nothing. */
 function writer(width, height) {
   const taken = [];
   const apart = (one, other) => one.x + one.w < other.x || other.x + other.w < one.x || Math.abs(one.y - other.y) > LINE_PX;
@@ -251,7 +252,8 @@ function writer(width, height) {
     const sides = name === "number" ? rings.flatMap((ring) => [ring.above, ring.right, ring.left, ring.below]) : null;
     const places = sides ?? ["below", "above", "right", "left"].flatMap((side) => rings.map((ring) => ring[side]));
     const inside = (one) => one.x >= 0 && one.x + w <= width && one.y >= 0 && one.y + LINE_PX <= height;
-    const chosen = places.find((one) => inside(one) && taken.every((other) => apart(one, other))) ?? places[0];
+    const chosen = places.find((one) => inside(one) && taken.every((other) => apart(one, other)));
+    if (!chosen) return "";
     taken.push(chosen);
     return svg("text", { class: name, x: (chosen.x + w / 2).toFixed(1), y: (chosen.y + 12).toFixed(1) }, words);
   };
