@@ -35,7 +35,8 @@ export function drawScene(place, scene) {
 }
 
 /**
- * Show the hand, and the arm if it is known, of one moment `{position, axes, open, arm}`; the scene must be drawn.
+ * Show the hand of one moment `{position, axes, open, arm, objects}`, and arm and objects where they are known; the scene
+ * must be drawn, and the objects are in its order.
  * @param beside another moment, of which the hand is shown faintly
  */
 export function showMoment(place, moment, beside = null) {
@@ -45,9 +46,10 @@ export function showMoment(place, moment, beside = null) {
 }
 
 /** In a layer of its own, so that a browser paints no more than that while a motion plays. */
-function paintMoment({ moving, projection, moment, beside }) {
+function paintMoment({ moving, projection, moment, beside, scene }) {
   const hands = [[beside, "beside"], [moment, "hand"]].filter(([shown]) => shown);
-  moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
+  const objects = (moment?.objects ?? []).map((item, k) => ({ ...scene.objects[k], ...item }));
+  moving.replaceChildren(...inOrder(objects, projection).flatMap((item) => solid(item, projection)), ...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
 }
 
 function prepare(place, points) {
@@ -131,7 +133,7 @@ function paint(place, state) {
       ...(shows !== WHOLE ? [] : [box(scene.workspace, projection, "workspace")]),
       ...(scene.boxes ?? []).map((item) => box(item, projection, "keep-out")),
       ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
-      ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
+      svg("g", { class: scene.play?.objects ? "shown" : "" }, ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection))),
       ...(scene.asked ?? []).map((item) => asked(item, projection)),
       ...(scene.ways ?? []).map((way) => line(way, projection, "way")),
       line(scene.path, projection, "path"),
