@@ -114,7 +114,12 @@ def test_several_models_are_asked_and_their_answers_stand_side_by_side(page):
     predict(page, "regression")
     page.wait_for_url("**/ui/predictions/compare?*")
     cards = page.locator(".pair .card").all_inner_texts()
-    assert ["regression" in cards[0], "scripted" in cards[2], "nearest" in cards[1], len(cards)] == [True, True, True, 3]
+    assert ["regression" in cards[0], "scripted" in cards[2], "nearest" in cards[1], len(cards)] == [
+        True,
+        True,
+        True,
+        3,
+    ]
 
 
 def test_an_error_names_the_field(page):
