@@ -12,7 +12,7 @@ from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
 from app.services.predict.standing import task_stats
 from app.store import episodes, prediction_lists, predictions, tasks
-from app.store.prediction_lists import FATES, Fate, ListCursor, ListOrder, PredictionFilter
+from app.store.prediction_lists import FATES, ListCursor, ListOrder, PredictionFilter
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
@@ -34,7 +34,7 @@ class _Listed(BaseModel):
     representation: Text = ""
     prompt_format: Text = ""
     demonstrations: Annotated[str, Field(pattern=r"^\d{0,3}$")] = ""
-    outcome: Fate | Literal[""] = ""
+    outcome: Literal["", "failure", "refused", "unknown", "success"] = ""
     yardsticks: bool = False
     order: ListOrder = "successes"
     cursor: Annotated[str, Field(max_length=32)] = ""
