@@ -7,7 +7,7 @@ that it teaches `TASK.eval-SESSION`. Lists show small pictures. Browsers keep ou
 import hashlib
 import json
 import re
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from datetime import UTC
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,8 @@ FOREVER = "public, max-age=31536000, immutable"  # an address changes with its c
 WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
 NOTHING = "\N{EN DASH}"
-_PART = re.compile(r"[^/_]+[/_]*|[/_]+")
+MAX_NAMED = 8  # objects of a task in a list
+_PART = re.compile(r"[^/_]{1,24}[/_]*|[/_]+")
 _ID = re.compile(r"\b([0-9a-f]{32})\b")
 _WHOLE = Markup('<span class="part">{}</span>')
 _EVALUATED = re.compile(r"(.+)\.eval-([0-9a-f]{6})", re.DOTALL)
@@ -131,6 +132,12 @@ def plural(number: int, one: str, many: str = "") -> str:
     return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
+def some(names: Sequence[str]) -> str:
+    """The first of the names, and how many more there are."""
+    rest = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+
+
 def is_evaluated(name: str) -> bool:
     """Whether a session of an evaluation taught the task."""
     return _EVALUATED.fullmatch(name) is not None
@@ -164,12 +171,14 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "meters": lambda position_m: ", ".join(f"{value:z.3f}" for value in position_m),
     # a quaternion for a field: to a hundredth of a degree
     "rotation": lambda quaternion_xyzw: " ".join(f"{round(value, 5) + 0.0:g}" for value in quaternion_xyzw),
-    # a name of several parts that a narrow column may break between them, and nowhere else; escaped
+    "exact": lambda values: " ".join(str(value).removesuffix(".0") for value in values),
+    # a name of several parts that a narrow column may break between them, and within long ones only; escaped
     "breakable": lambda name: Markup("<wbr>").join(_WHOLE.format(part) for part in _PART.findall(name)),
     "share": lambda share: NOTHING if share is None else f"{100 * share:.0f}\N{NO-BREAK SPACE}%",
     "success_rate": success_rate,
     "linked": linked,
     "plural": plural,
+    "some": some,
     "fate": {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}.__getitem__,
     "task": task_text,
     "by_origin": by_origin,

@@ -41,7 +41,7 @@ def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettin
     chosen = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), MAX_MOMENTS)).round().astype(int))
     joints = None if trajectory.joint_positions_rad is None else trajectory.joint_positions_rad[chosen]
     known = joints is not None and settings.arm is not None and joints.shape[1] == JOINTS
-    return _document(
+    document = _document(
         times_s[chosen],
         trajectory.positions_m[chosen],
         trajectory.quaternions_xyzw[chosen],
@@ -49,6 +49,8 @@ def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettin
         joints,
         np.array(settings.robot_base) if known else None,
     )
+    moved = {"objects": trajectory.object_positions_m, "turns": trajectory.object_quaternions_xyzw}
+    return document | {name: array[chosen].round(4).tolist() for name, array in moved.items() if array is not None}
 
 
 def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObject | None:

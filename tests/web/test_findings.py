@@ -21,6 +21,12 @@ def test_a_finding_leads_to_its_evidence(where):
     assert f'id="{part}"' in PARTS
 
 
+def test_the_gravest_finding_is_first():
+    found = [Finding(severity, severity, "x", "") for severity in ("info", "danger", "warning")]
+    html = page._ENVIRONMENT.from_string(SHOWN).render(found=found)
+    assert re.findall(r'<li class="(\w+)">', html) == ["danger", "warning", "info"]
+
+
 def test_the_episodes_that_a_finding_names_are_links():
     id_ = "be725141ee064faaa92d0082029b45f9"
     shown = linked(f"<b> differs: {id_} and 2 more", "/below")

@@ -37,6 +37,7 @@ def test_the_recorded_arm_ends_where_the_recorded_hand_begins():
     away_m = np.linalg.norm(wrists - np.array(motion["positions"]), axis=1)
     assert away_m == pytest.approx(np.full(len(trajectory), HAND_M), abs=0.005)
     assert recorded_motion(trajectory, times_s, TaskSettings())["arm"] is None
+    assert np.array(motion["objects"]) == pytest.approx(trajectory.object_positions_m, abs=1e-4)
 
 
 def test_a_long_recording_is_thinned_and_keeps_its_ends():

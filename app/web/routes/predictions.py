@@ -5,13 +5,14 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
 from app.services.predict.standing import task_stats
 from app.store import episodes, prediction_lists, predictions, tasks
-from app.store.prediction_lists import FATES, Fate, ListCursor, ListOrder, PredictionFilter
+from app.store.prediction_lists import FATES, ListCursor, ListOrder, PredictionFilter
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
@@ -20,53 +21,54 @@ PAGE_SIZE = 50
 MAX_COMPARED = 8
 NUM_OTHERS = 20  # to compare with
 _CURSOR = re.compile(r"(\d{1,2})\.(\d{1,18})", re.ASCII)
-Text = Annotated[str, Query(max_length=200)]
+Text = Annotated[str, Field(max_length=200)]
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
 
 
-@router.get("/ui/predictions")
-def predictions_page(
-    request: Request,
-    services: Wired,
-    task: Text = "",
-    model: Text = "",
-    representation: Text = "",
-    prompt_format: Text = "",
-    demonstrations: Annotated[str, Query(pattern=r"^\d{0,3}$")] = "",
-    outcome: Fate | Literal[""] = "",
-    yardsticks: bool = False,
-    order: ListOrder = "successes",
-    cursor: Annotated[str, Query(max_length=32)] = "",
-) -> Response:
-    """Predictions and the success of each configuration.
+class _Listed(BaseModel):
+    """What the list is asked for in its address; empty is any."""
 
-    Yardsticks are listed where they are asked for, by name too, and where no model was asked.
-    """
+    task: Text = ""
+    model: Text = ""
+    representation: Text = ""
+    prompt_format: Text = ""
+    demonstrations: Annotated[str, Field(pattern=r"^\d{0,3}$")] = ""
+    outcome: Literal["", "failure", "refused", "unknown", "success"] = ""
+    yardsticks: bool = False
+    order: ListOrder = "successes"
+    cursor: Annotated[str, Field(max_length=32)] = ""
+
+    def filter(self, *, yardsticks: bool) -> PredictionFilter:
+        """Without yardsticks, but for the one that is asked for by name."""
+        return PredictionFilter(
+            task=self.task or None,
+            model=self.model or None,
+            representation=self.representation or None,
+            prompt_format=self.prompt_format or None,
+            num_demonstrations=int(self.demonstrations) if self.demonstrations else None,
+            fate=self.outcome or None,
+            without_models=() if self.model or yardsticks else tuple(YARDSTICKS),
+        )
+
+
+@router.get("/ui/predictions")
+def predictions_page(request: Request, services: Wired, listed: Annotated[_Listed, Query()]) -> Response:
+    """Predictions; yardsticks where they are asked for, and where no model was asked."""
     with services.store.read() as connection:
         models = prediction_lists.models(connection)
-    yardsticks = yardsticks or YARDSTICKS.issuperset(models)
-    chosen = PredictionFilter(
-        task=task or None,
-        model=model or None,
-        representation=representation or None,
-        prompt_format=prompt_format or None,
-        num_demonstrations=int(demonstrations) if demonstrations else None,
-        fate=outcome or None,
-        without_models=() if model or yardsticks else tuple(YARDSTICKS),
-    )
-    with services.store.read() as connection:
-        page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))
+        yardsticks = listed.yardsticks or YARDSTICKS.issuperset(models)
+        chosen = listed.filter(yardsticks=yardsticks)
+        page = prediction_lists.list_page(connection, chosen, listed.order, PAGE_SIZE, _cursor(listed.cursor))
         names = list(tasks.counts(connection))
-    query = {k: v for k, v in request.query_params.items() if v and k != "cursor"}
     return render(
         request,
         "predictions.html",
         page=page,
         chosen=chosen,
-        order=order,
-        first=not cursor,
-        query=query,
+        order=listed.order,
+        first=not listed.cursor,
+        query={k: v for k, v in request.query_params.items() if v and k != "cursor"},
         names=names,
         models=[name for name in models if name not in YARDSTICKS],
         measures=[name for name in models if name in YARDSTICKS],
@@ -88,7 +90,7 @@ def _cursor(text: str) -> ListCursor | None:
 def configurations_page(
     request: Request,
     services: Wired,
-    task: Text = "",
+    task: Annotated[str, Query(max_length=200)] = "",
     ids: Annotated[list[str] | None, Query(alias="compare")] = None,
 ) -> Response:
     """The success of each configuration, and a comparison of the chosen ones."""

@@ -3,7 +3,7 @@
 import { svg } from "./dom.js";
 import { gripperBand, gripperStates } from "./timeline.js";
 
-const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT, BAND] = [56, 16, 24, 44, 340, 22];
+const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT, BAND] = [56, 16, 40, 44, 356, 22];
 const HEADROOM = 1.12;
 const TICKS = [60, 40]; // pixels between lines, about: along and up
 const shown = new WeakMap(); // what is drawn in a place, for when it changes its width

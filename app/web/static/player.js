@@ -133,7 +133,7 @@ function between(time, from, to) {
 const mix = (one, other, share) => one.map((value, k) => value + share * (other[k] - value));
 
 /** Hand and arm at a time: straight between the moments that there are. */
-function momentOf({ times_s, positions, quaternions, open, arm }, time_s) {
+function momentOf({ times_s, positions, quaternions, open, arm, objects, turns }, time_s) {
   let [low, high] = [0, times_s.length - 1];
   while (high - low > 1) {
     const middle = (low + high) >> 1;
@@ -153,5 +153,6 @@ function momentOf({ times_s, positions, quaternions, open, arm }, time_s) {
     axes: axesOf(mixed.map((value) => value / length)),
     open: open[nearest],
     arm: links,
+    objects: objects?.[low].map((place, k) => ({ position: mix(place, objects[high][k], share), ...(turns && { axes: axesOf(turns[nearest][k]) }) })),
   };
 }

@@ -112,6 +112,22 @@ function lookAtAnswer() {
   byId("answer").scrollIntoView();
 }
 
+/** Ask the other chosen models the same, one after the other, and open all answers side by side. */
+async function askOthers(body, signal) {
+  const models = [...form.querySelectorAll("[name=also]:checked")].map((box) => box.value).filter((name) => name !== form.elements.model.value);
+  const ids = [last];
+  for (const model of models) {
+    say(byId("state"), "busy", `Asking ${model}…`);
+    try {
+      ids.push((await call("/predict", { method: "POST", signal, ...body({ model }) })).id);
+    } catch (error) {
+      if (!error.problem?.prediction_id) throw error;
+      ids.push(error.problem.prediction_id); // a reply that is no list of actions was recorded, too
+    }
+  }
+  if (models.length) location.assign(`${root}/ui/predictions/compare?${ids.map((id) => `id=${id}`).join("&")}`);
+}
+
 async function ask(body, signal) {
   await showPrompt(body, signal);
   say(byId("state"), "busy", `Asking ${form.elements.model.value}…`);
@@ -151,7 +167,16 @@ form.addEventListener("submit", async (event) => {
   event.preventDefault();
   if (running) return;
   const body = await read();
-  if (body) await busy("Writing the prompt…", (signal) => ask(body, signal));
+  if (!body) return;
+  await busy("Writing the prompt…", async (signal) => {
+    try {
+      await ask(body, signal);
+    } catch (error) {
+      if (!error.problem?.prediction_id) throw error;
+      await failed(error);
+    }
+    await askOthers(body, signal);
+  });
 });
 byId("show").addEventListener("click", async () => {
   const body = await read();

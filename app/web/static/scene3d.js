@@ -35,7 +35,8 @@ export function drawScene(place, scene) {
 }
 
 /**
- * Show the hand, and the arm if it is known, of one moment `{position, axes, open, arm}`; the scene must be drawn.
+ * Show the hand of one moment `{position, axes, open, arm, objects}`, and arm and objects where they are known; the scene
+ * must be drawn, and the objects are in its order.
  * @param beside another moment, of which the hand is shown faintly
  */
 export function showMoment(place, moment, beside = null) {
@@ -45,9 +46,10 @@ export function showMoment(place, moment, beside = null) {
 }
 
 /** In a layer of its own, so that a browser paints no more than that while a motion plays. */
-function paintMoment({ moving, projection, moment, beside }) {
+function paintMoment({ moving, projection, moment, beside, scene }) {
   const hands = [[beside, "beside"], [moment, "hand"]].filter(([shown]) => shown);
-  moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
+  const objects = (moment?.objects ?? []).map((item, k) => ({ ...scene.objects[k], ...item }));
+  moving.replaceChildren(...inOrder(objects, projection).flatMap((item) => solid(item, projection)), ...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
 }
 
 function prepare(place, points) {
@@ -131,7 +133,7 @@ function paint(place, state) {
       ...(shows !== WHOLE ? [] : [box(scene.workspace, projection, "workspace")]),
       ...(scene.boxes ?? []).map((item) => box(item, projection, "keep-out")),
       ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
-      ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
+      svg("g", { class: scene.play?.objects ? "shown" : "" }, ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection))),
       ...(scene.asked ?? []).map((item) => asked(item, projection)),
       ...(scene.ways ?? []).map((way) => line(way, projection, "way")),
       line(scene.path, projection, "path"),
@@ -152,7 +154,8 @@ function bounds(scene, shows) {
   const withArm = [...places, ...scene.path, ...(scene.play?.arm ?? []).flat()];
   const boxes = (scene.boxes ?? []).flatMap((item) => [item.min, item.max]);
   const whole = [scene.workspace.min, scene.workspace.max, ...withArm, ...boxes];
-  const near = { [CLOSE]: places, [ARM]: withArm, [WHOLE]: [] }[shows];
+  // The arm's way from its ready pose is long; without an arm the hand is what one looks at, wherever it is.
+  const near = { [CLOSE]: scene.play?.arm ? places : [...places, ...scene.path], [ARM]: withArm, [WHOLE]: [] }[shows];
   const points = near.length ? near : whole;
   const along = [0, 1, 2].map((k) => points.map((point) => point[k]));
   return { min: along.map((values) => Math.min(...values) - MARGIN_M), max: along.map((values) => Math.max(...values) + MARGIN_M) };
@@ -233,7 +236,7 @@ function frameLabels(frames) {
   return frames.flatMap((item, k) => (firsts[k] === k ? [[item, together(k).join(", ")]] : []));
 }
 
-/** A function that writes words so many pixels beside a point, in the first place where no others stand. */
+/** A function that writes words so many pixels beside a point, in the first place where no others stand; else nothing. */
 function writer(width, height) {
   const taken = [];
   const apart = (one, other) => one.x + one.w < other.x || other.x + other.w < one.x || Math.abs(one.y - other.y) > LINE_PX;
@@ -251,7 +254,8 @@ function writer(width, height) {
     const sides = name === "number" ? rings.flatMap((ring) => [ring.above, ring.right, ring.left, ring.below]) : null;
     const places = sides ?? ["below", "above", "right", "left"].flatMap((side) => rings.map((ring) => ring[side]));
     const inside = (one) => one.x >= 0 && one.x + w <= width && one.y >= 0 && one.y + LINE_PX <= height;
-    const chosen = places.find((one) => inside(one) && taken.every((other) => apart(one, other))) ?? places[0];
+    const chosen = places.find((one) => inside(one) && taken.every((other) => apart(one, other)));
+    if (!chosen) return "";
     taken.push(chosen);
     return svg("text", { class: name, x: (chosen.x + w / 2).toFixed(1), y: (chosen.y + 12).toFixed(1) }, words);
   };
