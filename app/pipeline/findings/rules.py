@@ -127,7 +127,6 @@ ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, w
 TURNED_IN_TWO = Rule("scattered-demonstrations", "between two turns of the hand where it acts", "degrees", danger=20.0)
 TURNED_ANYHOW = Rule("scattered-demonstrations", "that a third are off, where it takes things", "degrees", danger=15.0)
 NEVER_TURNED = Rule("scattered-demonstrations", "the same, of what seems never to turn", "degrees", warning=15.0)
-NEAREST_SIDE = Rule("scattered-demonstrations", "the same, with quarter turns alike", "degrees", warning=15.0)
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)

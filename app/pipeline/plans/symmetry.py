@@ -63,9 +63,9 @@ def symmetry_findings(symmetries: Symmetries) -> Iterator[Finding]:
     """Yield a finding for each object that is folded."""
     for name, symmetry in symmetries.items():
         message = (
-            f"The hand takes the nearest side of {name}, as all demonstrations do, which are then alike: as if it looked"
-            f" the same after a turn by {symmetry.turn_deg:.0f} degrees. If it does not, set the task's yaw_symmetry_deg"
-            f' to {{"{name}": 360}}.'
+            f"Demonstrations take {name} by its nearest side, as if it looked the same after a turn by"
+            f" {symmetry.turn_deg:.0f} degrees, and so does the answer. If the side matters, set the task's"
+            f' yaw_symmetry_deg to {{"{name}": 360}}.'
         )
         yield SYMMETRY_SHOWN.finding(message, f"objects[{name}]", {"symmetry_deg": symmetry.turn_deg})
 
@@ -85,18 +85,17 @@ def shown_symmetries(recordings: Sequence[Recording], declared: Mapping[str, flo
     for name in sorted({name for each in recordings for name in touched(each)} - tilted - declared.keys()):
         taking = [group for group in groups if any(name in touched(each) for each in group)]
         symmetry = _symmetry_of(name, [each for group in taking for each in group])
-        if symmetry and not any(
-            _side_matters(name, folded(group, {**found, name: symmetry}), group) for group in taking
-        ):
+        more = {**found, name: symmetry} if symmetry else found
+        if symmetry and not any(_side_matters(name, folded(group, more), group) for group in taking):
             found[name] = symmetry
     return found
 
 
 def folded(recordings: Sequence[Recording], symmetries: Symmetries) -> list[Recording]:
     """Return the recordings with each symmetric object turned to the side that the hand takes."""
-    return (
-        [replace(each, demonstration=_folded(each, symmetries)) for each in recordings] if symmetries else [*recordings]
-    )
+    if not symmetries:
+        return list(recordings)
+    return [replace(each, demonstration=_folded(each, symmetries)) for each in recordings]
 
 
 def _folded(recording: Recording, symmetries: Symmetries) -> Demonstration:
@@ -111,17 +110,13 @@ def _folded(recording: Recording, symmetries: Symmetries) -> Demonstration:
 def touched(recording: Recording) -> dict[str, Rotation]:
     """Return the hand's rotation where it clearly grasps an object, or lets go of another one at it, by its name."""
     found: dict[str, Rotation] = {}
-    positions_m, hands_xyzw = (recording.motion.trajectory.positions_m, recording.motion.trajectory.quaternions_xyzw)
+    positions_m, hands_xyzw = recording.motion.trajectory.positions_m, recording.motion.trajectory.quaternions_xyzw
     for frame in (phase.last for phase in recording.phases if phase.gripper_open != phase.ends_open):
         left = [pose for pose in recording.demonstration.objects if pose.name not in found]
-        off_m = np.array([np.linalg.norm(pose.position_m - positions_m[frame]) for pose in left])
-        nearest = int(off_m.argmin()) if left else 0
-        if (
-            left
-            and off_m[nearest] <= GRASPED_M
-            and CLEARLY * off_m[nearest] <= np.delete(off_m, nearest).min(initial=np.inf)
-        ):
-            found[left[nearest].name] = Rotation.from_quat(hands_xyzw[frame])
+        off_m = {pose.name: float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in left}
+        nearest, *others = [*sorted(off_m, key=off_m.__getitem__), ""]
+        if nearest and off_m[nearest] <= GRASPED_M and CLEARLY * off_m[nearest] <= off_m.get(others[0], math.inf):
+            found[nearest] = Rotation.from_quat(hands_xyzw[frame])
     return found
 
 
