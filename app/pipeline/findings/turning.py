@@ -76,7 +76,7 @@ class Turning(NamedTuple):
         with_object_deg, with_world_deg = self._scatters_deg(self.hands)
         turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
         far_m = float(np.linalg.norm(self.row.center_m[:2]))
-        if not turns_with_it or self.row.anchors[0].place_turns:
+        if not turns_with_it or self.row.anchors[0].place_turns or self.row.anchors[0].along:
             return 0.0
         if self.taken_aside_m is None:
             return far_m

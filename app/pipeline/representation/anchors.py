@@ -206,7 +206,7 @@ def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     Returns:
         Each (2, K) in meters: of positions, and of rotations (by `M_PER_RAD`).
     """
-    world_m, own_m = (_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
+    world_m, own_m = (poses_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
     return world_m, own_m
 
 
@@ -215,7 +215,7 @@ def much_less(off_m: Array, than_m: Array, share: float | Array) -> np.ndarray:
     return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m) & (off_m < SERVES_M))
 
 
-def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
+def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
     """Return the scatter (2, K) of positions and rotations relative to the anchors.
 
     It is the rms distance from the most central demonstration; of many demonstrations the farthest fifth is left out.
