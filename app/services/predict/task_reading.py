@@ -109,6 +109,7 @@ class TaskReading:
         self.settings = caches.settings.get_or_make(task.state, lambda: TaskSettings.model_validate(task.settings))
         self._caches = caches
         self._connection = connection
+        self._read: dict[Ids, Sequence[Recording]] = {}
 
     def ids(self, options: PredictOptions, objects: Sequence[ObjectPose] = ()) -> Ids:
         """Return the ids of the demonstrations that a request names, or that its selection finds.
@@ -163,8 +164,10 @@ class TaskReading:
         return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
 
     def _recordings(self, ids: Ids) -> Sequence[Recording]:
-        records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
-        return recordings_of(self._connection, records, self.settings)
+        if ids not in self._read:
+            records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
+            self._read[ids] = recordings_of(self._connection, records, self.settings)
+        return self._read[ids]
 
     @property
     def symmetries(self) -> Symmetries:
