@@ -44,11 +44,13 @@ class Anchor(NamedTuple):
             the end effector was at first, world axes.
         along: axes of the world (0 to 2) along which the hand's place follows something else than the object: the name
             of another object, or empty for the world. Only the height (2) where the place turns with the object.
+        tenths: of the way from the object to the other one, along these axes.
     """
 
     object_name: str
     frame: Frame
     along: tuple[tuple[int, str], ...] = ()
+    tenths: int = 10
 
     @property
     def names(self) -> frozenset[str]:
@@ -134,14 +136,15 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     if anchor.along:
         origin_m = origin_m.copy()
         for axis, name in anchor.along:
-            origin_m[axis] = scene.object(name).position_m[axis] if name else 0.0
+            other_m = scene.object(name).position_m[axis] if name else 0.0
+            origin_m[axis] += (anchor.tenths / 10 if name else 1.0) * (other_m - origin_m[axis])
     return AnchorPose(origin_m, place_axes, hand_axes)
 
 
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
     """Return the anchor for another order: the objects that are mentioned in the same places."""
     along = tuple((axis, _asked_name(name, shown, asked)) for axis, name in anchor.along)
-    return Anchor(_asked_name(anchor.object_name, shown, asked), anchor.frame, along)
+    return anchor._replace(object_name=_asked_name(anchor.object_name, shown, asked), along=along)
 
 
 def _asked_name(name: str, shown: Order, asked: Order) -> str:

@@ -84,7 +84,7 @@ def _turned_with(anchors: Anchors, turns_m: Mapping[tuple[str, ...], float], sha
     own = _names(anchors)
     own_m = turns_m.get(own if anchors[0].hand_turns else ("",) * len(own), 0.0)
     best = min((names for names in turns_m if all(names)), key=turns_m.__getitem__, default=own)
-    if anchors[0].place_turns or anchors[0] == START or best == own or own_m < CONTRADICTED_M:
+    if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or best == own or own_m < CONTRADICTED_M:
         return anchors
     if turns_m[best] >= min(share * own_m, SERVES_M):
         return anchors
