@@ -42,22 +42,23 @@ def tilt_rad(rotation: Rotation) -> float:
     return math.acos(float(np.clip(rotation.apply([0.0, 0.0, 1.0])[2], -1.0, 1.0)))
 
 
-def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPose:
-    """The same pose with the object turned about its own z axis to the representative nearest yaw 0.
+def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None, toward_rad: float = 0.0) -> ObjectPose:
+    """The same pose with the object turned about its own z axis to the representative nearest a yaw.
 
     Equal scenes then give equal text, whichever of its equal sides an estimator called the front.
 
     Args:
         yaw_symmetry_deg: the turn that leaves the object unchanged (cube 90, cuboid 180); 0 where every turn does (a
             round object); None where none does.
+        toward_rad: that yaw.
     """
     if pose.quaternion_xyzw is None or yaw_symmetry_deg is None:
         return pose
-    turned = canonical_rotation(Rotation.from_quat(pose.quaternion_xyzw), yaw_symmetry_deg)
+    turned = canonical_rotation(Rotation.from_quat(pose.quaternion_xyzw), yaw_symmetry_deg, toward_rad)
     return replace(pose, quaternion_xyzw=turned.as_quat(canonical=True))
 
 
-def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float) -> Rotation:
+def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float, toward_rad: float = 0.0) -> Rotation:
     """The rotation, turned about its own z axis as `canonical_pose` says."""
     (xx, xy, _), (yx, yy, _), _ = rotation.as_matrix()
     if yaw_symmetry_deg == 0:
@@ -66,8 +67,8 @@ def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float) -> Rotation:
         turns_rad = np.radians(np.arange(0, 360, yaw_symmetry_deg))
     cos, sin = np.cos(turns_rad), np.sin(turns_rad)
     yaws_rad = np.arctan2(yx * cos + yy * sin, xx * cos + xy * sin)
-    # of two that are equally near, -45 and 45 degrees of a cube, always the same
-    nearest = np.lexsort((yaws_rad, np.abs(yaws_rad).round(6)))[0]
+    away_rad = np.abs((yaws_rad - toward_rad + math.pi) % (2 * math.pi) - math.pi)
+    nearest = np.lexsort((yaws_rad, away_rad.round(6)))[0]  # of -45 and 45 degrees of a cube always the same
     return rotation * Rotation.from_euler("z", turns_rad[nearest])
 
 

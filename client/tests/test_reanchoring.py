@@ -138,6 +138,18 @@ def test_a_pose_without_rotation_moves_actions_without_turning_them():
     np.testing.assert_allclose(moved.position_m, [0, 0.02, 0.1])
 
 
+def test_a_place_between_two_objects_follows_both_by_its_share():
+    before = {name: ObjectPose(name, np.array(place_m)) for name, place_m in (("cup", [0, 0, 0]), ("plate", [1, 0, 0]))}
+    now = {
+        name: ObjectPose(name, np.array(place_m)) for name, place_m in (("cup", [0, 0.1, 0]), ("plate", [1, 0.2, 0]))
+    }
+    sent = {"object": "cup", "frame": "w", "along": {"x": "plate", "y": "plate"}, "share": 0.3}
+    anchor = anchor_from_json(0, {"anchor": {**SENT, **sent}})
+    action, _ = placed(before["cup"], (0.3, 0, 0.1), "w")
+    (moved,) = reanchored([action], [anchor], before, now, {})
+    np.testing.assert_allclose(moved.position_m, [0.3, 0.13, 0.1])
+
+
 SENT = {
     "object": "cube",
     "frame": "o",
@@ -152,8 +164,8 @@ def test_anchors_as_the_service_sends_them():
     anchor = anchor_from_json(0, {"anchor": SENT})
     assert (anchor.object_name, anchor.frame) == ("cube", "o")
     assert anchor_from_json(0, {"anchor": {**SENT, "object": None, "frame": "world"}}).object_name is None
-    along = anchor_from_json(0, {"anchor": {**SENT, "along": {"z": None, "x": "plate"}}}).along
-    assert along == {2: None, 0: "plate"}
+    sent = anchor_from_json(0, {"anchor": {**SENT, "along": {"z": None, "x": "plate"}, "share": 0.3}})
+    assert (sent.along, sent.share) == ({2: None, 0: "plate"}, 0.3)
     assert anchor_from_json(0, {"anchor": None}) is None
     assert anchor_from_json(0, {}) is None
 
@@ -167,6 +179,8 @@ def test_anchors_as_the_service_sends_them():
         {"offset_m": [0, 0]},
         {"offset_m": [0, 0, float("nan")]},
         {"rotation_xyzw": [0, 0, 0, 0]},
+        {"share": 0},
+        {"share": "half"},
     ],
 )
 def test_what_is_no_anchor_is_refused(wrong):

@@ -102,6 +102,10 @@ class AnchorOut(BaseModel):
             description="world axes along which the offset is from another object, or (null) from the world's origin",
         ),
     ]
+    share: Annotated[
+        float,
+        Field(default=1.0, description="of the way from the object to the other one of `along`, where the origin is"),
+    ]
     offset_m: Annotated[list[float], Field(description="(3) from the origin, along these axes")]
     rotation_xyzw: Annotated[list[float], Field(description="(4) from these axes")]
     tolerance_m: Annotated[float, Field(description="spread of the demonstrations: most of them lie within it")]

@@ -1,6 +1,5 @@
 """Findings about a task's settings that do not suit its recordings: keyframe rule, symmetry of objects."""
 
-import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
@@ -12,14 +11,13 @@ from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.keyframes.resting import LEFT_M, leave_path
 from app.pipeline.plans import Recording
+from app.pipeline.plans.symmetry import ALIKE_DEG, TURNS_DEG, sides_of
 from app.pipeline.representation.anchors import object_rotation, tilted_objects
 from roboprompt_client.types.arrays import Array
 
 MISSED_M = 0.02  # twice what the rules that follow a path allow
 MANY_ROWS = 20
 RULES_OF_RESTS = ("merged", "authors")
-SYMMETRIES_DEG = (180.0, 90.0)  # the coarser first, because it implies the finer
-ONE_SIDE_DEG = 15.0  # grasps from one side differ from their mean by less
 MIN_OF_OTHER_SIDES = 2
 
 
@@ -93,19 +91,16 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
             if pose.quaternion_xyzw is not None and name not in tilted:
                 grasps[name].append(object_rotation(pose, "o", tilted).inv() * hand)
     for name, hands in grasps.items():
-        found = (_of_symmetry(name, _turns_deg(Rotation.concatenate(hands)), each) for each in SYMMETRIES_DEG)
+        found = (_of_symmetry(name, _turns_deg(Rotation.concatenate(hands)), each) for each in TURNS_DEG)
         yield from [finding for finding in found if finding is not None][:1]
 
 
 def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | None:
     """Return a suggestion if grasps from several sides are equal under this symmetry."""
-    phases = np.exp(2j * math.pi * turns_deg / symmetry_deg)
-    left_deg = np.angle(phases / phases.mean()) * symmetry_deg / (2 * math.pi)  # (N,) from the circular mean
+    left_deg, sides = sides_of(turns_deg, symmetry_deg)
     most_deg = float(np.abs(left_deg).max())
-    whole = np.round((turns_deg - left_deg - (turns_deg - left_deg)[0]) / symmetry_deg)
-    sides = np.bincount((whole % round(360 / symmetry_deg)).astype(int))
     # a side that one demonstration takes may be a slip
-    if most_deg > ONE_SIDE_DEG or len(turns_deg) - sides.max() < MIN_OF_OTHER_SIDES:
+    if most_deg > ALIKE_DEG or len(turns_deg) - np.bincount(sides).max() < MIN_OF_OTHER_SIDES:
         return None
     message = (
         f"The {len(turns_deg)} grasps of {name} come from several sides, which are multiples of {symmetry_deg:g}"
@@ -129,5 +124,5 @@ def _grasps(recording: Recording) -> Iterator[tuple[str, Rotation]]:
 def _turns_deg(hands: Rotation) -> Array:
     """Return (N,) the angles about the vertical from the first hand to those that are not tilted from it."""
     turns: Array = (hands * hands[0].inv()).as_rotvec(degrees=True)
-    about: Array = turns[np.linalg.norm(turns[:, :2], axis=1) <= ONE_SIDE_DEG, 2]
+    about: Array = turns[np.linalg.norm(turns[:, :2], axis=1) <= ALIKE_DEG, 2]
     return about

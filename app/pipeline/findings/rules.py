@@ -96,6 +96,7 @@ PARTED = Rule("objects-arranged-otherwise", "off a rigid arrangement that a row 
 SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration has it", "m", danger=0.05)
 
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
+SYMMETRY_SHOWN = Rule("symmetry-shown", info=ALWAYS, source="docs/plans.md")
 NUMBERED = Rule("numbered-by-place", info=ALWAYS, source="docs/instructions.md")
 PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
 SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
@@ -126,7 +127,6 @@ ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, w
 TURNED_IN_TWO = Rule("scattered-demonstrations", "between two turns of the hand where it acts", "degrees", danger=20.0)
 TURNED_ANYHOW = Rule("scattered-demonstrations", "that a third are off, where it takes things", "degrees", danger=15.0)
 NEVER_TURNED = Rule("scattered-demonstrations", "the same, of what seems never to turn", "degrees", warning=15.0)
-NEAREST_SIDE = Rule("scattered-demonstrations", "the same, with quarter turns alike", "degrees", warning=15.0)
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)

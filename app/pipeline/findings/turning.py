@@ -1,11 +1,9 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import SEVERITIES, Finding, rules
@@ -19,11 +17,7 @@ from roboprompt_client.types.arrays import Array
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
-Index = npt.NDArray[np.intp]
 HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
-QUARTER_TURNS = Rotation.from_euler("z", [[0.0], [90.0], [180.0], [270.0]], degrees=True)
-FEWEST_SIDES = 3  # that hands take of four equal ones
-LEAST_TURNING_DEG = 95.0  # how far hands are apart that take the nearest of four equal sides, with 5 degrees of noise
 
 
 def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
@@ -31,17 +25,13 @@ def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
     return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
 
 
-def _but_for(turns: Rotation, objects: Rotation, hands: Rotation) -> tuple[Rotation, Index]:
-    """Return the hands as seen from objects, each turned so that it is nearest to the first one, and by which turn."""
+def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
+    """Return the hands as seen from objects, each turned by half a turn where it is then nearer to the first one."""
     seen = objects.inv() * hands
-    turned = [turn * seen for turn in turns]
+    turned = [turn * seen for turn in HALF_TURNS]
     first = seen[0]
     nearest = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
-    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)]), nearest
-
-
-def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
-    return _but_for(HALF_TURNS, objects, hands)[0]
+    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)])
 
 
 Rotations = Mapping[str, Mapping[str, Array]]
@@ -86,7 +76,7 @@ class Turning(NamedTuple):
         with_object_deg, with_world_deg = self._scatters_deg(self.hands)
         turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
         far_m = float(np.linalg.norm(self.row.center_m[:2]))
-        if not turns_with_it or self.row.anchors[0].place_turns:
+        if not turns_with_it or self.row.anchors[0].place_turns or self.row.anchors[0].along:
             return 0.0
         if self.taken_aside_m is None:
             return far_m
@@ -121,17 +111,6 @@ class Turning(NamedTuple):
     def anyhow_deg(self) -> float:
         """Return the angle that more than a third of the hands are off where they take something without symmetry."""
         return of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
-
-    def takes_nearest_side(self) -> bool:
-        """Return whether hands are turned alike but for quarter turns of the object, and no farther than need be.
-
-        They take three of four sides or more: two may be those of two models of one object.
-        """
-        seen, sides = _but_for(QUARTER_TURNS, self.objects, self.hands)
-        sides_deg = of_a_way(_off_deg(seen))
-        apart_deg = math.degrees(max((hand.inv() * self.hands).magnitude().max() for hand in self.hands))
-        alike = sides_deg < MUCH_LESS * of_a_way(self.row.off_deg)
-        return alike and apart_deg < LEAST_TURNING_DEG and len(set(sides.tolist())) >= FEWEST_SIDES
 
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
@@ -188,15 +167,8 @@ def _anyhow_findings(item: Turning) -> Sequence[Finding]:
     message = (
         f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
         f" others, seen from {item.name} and in the world: its rotations do not say how. Check them; if it looks the"
-        " same from every side, declare that (yaw_symmetry_deg 0)."
+        " same from several sides, declare that (yaw_symmetry_deg; 0 for a round one)."
     )
-    if off_deg and item.takes_nearest_side():
-        rule = rules.NEAREST_SIDE
-        message = (
-            f"The hand takes {item.name} by whichever side is nearest, as if it looked the same after a quarter turn;"
-            f' declare that (yaw_symmetry_deg: {{"{item.name}": 90}}), or it may be taken across by {off_deg:.0f}'
-            " degrees or more."
-        )
     return rule.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
 
 

@@ -20,6 +20,7 @@ from app.pipeline.representation.anchors import (
     relative_poses,
 )
 from app.pipeline.representation.axis_choice import WORLD_REACH_M, by_axis
+from app.pipeline.representation.between import between
 from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts
@@ -70,7 +71,10 @@ def choose_anchors(
             for k in rows:
                 settled[k] = min(settled[k], anchors, key=lambda one: spreads_m[one][k])
     found = _one_frame_in_approaches(group, settled, spreads_m, tilted)
-    return by_axis(group, found, _columns(group), tilted) if beyond_objects else found
+    if not beyond_objects:
+        return found
+    columns = _columns(group)
+    return between(group, by_axis(group, found, columns, tilted), columns, tilted)
 
 
 def _one_frame_in_approaches(

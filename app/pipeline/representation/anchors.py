@@ -44,11 +44,13 @@ class Anchor(NamedTuple):
             the end effector was at first, world axes.
         along: axes of the world (0 to 2) along which the hand's place follows something else than the object: the name
             of another object, or empty for the world. Only the height (2) where the place turns with the object.
+        tenths: of the way from the object to the other one, along these axes.
     """
 
     object_name: str
     frame: Frame
     along: tuple[tuple[int, str], ...] = ()
+    tenths: int = 10
 
     @property
     def names(self) -> frozenset[str]:
@@ -134,14 +136,15 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     if anchor.along:
         origin_m = origin_m.copy()
         for axis, name in anchor.along:
-            origin_m[axis] = scene.object(name).position_m[axis] if name else 0.0
+            other_m = scene.object(name).position_m[axis] if name else 0.0
+            origin_m[axis] += (anchor.tenths / 10 if name else 1.0) * (other_m - origin_m[axis])
     return AnchorPose(origin_m, place_axes, hand_axes)
 
 
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
     """Return the anchor for another order: the objects that are mentioned in the same places."""
     along = tuple((axis, _asked_name(name, shown, asked)) for axis, name in anchor.along)
-    return Anchor(_asked_name(anchor.object_name, shown, asked), anchor.frame, along)
+    return anchor._replace(object_name=_asked_name(anchor.object_name, shown, asked), along=along)
 
 
 def _asked_name(name: str, shown: Order, asked: Order) -> str:
@@ -206,7 +209,7 @@ def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     Returns:
         Each (2, K) in meters: of positions, and of rotations (by `M_PER_RAD`).
     """
-    world_m, own_m = (_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
+    world_m, own_m = (poses_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
     return world_m, own_m
 
 
@@ -215,7 +218,7 @@ def much_less(off_m: Array, than_m: Array, share: float | Array) -> np.ndarray:
     return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m) & (off_m < SERVES_M))
 
 
-def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
+def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
     """Return the scatter (2, K) of positions and rotations relative to the anchors.
 
     It is the rms distance from the most central demonstration; of many demonstrations the farthest fifth is left out.

@@ -1,6 +1,7 @@
-"""Chooses what the hand's place follows along single axes.
+"""Chooses what the hand's place follows along single axes, and what its rotation follows instead of the place's object.
 
-It may be at a height of the world above an object, have x of one object and y of another, or move along a rail.
+It may be at a height of the world above an object, have x of one object and y of another, or move along a rail. What
+it lets go of at one object may stay turned as it was taken.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,11 +13,13 @@ from app.pipeline.representation.anchors import (
     MIN_TURNED,
     SERVES_M,
     START,
+    WORLD,
     Anchor,
     Anchors,
     Frame,
     certain_share,
     deciding,
+    poses_scatter_m,
     relative_poses,
 )
 from roboprompt_client.types.arrays import Array
@@ -49,6 +52,7 @@ def by_axis(
     scatters_m = np.array([_scatter_m(hands_m - origin_m[:, None]) for origin_m in places_m])  # (M, K, 3)
     own_m = {anchors: _own_scatter_m(group, anchors, tilted) for anchors in set(chosen)}
     share = certain_share(len(group), 1)
+    turns_m = {names: _turns_m(group, names, tilted) for names in origins}
     found = []
     for k, anchors in enumerate(chosen):
         if (own_m[anchors][k] >= CONTRADICTED_M).any() and _names(anchors) in origins:
@@ -56,8 +60,38 @@ def by_axis(
             if _closes(group[0].actions, k):
                 followed[2] = origins.index(_names(anchors))
             anchors = _along(anchors, [origins[place] for place in followed], tilted)
-        found.append(anchors)
+        found.append(_turned_with(anchors, {names: off_m[k] for names, off_m in turns_m.items()}, share))
     return found
+
+
+def _turns_m(group: Sequence[Demonstration], names: Sequence[str], tilted: frozenset[str]) -> Array:
+    """Return the scatter (K,) of the hand's rotations seen from the objects, by `M_PER_RAD`; from "" in the world."""
+    if any(name and d.object(name).quaternion_xyzw is None for d, name in zip(group, names, strict=True)):
+        return np.full(len(group[0].actions), np.inf)
+    anchors = tuple(Anchor(name, "wo") if name else WORLD for name in names)
+    turns_m: Array = poses_scatter_m(group, anchors, tilted)[1]
+    return turns_m
+
+
+def _turned_with(anchors: Anchors, turns_m: Mapping[tuple[str, ...], float], share: float) -> Anchors:
+    """Return the anchors with the hand's rotation relative to another object that it turns with, as what it holds does.
+
+    Demonstrations must contradict the row's own rotations, as they must its own place along an axis.
+
+    Args:
+        turns_m: the scatter of the hand's rotations, seen from each object or the world.
+    """
+    own = _names(anchors)
+    own_m = turns_m.get(own if anchors[0].hand_turns else ("",) * len(own), 0.0)
+    best = min((names for names in turns_m if all(names)), key=turns_m.__getitem__, default=own)
+    if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or best == own or own_m < CONTRADICTED_M:
+        return anchors
+    if turns_m[best] >= min(share * own_m, SERVES_M):
+        return anchors
+    return tuple(
+        Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
+        for name, anchor in zip(best, anchors, strict=True)
+    )
 
 
 def _closes(actions: Sequence[EndEffectorAction], k: int) -> bool:

@@ -58,8 +58,8 @@ from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 MAX_REPEATED = 3
 MAX_GRAMMARS = 32
 _ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
-    r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
+    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
+    r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
 _FENCE = re.compile(r"^```\w*\n?|```$")

@@ -115,7 +115,8 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
         return anchor.frame
     letters = {pose.name: letter(place) for place, pose in enumerate(in_order(objects, order))} | {"": WORLD.frame}
     along = "".join(f" {AXES[axis]}={letters[name]}" for axis, name in anchor.along)
-    return f"{letters[anchor.object_name]} {anchor.frame}{along}"
+    share = f" {anchor.tenths}/10" if anchor.tenths < 10 else ""
+    return f"{letters[anchor.object_name]} {anchor.frame}{along}{share}"
 
 
 def letter(place: int) -> str:

@@ -15,6 +15,7 @@ class Step(NamedTuple):
         form: of the instruction.
         role: place of the object in the instruction, or the name of one that it does not mention.
         along: the same of what the row follows along other axes.
+        tenths: of the way there.
         numbers: of the row, relative to the object in `frame`.
     """
 
@@ -22,6 +23,7 @@ class Step(NamedTuple):
     role: int | str
     frame: Frame
     along: tuple[tuple[int, int | str], ...]
+    tenths: int
     numbers: tuple[int, ...]
 
     @classmethod
@@ -30,7 +32,8 @@ class Step(NamedTuple):
         order, anchor = demonstration.order, row.anchor
         roles = {name: place for place, name in enumerate(order.objects)}
         along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
-        return cls(order.form, roles.get(anchor.object_name, anchor.object_name), anchor.frame, along, row.numbers)
+        role = roles.get(anchor.object_name, anchor.object_name)
+        return cls(order.form, role, anchor.frame, along, anchor.tenths, row.numbers)
 
     def anchor(self, order: Order) -> Anchor:
         """What it is relative to where `order`, which has its form, is carried out."""
@@ -39,4 +42,4 @@ class Step(NamedTuple):
             for role in (self.role, *(role for _, role in self.along))
         )
         axes = (axis for axis, _ in self.along)
-        return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)))
+        return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)

@@ -179,11 +179,15 @@ class SumsCodec(Codec):
         return origins
 
     def _origin(self, query: Query, anchor: Anchor) -> tuple[int, ...]:
-        """The bins of what a row follows; of an axis along which it follows the world any number, which is not used."""
+        """The bins of what a row follows; of an axis along which it follows the world any number, which is not used.
+
+        Of a place between two objects it is the first.
+        """
         origins = self._origins(query)
         bins = list(origins.get(_name(anchor), ()))
         for axis, name in anchor.along:
-            bins[axis] = origins[name][axis] if name else 0
+            if anchor.tenths == 10:
+                bins[axis] = origins[name][axis] if name else 0
         return tuple(bins)
 
     def _placed(self, query: Query, anchor: Anchor, numbers: tuple[int, ...]) -> tuple[int, ...]:
@@ -275,4 +279,5 @@ def _name(anchor: Anchor) -> str:
 
 def _said(anchor: Anchor) -> str:
     """What rows call it."""
-    return _name(anchor) + "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)
+    along = "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)
+    return f"{_name(anchor)}{along}" + (f" {anchor.tenths}/10" if anchor.tenths < 10 else "")

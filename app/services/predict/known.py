@@ -1,7 +1,7 @@
 """Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sqlalchemy import Connection
@@ -12,6 +12,7 @@ from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
+from app.pipeline.plans.symmetry import Symmetries
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
@@ -42,6 +43,11 @@ class ObservedScene:
     absent: tuple[str, ...] = ()
     bystanders: tuple[ObjectPose, ...] = ()
 
+    def folded(self, symmetries: Symmetries) -> "ObservedScene":
+        """Return the scene with each symmetric object turned to the side that the hand takes."""
+        objects = (symmetries[pose.name].folded(pose) if pose.name in symmetries else pose for pose in self.objects)
+        return replace(self, objects=tuple(objects))
+
 
 @dataclass(frozen=True, eq=False)
 class Known:
@@ -54,6 +60,7 @@ class Known:
         demonstrations: those that the request names, or that its selection finds.
         chosen: whether the request names them.
         taught: all demonstrations of the task, with which an answer is compared.
+        symmetries: those that the demonstrations show; scene and demonstrations have the objects folded.
     """
 
     settings: TaskSettings
@@ -64,6 +71,7 @@ class Known:
     demonstrations: Demonstrations
     chosen: bool
     taught: Taught
+    symmetries: Symmetries
 
 
 class KnownReader:
@@ -116,12 +124,15 @@ class KnownReader:
                 style = PromptStyle.of(request, settings, profile)
                 taught = task.taught(style.from_start)
                 demonstrations = task.demonstrations(task.ids(request.options, scene.objects))
+                scene = scene.folded(task.symmetries)
         if scene.absent:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
             taught = taught.of_objects(present)
         chosen = request.options.episode_ids is not None
-        return Known(settings, request.end_effector, scene, profile, style, demonstrations, chosen, taught)
+        return Known(
+            settings, request.end_effector, scene, profile, style, demonstrations, chosen, taught, task.symmetries
+        )
 
     def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""

@@ -57,6 +57,7 @@ class PredictedAction:
             "object": row.anchor.object_name or None,
             "frame": row.anchor.frame,
             **({"along": along} if along else {}),
+            **({"share": row.anchor.tenths / 10} if row.anchor.tenths < 10 else {}),
             "offset_m": offset_m.tolist(),
             "rotation_xyzw": rotation_xyzw.tolist(),
             "tolerance_m": tolerance_m,

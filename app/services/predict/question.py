@@ -14,6 +14,7 @@ from app.pipeline.findings.scene import other_objects, scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from app.pipeline.order.order import Order
+from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
 from app.services.predict.known import Known
@@ -112,6 +113,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     followed = taught.followed(order)
     yield from other_objects(scene.absent, [pose.name for pose in scene.bystanders])
     yield from alike_findings(question.request.alike)
+    yield from symmetry_findings(known.symmetries)
     yield from _words(order, question.prefix.instructions)
     yield from _parts(question)
     that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)

@@ -8,6 +8,8 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.plans import Recording
+from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.predict.demonstrations import (
@@ -86,6 +88,7 @@ class TaskCaches:
         self.settings: Cache[TaskState, TaskSettings] = Cache(128)
         self.scenes: Cache[TaskState, Scenes] = Cache(128)  # 10,000 of three objects take 1 MB
         self.diverse: Cache[tuple[TaskState, int], Ids] = Cache(1024)
+        self.symmetries: Cache[TaskState, Symmetries] = Cache(128)
         self.demonstrations: Cache[tuple[TaskState, Ids], Demonstrations] = Cache(64)
         self.taught: Cache[tuple[TaskState, bool], Taught] = Cache(128)
 
@@ -106,6 +109,7 @@ class TaskReading:
         self.settings = caches.settings.get_or_make(task.state, lambda: TaskSettings.model_validate(task.settings))
         self._caches = caches
         self._connection = connection
+        self._read: dict[Ids, Sequence[Recording]] = {}
 
     def ids(self, options: PredictOptions, objects: Sequence[ObjectPose] = ()) -> Ids:
         """Return the ids of the demonstrations that a request names, or that its selection finds.
@@ -155,10 +159,23 @@ class TaskReading:
         return self._caches.demonstrations.get_or_make((self.record.state, ids), lambda: self._demonstrations(ids))
 
     def _demonstrations(self, ids: Ids) -> Demonstrations:
-        records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
-        recordings = recordings_of(self._connection, records, self.settings)
+        recordings = folded(self._recordings(ids), self.symmetries)
         found = Demonstrations.of(recordings).only(self.record.object_names or ())
         return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
+
+    def _recordings(self, ids: Ids) -> Sequence[Recording]:
+        if ids not in self._read:
+            records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
+            self._read[ids] = recordings_of(self._connection, records, self.settings)
+        return self._read[ids]
+
+    @property
+    def symmetries(self) -> Symmetries:
+        """The symmetries that the demonstrations show, of objects of which the settings say nothing."""
+        return self._caches.symmetries.get_or_make(
+            self.record.state,
+            lambda: shown_symmetries(self._recordings(self._held_against), self.settings.yaw_symmetry_deg),
+        )
 
     @property
     def _held_against(self) -> Ids:

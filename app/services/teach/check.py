@@ -14,6 +14,7 @@ from app.pipeline.check.report import EpisodeCheck, ReplyCheck, TaskCheck, check
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
+from app.pipeline.plans.symmetry import folded, shown_symmetries, symmetry_findings
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.predict.demonstrations import recordings_of
@@ -116,13 +117,16 @@ class CheckTask:
         settings = TaskSettings.model_validate(task.settings)
         with self._store.read() as connection:
             records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
-            recordings = recordings_of(connection, records, settings)
+            given = recordings_of(connection, records, settings)
             num_episodes = episodes.number_of(connection, task.name, left_out=False)
         if not records:
             raise NoDemonstrationsError(task.name)
+        symmetries = shown_symmetries(given, settings.yaw_symmetry_deg)
+        recordings = folded(given, symmetries)
         check = check_demonstrations(recordings)
         demonstrations = tuple(recording.demonstration for recording in recordings)
-        return _Read(settings, demonstrations, CheckedTask(task.name, num_episodes, check, check.findings))
+        findings = (*check.findings, *symmetry_findings(symmetries))
+        return _Read(settings, demonstrations, CheckedTask(task.name, num_episodes, check, findings))
 
     async def _replies(self, task: str, model: str, read: _Read) -> tuple[ReplyCheck, ...]:
         """Return the model's replies for the first demonstrations that prompts show; each prompt shows the others."""

@@ -18,7 +18,6 @@ from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, Rule
 from app.pipeline.representation import usual_format
 from app.services.container import Services
-from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.scene_images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
@@ -158,18 +157,17 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
     settings, record = recording.settings, recording.record
     with services.store.read() as connection:
         prompted = episodes.demonstrations(connection, record.task, settings.num_demonstrations)
-    ids = [item.id for item in prompted]
+    ids = [demonstration.id for demonstration in prompted]
     usually = "which a prompt shows unless a request asks for others"
     if record.id in ids:
         where = f"Demonstration {ids.index(record.id) + 1} of the first {len(ids)}, {usually}."
     else:
         out = "Left out of prompts; shown here as it would be read after them. " if record.left_out else ""
         where = f"{out}Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
-        prompted += (record,)
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:
-        demonstrations = Demonstrations.of(recordings_of(connection, prompted, settings)).shown
+        demonstrations = services.known.demonstrations(connection, record.task, ids).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 

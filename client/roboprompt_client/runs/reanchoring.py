@@ -28,6 +28,7 @@ class ActionAnchor:
             object's axes for the offset and the world's for the rotation, `wo` the reverse.
         offset_m, rotation_xyzw: the action's pose (3,), (4,) in that frame.
         along: axes of the world (0 to 2) along which the position follows another object, or nothing (None).
+        share: of the way from the object to the other one along these axes, where the frame is.
     """
 
     object_name: str | None
@@ -35,6 +36,7 @@ class ActionAnchor:
     offset_m: Array
     rotation_xyzw: Array
     along: Mapping[int, str | None] = field(default_factory=dict)
+    share: float = 1.0
 
 
 def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | None:
@@ -53,11 +55,12 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
         valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all())
         valid = valid and rotation_xyzw.shape == (4,) and abs(float(np.linalg.norm(rotation_xyzw)) - 1) < 1e-2
         valid = valid and all(other is None or isinstance(other, str) for other in along.values())
+        valid = valid and 0 < (share := float(item.get("share", 1.0))) <= 1
     except (AttributeError, KeyError, TypeError, ValueError):
         valid = False
     if not valid:
         raise UnsafeActionError(index, "anchor", f"is {item!r:.80}", "object, frame, offset_m, rotation_xyzw")
-    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along)
+    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along, share)
 
 
 def reanchored(
@@ -101,7 +104,9 @@ def _along_axes(
     for axis, other in anchor.along.items():
         position_m[axis] = action.position_m[axis]
         if other is not None and other in before and other in now:
-            position_m[axis] += now[other].position_m[axis] - before[other].position_m[axis]
+            own_m = 0.0 if anchor.share == 1 else moved.position_m[axis] - action.position_m[axis]
+            other_m = now[other].position_m[axis] - before[other].position_m[axis]
+            position_m[axis] += (1 - anchor.share) * own_m + anchor.share * other_m
     same = np.array_equal(position_m, moved.position_m)
     return moved if same else EndEffectorAction(position_m, moved.quaternion_xyzw, moved.gripper_open)
 

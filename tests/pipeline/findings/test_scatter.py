@@ -52,10 +52,10 @@ def line_m(k):
         (lambda k, cube_m, start_m, noise_m: (0.01 * k, 0, 0), "danger"),
         (lambda k, cube_m, start_m, noise_m: 0.15 * cube_m, "danger"),
         (lambda k, cube_m, start_m, noise_m: start_m, "danger"),
-        (lambda k, cube_m, start_m, noise_m: 0.3 * (line_m(k) - cube_m), "danger"),
+        (lambda k, cube_m, start_m, noise_m: 0.3 * (cube_m - line_m(k)), "danger"),
         (lambda k, cube_m, start_m, noise_m: noise_m, "info"),
     ],
-    ids=["a camera that drifts", "a wrong scale", "another tool", "between two objects", "noise"],
+    ids=["a camera that drifts", "a wrong scale", "another tool", "beyond two objects", "noise"],
 )
 def test_what_explains_the_scatter_is_no_noise(off_m, severity):
     random, group = np.random.default_rng(0), []

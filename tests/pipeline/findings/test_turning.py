@@ -37,6 +37,7 @@ MISREAD = {
     "half a turn off in a third": (lambda k, deg: deg + 180 * (k % 3 == 0), ["yaw-misread"]),
     "another zero": (lambda k, deg: deg + 70, []),
     "by chance": (lambda k, deg: 37.0 * k, ["scattered-demonstrations"]),
+    "a quarter turn off in half": (lambda k, deg: deg + 90 * (k % 2), ["scattered-demonstrations"]),
     "never turned": (lambda k, deg: 0.0, ["scattered-demonstrations"]),
 }
 
@@ -51,33 +52,6 @@ def test_what_never_turns_may_be_round():
     group = takes(lambda k, deg: 0.0)
     (item,) = turning_findings(Support.of([group]), group[0].order)
     assert item.severity == "warning"
-
-
-@pytest.mark.parametrize(("nearest", "severity"), [(True, "warning"), (False, "danger")])
-def test_hands_that_take_the_nearest_of_four_sides(nearest, severity):
-    """A cube may be taken so; hands that are a quarter turn off anyhow are not explained by that."""
-    yaws_deg = np.random.default_rng(1).uniform(-180, 180, 10)
-    group = []
-    for k, yaw_deg in enumerate(yaws_deg.tolist()):
-        hand_deg = (yaw_deg + 45) % 90 - 45 if nearest else yaw_deg + 90 * (k % 2)
-        rows = [action((0.03 * k, 0, z_m), (180, 0, hand_deg), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
-        group.append(demonstration(TAKE, (pose("bar", (0.03 * k, 0, 0.8), yaw_deg),), rows))
-    items = list(turning_findings(Support.of([group]), group[0].order))
-    assert [(item.code, item.severity) for item in items] == [("scattered-demonstrations", severity)]
-    assert ('declare that (yaw_symmetry_deg: {"bar": 90})' in items[0].message) == nearest
-
-
-def test_the_nearest_side_of_one_object_does_not_hide_hands_that_take_another_anyhow():
-    random, group = np.random.default_rng(3), []
-    for k in range(10):
-        cube_m, bar_m = (0.03 * k, 0.2, 0.8), (0.03 * k, -0.2, 0.8)
-        yaw_deg, bar_deg, off_deg = random.uniform(-180, 180), random.uniform(-60, 60), (-30, 30, 0)[k % 3]
-        turned = (((yaw_deg + 45) % 90 - 45, cube_m), (off_deg, bar_m))
-        rows = [action(at_m, (180, 0, deg), gripper_open=is_open) for deg, at_m in turned for is_open in (True, False)]
-        objects = (pose("cube", cube_m, yaw_deg), pose("bar", bar_m, bar_deg))
-        group.append(demonstration("pick up the cube and the bar", objects, rows))
-    (item,) = turning_findings(Support.of([group]), group[0].order)
-    assert (item.severity, item.where) == ("danger", "objects[bar]")
 
 
 def test_a_yaw_of_a_symmetric_object_and_those_of_few_demonstrations_say_nothing():

@@ -286,3 +286,48 @@ def test_a_row_on_the_way_that_scatters_along_another_axis_keeps_its_frame():
         for k, shown in enumerate(group)
     ]
     assert not choose_anchors(astray, LEVEL, beyond_objects=True)[2][0].along
+
+
+def placed(number, tenths, noise_m=0.0, seed=0):
+    """A lid is taken, and let go of between a cup and a plate, or somewhere if `tenths` is None; it stays turned."""
+    random, group = np.random.default_rng(seed), []
+    for _ in range(number):
+        lid_m, cup_m, plate_m = (random.uniform([x_m, -0.3, 0.7], [x_m + 0.2, 0.3, 0.7]) for x_m in (0.0, 0.3, 0.6))
+        turn_deg = float(random.uniform(-60, 60))
+        at_m = random.uniform(0.3, 0.6, 3) if tenths is None else cup_m + tenths / 10 * (plate_m - cup_m)
+        at_m = at_m + random.normal(0, noise_m, 3)
+        stops = [(lid_m, True), (lid_m, False), (np.add(at_m, (0, 0, 0.1)), False), (at_m, True)]
+        rows = [action(stop_m, (180, 0, turn_deg), is_open) for stop_m, is_open in stops]
+        objects = [pose(LID, lid_m, turn_deg), pose(CUP, cup_m), pose(PLATE, plate_m)]
+        group.append(demonstration("put the lid between the cup and the plate", objects, rows))
+    return group
+
+
+def upright(group):
+    """The same with hands that never turn."""
+    rows = [tuple(action(a.position_m, gripper_open=a.gripper_open) for a in d.actions) for d in group]
+    return [replace(d, actions=own) for d, own in zip(group, rows, strict=True)]
+
+
+@pytest.mark.parametrize(("tenths", "number", "noise_m"), [(5, 5, 0.0), (3, 10, 0.003), (8, 10, 0.003)])
+def test_a_place_may_be_between_two_objects(tenths, number, noise_m):
+    *at_lid, hover, release = choose_anchors(upright(placed(number, tenths, noise_m)), LEVEL, beyond_objects=True)
+    assert {anchors[0].object_name for anchors in at_lid} == {LID}
+    assert hover[0].tenths == release[0].tenths == tenths
+    (anchor, *_), scene = release, placed(1, None, seed=9)[0]
+    cup_m, plate_m = scene.object(CUP).position_m, scene.object(PLATE).position_m
+    expected_m = cup_m + tenths / 10 * (plate_m - cup_m)
+    np.testing.assert_allclose(anchor_pose(anchor, scene, LEVEL).origin_m[:2], expected_m[:2])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_few_or_scattered_places_are_between_nothing(seed):
+    for group in (placed(3, 5, seed=seed), placed(10, None, seed=seed), placed(10, 5, noise_m=0.02, seed=seed)):
+        assert {anchors[0].tenths for anchors in choose_anchors(upright(group), LEVEL, beyond_objects=True)} == {10}
+
+
+def test_what_is_let_go_of_as_it_was_taken_stays_turned():
+    *_, release = choose_anchors(placed(10, 10), LEVEL, beyond_objects=True)
+    assert release[0] == Anchor(LID, "wo", ((0, PLATE), (1, PLATE), (2, PLATE)))
+    *_, release = choose_anchors(upright(placed(10, 10)), LEVEL, beyond_objects=True)
+    assert release[0] == Anchor(PLATE, "w")

@@ -249,13 +249,14 @@ def test_each_thing_to_ask_for_keeps_its_demonstrations():
     assert fitted(*mixed).needed() == tuple(mixed[-2 * MAX_REPEATED :])
 
 
-def placed_in_line(number=4):
-    """A peg is put down at x of one mark and y of the other, after a lift to a height of the world."""
+def placed_in_line(number=4, *, between=False):
+    """A peg is put down at x of one mark and y of the other, or between, after a lift to a height of the world."""
     random, shown = np.random.default_rng(2), []
     for k in range(number):
         (one, other, peg), height_m = random.uniform(0, 0.4, (3, 2)), 0.7 + 0.02 * k
         grasp = [action((*peg, height_m), gripper_open=is_open) for is_open in (True, False)]
-        rows = [*grasp, action((*peg, 1.0), gripper_open=False), action((one[0], other[1], 0.75))]
+        put_m = (one + other) / 2 if between else (one[0], other[1])
+        rows = [*grasp, action((*peg, 1.0), gripper_open=False), action((*put_m, 0.75))]
         names, places = ("peg", "red mark", "blue mark"), [(*peg, height_m), (*one, 0.7), (*other, 0.7)]
         text = "put the peg in line with the red mark and the blue mark"
         item = demonstration(text, [pose(*pair) for pair in zip(names, places, strict=True)], rows)
@@ -263,10 +264,14 @@ def placed_in_line(number=4):
     return shown
 
 
-def test_a_row_says_along_which_axes_it_follows_something_else():
-    codec = fitted(*(shown := placed_in_line()))
+@pytest.mark.parametrize(
+    ("between", "text", "put_m"),
+    [(False, "4 B w y=C: +0 +0 +10 1", [0.2, -0.1]), (True, "4 B w x=C y=C z=C 5/10: +0 +0 +10 1", [0.25, 0.0])],
+)
+def test_a_row_says_along_which_axes_it_follows_something_else(between, text, put_m):
+    codec = fitted(*(shown := placed_in_line(between=between)))
     *_, lifted, put = codec.actions_text(shown[0]).split("; ")
-    assert (lifted, put) == ("3 A w z=world: +0 +0 +200 0", "4 B w y=C: +0 +0 +10 1")
+    assert (lifted, put) == ("3 A w z=world: +0 +0 +200 0", text)
     names = ["peg", "blue mark", "red mark"]
     objects = [pose(name, (0.1 + 0.1 * k, 0.3 - 0.2 * k, 0.8)) for k, name in enumerate(names)]
     asked = Query("put the peg in line with the blue mark and the red mark", tuple(objects))
@@ -274,7 +279,7 @@ def test_a_row_says_along_which_axes_it_follows_something_else():
     assert matches(codec.grammar(asked, 25), reply)
     *_, lift, place = parse_reply(reply, codec, asked.objects, asked.instruction)
     np.testing.assert_allclose(lift.position_m, [0.1, 0.3, 1.0], atol=1e-9)
-    np.testing.assert_allclose(place.position_m, [0.2, -0.1, 0.85], atol=1e-9)
+    np.testing.assert_allclose(place.position_m, [*put_m, 0.85], atol=1e-9)
 
 
 def test_other_origins_than_those_demonstrated_are_refused():

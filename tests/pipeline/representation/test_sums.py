@@ -13,6 +13,7 @@ from tests.pipeline.asking import parse_reply
 
 from ..gbnf import matches
 from ..scenes import DOWN_DEG, WORKSPACE, action, demonstration, pose, rotated
+from .test_object_frame import placed_in_line
 
 PUSH = "push the {} button"
 COLORS = ("red", "blue")
@@ -222,3 +223,14 @@ def test_a_number_that_follows_the_world_is_written_as_it_is():
     np.testing.assert_allclose(
         parse_reply(reply, codec, asked.objects, asked.instruction)[2].position_m, [0.205, 0.205, 1.105], atol=1e-9
     )
+
+
+def test_a_place_between_two_objects_is_written_from_the_first():
+    codec = fitted(shown := placed_in_line(between=True))
+    for item in shown:
+        reply = codec.actions_text(item)
+        assert "red mark x=blue mark y=blue mark z=blue mark 5/10 " in reply
+        query = Query(item.instruction, item.objects)
+        assert matches(codec.grammar(query, 25), reply)
+        put = parse_reply(reply, codec, item.objects, item.instruction)[-1]
+        np.testing.assert_allclose(put.position_m, item.actions[-1].position_m, atol=0.011)
