@@ -264,7 +264,7 @@ def test_a_hand_that_is_cut_off_while_it_comes_near():
 @pytest.mark.parametrize(("kept", "expected"), [(None, set()), (116, {"broken-off"})])
 def test_a_handle_far_from_the_origin_of_its_object(kept, expected):
     """All is done although the hand comes near to no origin, and its last frame moves; not while it still carries."""
-    aside = [put(seed, "open the red cube", aside_m=(0.0, 0.0, 0.09)) for seed in range(10)]
+    aside = [put(seed, "open the red cube", aside_m=(0.0, 0.0, 0.13)) for seed in range(10)]
     ends = [frames(slice(0, kept or len(item.motion) - 14 - k))(item) for k, item in enumerate(aside)]
     assert dangers(ends) == expected
 
