@@ -32,6 +32,7 @@ class Outcome:
         failure: why they did not, or why there are none.
         findings: of the answer, `code` and `severity`.
         upload_findings: of the recordings, each kind once.
+        undetectable: see `benchmarks.adversary.undetectable`.
     """
 
     kind: str
@@ -42,6 +43,7 @@ class Outcome:
     failure: str = ""
     findings: tuple[tuple[str, str], ...] = ()
     upload_findings: tuple[tuple[str, str], ...] = ()
+    undetectable: bool = False
 
     @property
     def wrong(self) -> bool:

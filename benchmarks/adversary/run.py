@@ -14,6 +14,7 @@ from app.sim.outcomes import RecordedDemonstration, SceneView
 from benchmarks.adversary.case import Case, unchanged_case
 from benchmarks.adversary.kinds import KINDS
 from benchmarks.adversary.measure import Bench, Outcome, mutated
+from benchmarks.adversary.undetectable import undetectable
 from roboprompt_client.client import RoboPromptClient
 
 DEMONSTRATIONS = 10
@@ -74,6 +75,7 @@ class Run:
                 if (changed := mutated(kind, case, task, seed)) is None:
                     continue
                 outcome, answer = bench.run(kind, changed)
+                outcome = replace(outcome, undetectable=outcome.wrong and undetectable(case, changed))
                 self._keep(outcome)
             solved = outcome.succeeded if kind == CONTROL else solved
             yield outcome, answer

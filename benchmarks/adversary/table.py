@@ -7,6 +7,10 @@ from typing import Any
 from benchmarks.adversary.kinds import KINDS
 from benchmarks.adversary.measure import Outcome
 
+HEAD = (
+    "| kind | cases | refused at upload | refused | danger | solved | **failed silently** | rate |\n"
+    "|---|---|---|---|---|---|---|---|"
+)
 STOPPED = ("refused at upload", "refused", "danger")
 
 
@@ -15,6 +19,7 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     wrong = [item for item in outcomes if item.wrong]
     right = [item for item in outcomes if not item.wrong]
     contradictory = [item for item in wrong if KINDS[item.kind].contradictory]
+    detectable = [item for item in wrong if not item.undetectable]
     silent, alarms = _ending(wrong, "silent"), _stopped(right)
     return {
         "wrong": len(wrong),
@@ -23,6 +28,9 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "contradictory": len(contradictory),
         "contradictory_silent_failures": _ending(contradictory, "silent"),
         "contradictory_silent_failure_rate": _rate(_ending(contradictory, "silent"), len(contradictory)),
+        "detectable": len(detectable),
+        "detectable_silent_failures": _ending(detectable, "silent"),
+        "detectable_silent_failure_rate": _rate(_ending(detectable, "silent"), len(detectable)),
         "right": len(right),
         "false_alarms": alarms,
         "false_alarm_rate": _rate(alarms, len(right)),
@@ -36,6 +44,7 @@ def tables(outcomes: Sequence[Outcome], command: str) -> str:
     right = [item for item in outcomes if not item.wrong]
     silent = [item for item in wrong if item.ending == "silent"]
     parts = [
+        _by_evidence(wrong),
         _by_kind(wrong),
         _by_kind(right),
         _by_code(outcomes),
@@ -63,13 +72,19 @@ def shown(outcome: Outcome, answer: Mapping[str, Any]) -> str:
 
 def _by_kind(outcomes: Sequence[Outcome]) -> str:
     groups = [[o for o in outcomes if o.kind == kind] for kind in dict.fromkeys(o.kind for o in outcomes)]
-    lines = [
-        "| kind | cases | refused at upload | refused | danger | solved | **failed silently** | rate |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    lines = [HEAD]
     groups.sort(key=lambda group: -_ending(group, "silent") / len(group))
     lines += [_line(f"{g[0].kind}{'' if KINDS[g[0].kind].contradictory else ' *'}", g) for g in groups]
     return "\n".join([*lines, _line("**all**", outcomes)])
+
+
+def _by_evidence(wrong: Sequence[Outcome]) -> str:
+    """Whether anything that was sent could tell the case from a right one."""
+    groups = {
+        "recordings, words or scene differ from a right case": [item for item in wrong if not item.undetectable],
+        "undetectable by construction": [item for item in wrong if item.undetectable],
+    }
+    return "\n".join([HEAD, *(_line(name, group) for name, group in groups.items())])
 
 
 def _line(name: str, group: Sequence[Outcome]) -> str:

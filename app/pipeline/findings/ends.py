@@ -22,6 +22,7 @@ REACHING = frozenset({"reach", "approach"})  # done once the hand is near
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
+DONE_ACTS = 2  # a hand that closes and opens again has acted, though the handle may be far from the object's origin
 FEWEST = 4  # recordings that show what their ends share other than by chance
 ODD_SHARE = 0.2  # of the recordings may differ from the others
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of starts that are several
@@ -65,7 +66,7 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
         return TAKES_NOWHERE
     carries = hand.ends_holding and verb not in TAKING
-    comes = hand.nearest_m > ACTED_M or (hand.still_comes and not hand.acts)
+    comes = (hand.nearest_m > ACTED_M and len(hand.acts) < DONE_ACTS) or (hand.still_comes and not hand.acts)
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or comes) else None
 
 

@@ -81,12 +81,14 @@ class Act(NamedTuple):
     Attributes:
         opens: otherwise it closes.
         away_m: by name, how far the objects are from the hand there.
-        later_m: the least distance from the nearest of them until the gripper switches again, or the recording ends.
+        earlier_m, later_m: the least distance from the nearest of them since the gripper switched before, or the
+            recording began; and until it switches again, or the recording ends.
         moved_m: how far the hand is from there when that happens; 10 degrees count as 1 cm.
     """
 
     opens: bool
     away_m: Mapping[str, float]
+    earlier_m: float
     later_m: float
     moved_m: float
 
@@ -99,6 +101,11 @@ class Act(NamedTuple):
     def nearest_m(self) -> float:
         """Its distance."""
         return self.away_m[self.nearest]
+
+    @property
+    def least_m(self) -> float:
+        """The least distance from it between the switches before and after this one."""
+        return min(self.earlier_m, self.later_m)
 
     @property
     def at_object(self) -> bool:
@@ -175,14 +182,14 @@ class RecordedHand:
         trajectory, acting = motion.trajectory, motion.acting_switches
         objects_m = np.array([pose.position_m for pose in shown.objects])
         away_m = np.linalg.norm(trajectory.positions_m[:, None] - objects_m[None], axis=2)  # (T, N)
-        ends = [*(switch.frame for switch in acting[1:]), len(trajectory) - 1]
+        ends = [0, *(switch.frame for switch in acting), len(trajectory) - 1]
         starts_open = not acting[0].opens if acting else bool(trajectory.gripper_open[-1])
         lowest = int(trajectory.positions_m[:, 2].argmin())
         nearest = int(away_m.min(axis=1).argmin())  # the first frame of the least distance
         return cls(
             kept,
             starts_open,
-            tuple(_act(motion, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
+            tuple(_act(motion, s, ends[k], ends[k + 2], shown, away_m) for k, s in enumerate(acting)),
             trajectory.action_at(0),
             tuple(map(trajectory.action_at, [*(s.frame for s in acting[:1]), lowest])),
             trajectory.positions_m[-1],
@@ -197,13 +204,14 @@ class RecordedHand:
         )
 
 
-def _act(motion: Motion, switch: Switch, end: int, shown: Demonstration, away_m: Array) -> Act:
+def _act(motion: Motion, switch: Switch, first: int, end: int, shown: Demonstration, away_m: Array) -> Act:
     trajectory, frame = motion.trajectory, switch.frame
     of_name = dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True))
-    later_m = float(away_m[frame : end + 1, away_m[frame].argmin()].min())
+    nearest_m = away_m[:, away_m[frame].argmin()]
+    earlier_m, later_m = float(nearest_m[first : frame + 1].min()), float(nearest_m[frame : end + 1].min())
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
-    return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)
+    return Act(switch.opens, of_name, earlier_m, later_m, way_m + M_PER_RAD * turn_rad)
 
 
 def _flickers(motion: Motion) -> bool:

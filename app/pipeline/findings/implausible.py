@@ -22,7 +22,7 @@ from roboprompt_client.types.poses import ObjectPose
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
-EARLY_M = 0.05  # from every object: a hand that closes there, and then comes to one, cannot hold it
+ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
 PART_M = 0.02  # rms of the places at which hands grasp one part of an object
 
 UNHELD = (
@@ -34,8 +34,9 @@ TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and
 ONLY_OPENS = (
     "the hand opens at what it should take, and closes elsewhere or never: gripper_open inverted, or time reversed?"
 )
-CLOSES_EARLY = (
-    "the gripper closes before the hand comes to what it takes: is gripper_open a command, or its clock early?"
+CLOSES_ASIDE = (
+    "the gripper closes before the hand comes to what it takes, or after it has left: is gripper_open a command, or its"
+    " clock early or late?"
 )
 FLICKERS = "the gripper switches to and fro within 0.3 s: does the width tremble about gripper_open_above_m?"
 LEAPS = "the hand is suddenly elsewhere: frames are missing, out of order, or of two recordings that were joined."
@@ -125,8 +126,8 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
     if clause.verb in TAKING | PUTTING and not hand.acts:
         return TAKES_NOTHING
     first = closings[0] if closings else None
-    if first and clause.verb in TAKING | PUTTING and first.nearest_m > EARLY_M and first.later_m < first.nearest_m / 2:
-        return CLOSES_EARLY
+    if first and clause.verb in TAKING | PUTTING and first.nearest_m > max(ASIDE_M, 2 * first.least_m):
+        return CLOSES_ASIDE
     if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
         return None
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):

@@ -5,6 +5,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import SEVERITIES, Finding, rules, worst_severity
@@ -21,6 +22,7 @@ from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
@@ -45,7 +47,7 @@ def scene_findings(
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
-    if (old := _of_a_demonstration(observed, places, (*shown, *scenes.left_out))) is not None:
+    if (old := _of_a_demonstration(observed, places, (*shown, *scenes.left_out), followed)) is not None:
         return (*uncertain, old)
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
@@ -88,26 +90,52 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
 
 
 def _of_a_demonstration(
-    observed: Sequence[ObjectPose], places: Sequence[ShownPlaces], shown: Sequence[Demonstration]
+    observed: Sequence[ObjectPose],
+    places: Sequence[ShownPlaces],
+    shown: Sequence[Demonstration],
+    followed: frozenset[str],
 ) -> Finding | None:
-    """Return a finding if all objects are exactly where one demonstration had them, as no two measurements are.
+    """Return a finding if objects are exactly where one demonstration had them, as no two measurements are.
 
-    Objects that never move do not count, nor do positions in whole millimeters, which people write by hand.
+    All of them, or one that the motion follows and that demonstrations never have twice in one place. Objects that
+    never move do not count, nor do positions in whole millimeters, which people write by hand.
     """
     moved = [pose for pose, place in zip(observed, places, strict=True) if place.box_m.width.max() > FIXED_M]
-    if not moved:
+    if not moved or all(map(_in_millimeters, moved)):
         return None
-    seen_m = np.array([pose.position_m for pose in moved])
-    if np.abs(seen_m - seen_m.round(3)).max() < REPEATED_M:
-        return None
-    for old in shown:
-        if all(np.abs(old.object(pose.name).position_m - pose.position_m).max() < REPEATED_M for pose in moved):
-            message = (
-                f"All objects are exactly (to 0.01 mm) where demonstration {old.id} had them; no camera measures that"
-                " twice. This is probably an old observation: observe the scene again."
-            )
-            return rules.OLD_SCENE.finding(message, "objects")
-    return None
+    by_name_m = {pose.name: np.array([old.object(pose.name).position_m for old in shown]) for pose in moved}
+    repeats = {pose.name: _repeats(pose.position_m, by_name_m[pose.name]) for pose in moved}
+    stale = np.logical_and.reduce(list(repeats.values()))
+    if stale.any():
+        what, where = "All objects are", "objects"
+    else:
+        one = next((pose for pose in moved if pose.name in followed and _stale(pose, by_name_m[pose.name])), None)
+        if one is None:
+            return None
+        what, where, stale = f"{one.name} is", f"objects[{one.name}]", repeats[one.name]
+    message = (
+        f"{what} exactly (to 0.01 mm) where demonstration {shown[int(stale.argmax())].id} had"
+        f" {'them' if where == 'objects' else 'it'}; no camera measures that twice. This is probably an old"
+        " observation: observe the scene again."
+    )
+    return rules.OLD_SCENE.finding(message, where)
+
+
+def _stale(pose: ObjectPose, places_m: Array) -> bool:
+    """Return whether an object is where one of its places (N, 3) was, which are all different."""
+    if _in_millimeters(pose) or not _repeats(pose.position_m, places_m).any():
+        return False
+    return all(not _repeats(place_m, places_m[:k]).any() for k, place_m in enumerate(places_m))
+
+
+def _repeats(place_m: Array, places_m: Array) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which of the places (N, 3) are the same measurement as a place (3,)."""
+    repeats: npt.NDArray[np.bool_] = np.abs(places_m - place_m).max(axis=1) < REPEATED_M
+    return repeats
+
+
+def _in_millimeters(pose: ObjectPose) -> bool:
+    return bool(np.abs(pose.position_m - pose.position_m.round(3)).max() < REPEATED_M)
 
 
 def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:

@@ -79,6 +79,12 @@ def early(item):
     return changed(item, gripper_open=np.append(is_open[18:], is_open[-1:].repeat(18)))
 
 
+def late(item):
+    """The gripper is recorded 1.2 s after the hand."""
+    is_open = item.motion.trajectory.gripper_open
+    return changed(item, gripper_open=np.append(is_open[:1].repeat(24), is_open[:-24]))
+
+
 def flickering(item):
     """Open for 0.2 s on the way."""
     is_open = item.motion.trajectory.gripper_open.copy()
@@ -144,6 +150,8 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (inverted, "do it", 10, "implausible-gripper"),
         (inverted, PUT, 1, "implausible-gripper"),
         (early, PUT, 10, "implausible-gripper"),
+        (late, PUT, 10, "implausible-gripper"),
+        (late, "take the red cube", 10, "implausible-gripper"),
         (flickering, PUT, 10, "implausible-gripper"),
         (twice, PUT, 10, "implausible-gripper"),
         (always(True), PUT, 10, "implausible-gripper"),
@@ -251,6 +259,14 @@ def test_a_hand_that_is_cut_off_while_it_comes_near():
     assert "broken-off" in dangers(
         [always(True)(frames(slice(0, 75))(put(seed, "touch the cube"))) for seed in range(4)]
     )
+
+
+@pytest.mark.parametrize(("kept", "expected"), [(None, set()), (116, {"broken-off"})])
+def test_a_handle_far_from_the_origin_of_its_object(kept, expected):
+    """All is done although the hand comes near to no origin, and its last frame moves; not while it still carries."""
+    aside = [put(seed, "open the red cube", aside_m=(0.0, 0.0, 0.13)) for seed in range(10)]
+    ends = [frames(slice(0, kept or len(item.motion) - 14 - k))(item) for k, item in enumerate(aside)]
+    assert dangers(ends) == expected
 
 
 def test_words_that_take_another_object_than_the_hand():

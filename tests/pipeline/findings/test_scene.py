@@ -146,6 +146,20 @@ def test_a_scene_that_repeats_measured_places_is_an_old_one(fine_m, off_m, expec
         assert codes == (["scene-of-a-demonstration"] if expected else [])
 
 
+@pytest.mark.parametrize(
+    ("followed", "twice", "expected"),
+    [({"red cube"}, False, True), ({"blue cube"}, False, False), ({"red cube"}, True, False)],
+)
+def test_one_object_that_repeats_a_measured_place_is_an_old_one(followed, twice, expected):
+    """Only where the motion follows it, and no two demonstrations have it in one place."""
+    scenes = [scene(0.0201234 * k, 0.03 * (k % 5)) for k in range(10)]
+    shown = [demonstration(STACK, each, []) for each in (*scenes, *scenes[3:4] * twice)]
+    seen = zip(scenes[3], scene(0.07, 0.0512345), strict=True)
+    query = Query(STACK, tuple(old if old.name == "red cube" else new for old, new in seen))
+    found = scene_findings(query, ShownScenes(tuple(shown)), frozenset(followed))
+    assert (("scene-of-a-demonstration", "objects[red cube]") in [(f.code, f.where) for f in found]) is expected
+
+
 def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
     """Whatever is named first stands on the other in every demonstration, and both cubes have been above."""
 
