@@ -10,7 +10,6 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -56,8 +55,8 @@ class Case:
         return int(self.rng.integers(3))
 
 
-def _changed(frames: Frames, number: int, **fields: Any) -> Frames:
-    return tuple(replace(frame, **fields) if n == number else frame for n, frame in enumerate(frames))
+def _changed(frames: Frames, number: int, change: Callable[[RgbdFrame], RgbdFrame]) -> Frames:
+    return (*frames[:number], change(frames[number]), *frames[number + 1 :])
 
 
 def _turned(place_m: Array, *euler_deg: float) -> Array:
@@ -152,64 +151,71 @@ def shadow(case: Case) -> Frames:
 
 def half_out(case: Case) -> Frames:
     """The picture of one to three cameras ends in the middle of the object."""
-    frames = case.frames()
-    for number in case.rng.permutation(3)[: case.rng.integers(1, 4)].tolist():
-        frame = frames[number]
+    place_m = case.place_m()
+
+    def cut(frame: RgbdFrame) -> RgbdFrame:
         assert frame.rgb is not None
         assert frame.depth_m is not None
-        end = int(np.clip(frame.camera.project(case.place_m())[0][0], 100, 600))
-        cut = RgbdFrame(
-            replace(frame.camera, image_size_px=(end, frame.rgb.shape[0])),
-            np.ascontiguousarray(frame.rgb[:, :end]),
-            np.ascontiguousarray(frame.depth_m[:, :end]),
-        )
-        frames = (*frames[:number], cut, *frames[number + 1 :])
+        end = int(np.clip(frame.camera.project(place_m)[0][0], 100, 600))
+        camera = replace(frame.camera, image_size_px=(end, frame.rgb.shape[0]))
+        return RgbdFrame(camera, frame.rgb[:, :end].copy(), frame.depth_m[:, :end].copy())
+
+    frames = case.frames()
+    for number in case.rng.permutation(3)[: case.rng.integers(1, 4)].tolist():
+        frames = _changed(frames, number, cut)
     return frames
 
 
 def exposure(case: Case) -> Frames:
     """One camera exposes half or twice as long as the others."""
-    frames, number = case.frames(), case.one()
-    rgb, factor = frames[number].rgb, case.rng.choice([0.5, 2.0])
-    assert rgb is not None
-    return _changed(frames, number, rgb=np.clip(rgb * factor, 0, 255).astype(np.uint8))
-
-
-def bumped(case: Case) -> Frames:
-    """One camera is turned by a degree and moved by a centimeter since its calibration."""
-    frames, number = case.frames(), case.one()
-    camera = frames[number].camera
-    pose, axis, way = camera.camera_to_world.copy(), case.rng.normal(size=3), case.rng.normal(size=3)
-    pose[:3, :3] = Rotation.from_rotvec(np.radians(BUMP_DEG) * axis / np.linalg.norm(axis)).as_matrix() @ pose[:3, :3]
-    pose[:3, 3] += BUMP_M * way / np.linalg.norm(way)
-    return _changed(frames, number, camera=replace(camera, camera_to_world=pose))
-
-
-def stale(case: Case) -> Frames:
-    """One camera gives its picture of the scene before, in which the object and all else stood elsewhere."""
-    before = sample(case.rng, [(case.name, 0), *others(case.rng, [case.name], 2)], num_clutter=2)
-    old, number = case.frames(before), case.one()
-    return _changed(case.frames(), number, rgb=old[number].rgb, depth_m=old[number].depth_m, mask=None)
-
-
-def moved(case: Case) -> Frames:
-    """One camera gives its picture from before the object alone was moved, by 3 to 8 cm."""
-    pose = case.layout.poses.get((case.name, 0))
-    before = replace(case.layout, poses=dict(case.layout.poses))
-    heading = case.rng.uniform(0, 2 * np.pi)
-    old_pose = upright(*case.place_m()[:2], case.rng.uniform(-np.pi, np.pi)) if pose is None else pose.copy()
-    old_pose[:2, 3] += case.rng.uniform(0.03, 0.08) * np.array([np.cos(heading), np.sin(heading)])
-    before.poses[case.name, 0] = old_pose
-    old, number = case.frames(before), case.one()
-    return _changed(case.frames(), number, rgb=old[number].rgb, depth_m=old[number].depth_m, mask=None)
+    factor = case.rng.choice([0.5, 2.0])
+    return _recolored(case, lambda rgb: np.clip(rgb * factor, 0, 255).astype(np.uint8))
 
 
 def swapped(case: Case) -> Frames:
     """One camera sends blue first."""
-    frames, number = case.frames(), case.one()
-    rgb = frames[number].rgb
-    assert rgb is not None
-    return _changed(frames, number, rgb=rgb[..., ::-1].copy())
+    return _recolored(case, lambda rgb: rgb[..., ::-1].copy())
+
+
+def _recolored(case: Case, change: Callable[[Array], Array]) -> Frames:
+    def changed(frame: RgbdFrame) -> RgbdFrame:
+        assert frame.rgb is not None
+        return replace(frame, rgb=change(frame.rgb))
+
+    return _changed(case.frames(), case.one(), changed)
+
+
+def bumped(case: Case) -> Frames:
+    """One camera is turned by a degree and moved by a centimeter since its calibration."""
+    axis, way = case.rng.normal(size=(2, 3))
+    turn = Rotation.from_rotvec(np.radians(BUMP_DEG) * axis / np.linalg.norm(axis)).as_matrix()
+
+    def moved(frame: RgbdFrame) -> RgbdFrame:
+        pose = frame.camera.camera_to_world.copy()
+        pose[:3, :3] = turn @ pose[:3, :3]
+        pose[:3, 3] += BUMP_M * way / np.linalg.norm(way)
+        return replace(frame, camera=replace(frame.camera, camera_to_world=pose))
+
+    return _changed(case.frames(), case.one(), moved)
+
+
+def stale(case: Case) -> Frames:
+    """One camera gives its picture of the scene before, in which the object and all else stood elsewhere."""
+    return _old(case, sample(case.rng, [(case.name, 0), *others(case.rng, [case.name], 2)], num_clutter=2))
+
+
+def moved(case: Case) -> Frames:
+    """One camera gives its picture from before the object alone was moved, by 3 to 8 cm, or taken away."""
+    heading, before = case.rng.uniform(0, 2 * np.pi), replace(case.layout, poses=dict(case.layout.poses))
+    pose = case.layout.poses.get((case.name, 0), upright(*case.place_m()[:2], heading)).copy()
+    pose[:2, 3] += case.rng.uniform(0.03, 0.08) * np.array([np.cos(heading), np.sin(heading)])
+    before.poses[case.name, 0] = pose
+    return _old(case, before)
+
+
+def _old(case: Case, before: Layout) -> Frames:
+    old, number = case.frames(before), case.one()
+    return _changed(case.frames(), number, lambda frame: old[number])
 
 
 ATTACKS: Mapping[str, Callable[[Case], Frames]] = {
