@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.perception.frame_checks import are_swapped
-from app.perception.registered.candidates import SAME_LAB, candidates
+from app.perception.registered.candidates import SAME_LAB, candidates, of_its_colors_within
 from app.perception.registered.depth_view import DepthView
 from app.perception.registered.geometry import Index, angle_deg
-from app.perception.registered.hypotheses import Hypothesis, hypotheses
+from app.perception.registered.hypotheses import MOST, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.score import shares_seen
+from app.perception.registered.score import score, shares_seen
 from app.perception.registered.template import Template
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.cameras.table import MAX_OFF_M, OTHER_M, find_flat_surface
@@ -85,22 +85,39 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
 def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> FoundPose:
     """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
-    known = {part.tobytes(): hypotheses(template, lit, part) for part in parts}
-    places = sorted(known.values(), key=lambda place: -place[0].value * min(1.0, place[0].support / MIN_SUPPORT))
+    known = {part.tobytes(): (hypotheses(template, lit, part), part) for part in parts}
+    places = sorted(known.values(), key=lambda place: -place[0][0].value * min(1.0, place[0][0].support / MIN_SUPPORT))
     if not places:
         cameras = ", ".join(view.camera.name for view in lit.scene.views)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
         within = "" if elsewhere is None else " within its masks"
         raise ObjectNotVisibleError(name, message + within + causes(template, lit), HELP_SEE)
-    best = places[0][0]
+    first, part = places[0]
+    best = _with_all_within(template, lit, first[0], part, elsewhere)
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
     leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
-    rivals = [place[0] for place in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
+    rivals = [place[0] for place, _ in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
-    turned = yaw_rivals(template, places[0])
+    turned = yaw_rivals(template, first)
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
     return FoundPose(best, shares, len(turned), spread_m)
+
+
+def _with_all_within(
+    template: Template, lit: LitScene, best: Hypothesis, part: Index, elsewhere: Index | None
+) -> Hypothesis:
+    """Return a pose, its value reduced by what lies within the object where it was open: a mug upside down.
+
+    A part that was searched may lack such points, as they look a little different from the rest.
+    """
+    within = of_its_colors_within(template, lit, best.pose)
+    further = np.setdiff1d(within, part if elsewhere is None else np.union1d(part, elsewhere))
+    if not len(further):
+        return best
+    index = np.random.default_rng(0).permutation(np.concatenate([part, further]))[:MOST]
+    value = float(score(template, lit, index, best.pose, MOST).value[0]) * best.color
+    return replace(best, value=min(best.value, value))
 
 
 def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:

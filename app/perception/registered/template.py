@@ -12,7 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from app.perception.registered.depth_view import DepthView
 from app.perception.registered.geometry import VOXEL_M, Index, lengths
@@ -74,6 +74,17 @@ class Template:
         """Its approximate smallest horizontal extent."""
         headings = np.radians(np.arange(0, 180, 15))
         return float(np.ptp(self.points_m[:, :2] @ np.array([np.cos(headings), np.sin(headings)]), axis=0).min())
+
+    @cached_property
+    def reach_m(self) -> float:
+        """The largest distance of a point from the mean of all."""
+        return float(lengths(self.points_m - self.points_m.mean(axis=0)).max())
+
+    @cached_property
+    def hull(self) -> Array:
+        """The faces (F, 4) of its convex hull: outward normals and offsets."""
+        faces: Array = ConvexHull(self.points_m, qhull_options="QJ").equations
+        return faces
 
     @cached_property
     def palette(self) -> cKDTree:
