@@ -23,7 +23,7 @@ LIKE_LAB, SAME_LAB = 26.0, 12.0  # tolerance of an object's colors in other ligh
 ALIKE_SHARE = 0.8
 FEWEST_POINTS, MIN_SHARE = 15, 0.04  # of the template's points
 MAX_CANDIDATES = 8  # the largest
-WITHIN_M = 0.002  # least depth of a point within an object
+WITHIN_M = VOXEL_M  # a point may lie so far outside of the hull: a lid on the rim
 TOO_WIDE, MAX_PIECES = 1.2, 4  # a part wider than so many widths of the object is split into pieces
 
 
@@ -57,7 +57,7 @@ def of_its_colors_within(template: Template, lit: LitScene, pose: Poses) -> Inde
     places_m = pose.to_template(lit.scene.points_m)[0]
     close = np.flatnonzero(lengths(places_m - template.points_m.mean(axis=0)) < template.reach_m)
     faces = template.hull
-    inside = close[(places_m[close] @ faces[:, :3].T + faces[:, 3] < -WITHIN_M).all(axis=1)]
+    inside = close[(places_m[close] @ faces[:, :3].T + faces[:, 3] < WITHIN_M).all(axis=1)]
     off_lab, _ = template.palette.query(lit.lab[inside], distance_upper_bound=LIKE_LAB)
     return inside[np.isfinite(off_lab)]
 
