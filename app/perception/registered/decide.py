@@ -29,6 +29,7 @@ SEEN_SHARE = 0.12  # a camera sees the object if it sees this share of the side 
 HELP_SEE = "a view in which more of it is seen, or a further camera"
 WELL_SEEN = 0.5  # share of the facing side that one camera sees where another one should see it, too
 OTHER_TABLE_RGB = 25.0  # of 255
+OTHER_BRIGHTNESS, MIN_OTHERS = 1.4, 2  # ratio of one camera's table to the median of at least so many others
 STEP_PX = 4  # stride of the pixels that are checked for missing depth
 MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without depth, to be reported
 
@@ -151,7 +152,7 @@ def _check(
         message += f" (of its facing side agree: {seen}){causes(template, lit)}"
         blind = [camera for camera, share in shares.items() if share < max(shares.values()) / 2]
         if blind and max(shares.values()) > WELL_SEEN:
-            message += f"; {' and '.join(blind)}: hidden there, or camera_to_world is off"
+            message += f"; {' and '.join(blind)}: hidden there, an old picture, or camera_to_world is off"
         raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
@@ -186,6 +187,7 @@ def causes(template: Template, lit: LitScene) -> str:
     """Return likely faults of images in which an object was not found, as the end of a message; may be empty."""
     notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
     notes += [_bumped(view, lit.scene) for view in lit.scene.views]
+    notes += [_colored_otherwise(view, lit.scene) for view in lit.scene.views]
     taught_rgb, table = template.table_rgb, lit.scene.table
     if are_swapped(taught_rgb, table.rgb):
         notes.append("the table has its taught color if red and blue change places: BGR images?")
@@ -200,6 +202,21 @@ def _bumped(view: DepthView, scene: Scene) -> str:
     if not MAX_OFF_M < abs(off_m) < OTHER_M:
         return ""
     return f"{view.camera.name} sees the table {1000 * off_m:+.0f} mm off: was the camera bumped?"
+
+
+def _colored_otherwise(view: DepthView, scene: Scene) -> str:
+    """Return how the table looks in one camera if it looks otherwise in the others together."""
+    own, *others = (scene.table_rgb_in(item) for item in (view, *(item for item in scene.views if item is not view)))
+    known = [rgb for rgb in others if rgb is not None]
+    if own is None or len(known) < MIN_OTHERS:
+        return ""
+    usual = np.median(known, axis=0)
+    if are_swapped(usual, own):
+        return f"{view.camera.name} shows the others' table with red and blue exchanged: BGR images?"
+    times = float(own.sum() / max(usual.sum(), 1.0))
+    if max(times, 1 / max(times, 0.01)) < OTHER_BRIGHTNESS:
+        return ""
+    return f"{view.camera.name} shows the table {times:.1f} times as bright as the others: the same exposure for all?"
 
 
 def _without_depth(template: Template, lit: LitScene, number: int) -> str:

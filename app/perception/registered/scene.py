@@ -155,6 +155,12 @@ class Scene:
         points_m, rgb, eyes_m = thinned(points_m[up], rgb[up], eyes_m[up])
         return cls(views, table, points_m, rgb, normals_of(points_m, eyes_m))
 
+    def table_rgb_in(self, view: DepthView) -> Array | None:
+        """Return the median color (3,) of the table in one camera, 0..255; None if it shows none of it."""
+        points_m, rgb, _ = _points(view)
+        on_table = np.abs(self.table.height_m(points_m)) < FLAT_M
+        return np.median(rgb[on_table], axis=0) if on_table.any() else None
+
     def in_lights_of(self, table_rgb: Array) -> "Sequence[LitScene]":
         """Return the scene as it would look in the light in which a table had the color (3,), 0..255.
 
