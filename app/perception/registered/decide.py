@@ -9,7 +9,7 @@ import numpy as np
 from app.perception.frame_checks import are_swapped
 from app.perception.registered.candidates import SAME_LAB, candidates, of_its_colors_within
 from app.perception.registered.depth_view import DepthView
-from app.perception.registered.geometry import Index, angle_deg
+from app.perception.registered.geometry import Index, Poses, angle_deg
 from app.perception.registered.hypotheses import MOST, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import score, shares_seen
@@ -20,7 +20,7 @@ from roboprompt_client.types.camera import RgbdFrame
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
-SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
+SAME_YAW_DEG, SAME_PLACE_M, ASIDE_M = 14.0, 0.02, 0.015
 EXPLAINED_M = 0.015  # points closer than this to the object in its pose belong to it
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
 OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found object: two objects cannot
@@ -97,6 +97,7 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     best = _with_all_within(template, lit, first[0], part, elsewhere)
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
+    _check_ends(name, template, lit, best, part)
     leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
     rivals = [place[0] for place, _ in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
@@ -157,6 +158,22 @@ def _check(
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
         raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)
+
+
+def _check_ends(name: str, template: Template, lit: LitScene, best: Hypothesis, part: Index) -> None:
+    """Refuse a pose that may as well be moved aside: of a long object only the middle is seen."""
+    headings = np.radians(np.arange(0, 360, 45))
+    aside_m = ASIDE_M * np.column_stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))])
+    origins_m = best.pose.origins_m + np.vstack([np.zeros(3), aside_m])
+    poses = Poses(np.repeat(best.pose.rotations, len(origins_m), axis=0), origins_m)
+    index = np.random.default_rng(0).permutation(part)[:MOST]
+    scores = score(template, lit, index, poses, MOST)
+    here, *aside = (replace(best, evidence=evidence) for evidence in scores.evidence)
+    for moved_m, other in zip(aside_m, aside, strict=True):
+        if not here.beats(other):
+            along = "x" if abs(moved_m[0]) > abs(moved_m[1]) else "y"
+            message = f"its place along {along} is undecided: moved by {100 * ASIDE_M:.1f} cm it fits as well"
+            raise UncertainPoseError(name, f"{message}, as its ends are hidden", HELP_SEE)
 
 
 def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:
