@@ -59,7 +59,8 @@ def of_its_colors_within(template: Template, lit: LitScene, pose: Poses) -> Inde
     faces = template.hull
     inside = close[(places_m[close] @ faces[:, :3].T + faces[:, 3] < WITHIN_M).all(axis=1)]
     off_lab, _ = template.palette.query(lit.lab[inside], distance_upper_bound=LIKE_LAB)
-    return inside[np.isfinite(off_lab)]
+    own: Index = inside[np.isfinite(off_lab)]
+    return own
 
 
 def _parts(template: Template, points_m: Array, index: Index, across_m: float) -> Sequence[Index]:
