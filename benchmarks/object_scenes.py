@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import app.sim  # noqa: F401 - chooses OpenGL, which MuJoCo reads when it is imported
 
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from app.sim.scene import COLORS, SceneBody, about_z, quaternion_wxyz
 from app.sim.world import CameraPlacement, camera_to_world
-from benchmarks.object_shapes import THINGS
+from benchmarks.object_shapes import PROPS, THINGS
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
@@ -63,7 +64,7 @@ class Room:
             for number in (0, 1):
                 part = SceneBody(spec.worldbody, f"{name} {number}", AWAY_M)
                 part.body.mocap = True
-                THINGS[name].build(part)
+                ({**THINGS, **PROPS})[name].build(part)
         for number in range(NUM_CLUTTER):
             part = SceneBody(spec.worldbody, f"clutter {number}", AWAY_M)
             part.body.mocap = True
@@ -89,6 +90,17 @@ class Room:
             self._model.geom_rgba[geom, :3] = COLORS[color]
             self._move(f"clutter {number}", place_m, about_z(yaw))
         mujoco.mj_forward(self._model, self._data)
+
+    def lowest_m(self, layout: Layout, key: tuple[str, int]) -> float:
+        """The z of the lowest corner of the boxes around an object's shapes."""
+        self.place(layout)
+        body = self._model.body("{} {}".format(*key)).id
+        corners = np.array(list(product((-1, 1), repeat=3)))
+        geoms = np.flatnonzero(self._model.geom_bodyid == body)
+        boxes = self._model.geom_aabb[geoms]
+        local = boxes[:, None, :3] + corners * boxes[:, None, 3:]
+        axes = self._data.geom_xmat[geoms].reshape(-1, 3, 3)
+        return float((np.einsum("gij,gcj->gci", axes, local) + self._data.geom_xpos[geoms][:, None])[..., 2].min())
 
     def shoot(self, layout: Layout, number: int, of: tuple[str, int] | None = None) -> RgbdFrame:
         """A perfect image of camera `number`, with its true calibration; mask 1 where the object `of` is."""

@@ -112,3 +112,26 @@ THINGS: Mapping[str, Thing] = {
     "brick": Thing(_brick, 0.05, 180.0),
     "bottle": Thing(_bottle, 0.036, 0.0),
 }
+
+
+def _arm(part: SceneBody) -> None:
+    """A forearm along x with its hand at the origin, its middle line at z = 0."""
+    along = Rotation.from_euler("y", 90, degrees=True)
+    part.capsule(0.04, 0.2, "grey", at_m=(0.3, 0, 0), rotation=along)
+    part.box((0.05, 0.04, 0.015), "pink", at_m=(0.03, 0, 0))
+    for y_m in (-0.03, -0.01, 0.01, 0.03):
+        part.capsule(0.008, 0.03, "pink", at_m=(-0.05, y_m, 0), rotation=along)
+
+
+def _gripper(part: SceneBody) -> None:
+    """A hand above the origin, its fingers open by 9 cm."""
+    part.box((0.1, 0.03, 0.04), "white", at_m=(0, 0, 0.1)).cylinder(0.05, 0.06, "white", at_m=(0, 0, 0.2))
+    for x_m in (-0.055, 0.055):
+        part.box((0.01, 0.01, 0.035), "grey", at_m=(x_m, 0, 0.03))
+
+
+def _shelf(part: SceneBody) -> None:
+    part.box((0.2, 0.25, 0.05), "white", at_m=(0, 0, 0.05))
+
+
+PROPS: Mapping[str, Thing] = {"arm": Thing(_arm, 0.5), "gripper": Thing(_gripper, 0.1), "shelf": Thing(_shelf, 0.3)}

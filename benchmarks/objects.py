@@ -8,7 +8,7 @@ import argparse
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -26,7 +26,9 @@ from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
 from benchmarks.object_scenes import Layout, Room, changed, sample
 from benchmarks.object_shapes import THINGS
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 WRONG_M, WRONG_DEG = 0.02, 20.0  # a pose that is further off is no pose of the object
@@ -64,10 +66,21 @@ class Tally:
         return values | {"seconds": float(np.mean(self.seconds)) if self.seconds else 0.0}
 
 
-def taught(room: Room, name: str, rng: np.random.Generator, num_cameras: int = 3) -> Taught:
-    """The object from three views among others."""
-    layouts = [sample(rng, [(name, 0), *_others(rng, [name], 2)]) for _ in range(NUM_VIEWS)]
-    views = [LabeledView(room.frames(layout, rng, of=(name, 0), num=num_cameras)) for layout in layouts]
+def taught(
+    room: Room,
+    name: str,
+    rng: np.random.Generator,
+    num_cameras: int = 3,
+    layouts: Sequence[Layout] = (),
+    labeled: Callable[[Sequence[RgbdFrame]], tuple[RgbdFrame, ...]] = tuple,
+) -> Taught:
+    """The object from views of layouts, by default of three with others.
+
+    Args:
+        labeled: what a person makes of frames with perfect masks.
+    """
+    layouts = layouts or [sample(rng, [(name, 0), *others(rng, [name], 2)]) for _ in range(NUM_VIEWS)]
+    views = [LabeledView(labeled(room.frames(layout, rng, of=(name, 0), num=num_cameras))) for layout in layouts]
     learned = learn(name, views, THINGS[name].symmetry_deg, needs_yaw=False)
     true = layouts[learned.merged[0]].poses[name, 0]
     object_to_template = np.linalg.inv(_root_pose(learned.template, views[learned.merged[0]])) @ true
@@ -82,7 +95,8 @@ def _root_pose(template: Template, view: LabeledView) -> Array:
     return frame.camera.camera_to_world @ np.linalg.inv(template.free_views[0].camera.camera_to_world)
 
 
-def _others(rng: np.random.Generator, names: Sequence[str], count: int) -> list[tuple[str, int]]:
+def others(rng: np.random.Generator, names: Sequence[str], count: int) -> list[tuple[str, int]]:
+    """Random other objects, the first of each kind."""
     free = [name for name in THINGS if name not in names and name != "drawer"]
     return [(str(name), 0) for name in rng.choice(free, count, replace=False)]
 
@@ -95,17 +109,17 @@ def scenes_of(
         for name in names:
             match condition:
                 case "absent":
-                    yield sample(rng, _others(rng, [name], 3), num_clutter=3), [name]
+                    yield sample(rng, others(rng, [name], 3), num_clutter=3), [name]
                 case "two alike":
-                    yield sample(rng, [(name, 0), (name, 1), *_others(rng, [name], 1)], num_clutter=2), [name]
+                    yield sample(rng, [(name, 0), (name, 1), *others(rng, [name], 1)], num_clutter=2), [name]
                 case "hidden":
-                    yield sample(rng, [(name, 0), *_others(rng, [name], 1)], num_clutter=2, hide=True), [name]
+                    yield sample(rng, [(name, 0), *others(rng, [name], 1)], num_clutter=2, hide=True), [name]
                 case _ if condition in CHANGES:
                     alone = sample(rng, [(name, 0)], num_clutter=0)
                     yield changed(alone, name, condition, rng), [name]
                 case _:
                     clutter = 0 if condition in ("clean", "noise") else 3
-                    targets = [(name, 0), *_others(rng, [name], 2)]
+                    targets = [(name, 0), *others(rng, [name], 2)]
                     yield sample(rng, targets, num_clutter=clutter, light=condition == "light"), [name]
 
 
@@ -117,26 +131,31 @@ def ask(
     for layout, asked in scenes_of(condition, list(templates), count, rng):
         frames = room.frames(layout, rng, noise=condition != "clean", num=num_cameras)
         for name in asked:
-            symmetric = THINGS[name].symmetry_deg
-            model = RegisteredModel("0" * 64, "none" if symmetric is None else "yaw" if symmetric == 0 else symmetric)
-            query = TaughtQuery(name, model=model, template=templates[name].template)
-            begun = time.process_time()
-            try:
-                (pose,) = RegisteredPoses().estimate([query], frames)
-            except NoPoseError as error:
-                tallies[name].refused[error.message] += 1
-            else:
-                _judge(tallies[name], condition, name, pose, layout, templates[name])
-            tallies[name].seconds.append(time.process_time() - begun)
+            true = None if condition in ("absent", "two alike") else layout.poses[name, 0]
+            question(tallies[name], name, templates[name], frames, true)
     return dict(tallies)
 
 
-def _judge(tally: Tally, condition: str, name: str, pose: ObjectPose, layout: Layout, taught: Taught) -> None:
+def question(tally: Tally, name: str, taught: Taught, frames: Sequence[RgbdFrame], true: Array | None) -> None:
+    """Ask for one object; `true` is its pose (4, 4), None where any answer is wrong."""
     symmetric = THINGS[name].symmetry_deg
-    if condition in ("absent", "two alike"):
+    model = RegisteredModel("0" * 64, "none" if symmetric is None else "yaw" if symmetric == 0 else symmetric)
+    query = TaughtQuery(name, model=model, template=taught.template)
+    begun = time.process_time()
+    try:
+        (pose,) = RegisteredPoses().estimate([query], frames)
+    except (NoPoseError, InvalidInputError) as error:
+        tally.refused[error.message] += 1
+    else:
+        _judge(tally, name, pose, true, taught)
+    tally.seconds.append(time.process_time() - begun)
+
+
+def _judge(tally: Tally, name: str, pose: ObjectPose, true: Array | None, taught: Taught) -> None:
+    symmetric = THINGS[name].symmetry_deg
+    if true is None:
         tally.wrong.append(f"given at {pose.position_m.round(3).tolist()}, confidence {pose.confidence}")
         return
-    true = layout.poses[name, 0]
     found = np.eye(4)
     found[:3, 3] = pose.position_m
     if pose.quaternion_xyzw is not None:
@@ -170,16 +189,19 @@ def main() -> int:
         except ObjectModelError as error:
             print(f"not taught: {error}", file=sys.stderr)  # noqa: T201
     for condition in options.conditions.split(","):
-        tallies = ask(room, templates, condition, options.scenes, options.seed, options.cameras)
-        if options.why:
-            for name, tally in tallies.items():
-                for reason in (*(f"WRONG {item}" for item in tally.wrong), *tally.refused):
-                    print(f"{condition}, {name}: {reason}", file=sys.stderr)  # noqa: T201
-        table = Table("object", *COLUMNS, title=condition)
-        for name, row in ((name, tally.row()) for name, tally in tallies.items()):
-            table.add_row(name, *(f"{row[column]:.4g}" if column in row else "" for column in COLUMNS))
-        Console(width=120).print(table)
+        show(condition, ask(room, templates, condition, options.scenes, options.seed, options.cameras), options.why)
     return 0
+
+
+def show(condition: str, tallies: Mapping[str, Tally], why: bool) -> None:
+    """Print a table; the refusals and wrong poses with `why`."""
+    table = Table("object", *COLUMNS, title=condition)
+    for name, tally in tallies.items():
+        row = tally.row()
+        table.add_row(name, *(f"{row[column]:.4g}" if column in row else "" for column in COLUMNS))
+        for reason in (*(f"WRONG {item}" for item in tally.wrong), *tally.refused) if why else ():
+            print(f"{condition}, {name}: {reason}", file=sys.stderr)  # noqa: T201
+    Console(width=120).print(table)
 
 
 if __name__ == "__main__":

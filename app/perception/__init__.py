@@ -5,8 +5,8 @@ raises (`base.PoseEstimator`). An object's model (`models`) names its estimator;
 
 From images to poses: `cuboid` and `markers` process each camera by itself. They segment pixels that may be the object
 and fit its shape to depth and outline, or its markers to their corners. Each camera yields a `sightings.Sighting`: a
-pose, a confidence and a reason. `registered` uses all cameras together: points above the table -> `candidates` ->
-`hypotheses` with scores.
+pose, a confidence and a reason. `registered` uses all cameras together: `scene` (points above the table) ->
+`candidates` -> `hypotheses` with scores -> `decide` (one of them, or a refusal); `learn` makes its templates.
 
 Refusals: `cuboid.judge`, `markers.estimator` and `registered.decide` compute confidences. `sightings.fused` and
 `registered.decide` refuse a pose below its model's `min_confidence`, cameras that contradict each other, and several

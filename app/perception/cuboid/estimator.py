@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
 from app.perception.cuboid.fit import fit_upright
+from app.perception.cuboid.fit_data import FitData, fit_data
 from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import Bytes, HsvImage, Piece, color_mask, find_pieces, to_hsv
-from app.perception.cuboid.view import View, view_of
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
@@ -97,15 +97,15 @@ class _Search:
 
 def _sighted(images: Sequence[tuple[RgbdFrame, HsvImage]], looks: CuboidModel) -> list[Sighting | Miss]:
     size_m, yaw_range_rad = np.array(looks.size_m), np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
-    seen: list[tuple[RgbdFrame, Piece, View]] = []
+    seen: list[tuple[RgbdFrame, Piece, FitData]] = []
     misses = []
     for frame, hsv in images:
         mask = color_mask(hsv, looks.color)
         pieces = find_pieces(frame, mask, size_m, looks.shape)
-        seen += [(frame, piece, view_of(frame, piece)) for piece in pieces]
+        seen += [(frame, piece, fit_data(frame, piece)) for piece in pieces]
         if not pieces:
             misses.append(_miss(frame, mask))
-    fits = fit_upright([view for *_, view in seen], looks.shape, size_m, yaw_range_rad=yaw_range_rad)
+    fits = fit_upright([data for *_, data in seen], looks.shape, size_m, yaw_range_rad=yaw_range_rad)
     return [*(judged(*item, looks.shape, fit) for item, fit in zip(seen, fits, strict=True)), *misses]
 
 

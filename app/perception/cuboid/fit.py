@@ -4,7 +4,7 @@ Depth says where its faces are, the outline in the color image where its edges a
 determines the yaw. Iteratively reweighted least squares (Levenberg-Marquardt) from several yaws, for all objects of
 an image in one batch, since calls would dominate the time otherwise.
 
-Shapes: V views of one object each, B candidates per view (`app.perception.cuboid.shape`), N points, M rays.
+Shapes: V pieces of one object each, B candidates per piece (`app.perception.cuboid.shape`), N points, M rays.
 """
 
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ from typing import Self
 
 import numpy as np
 
+from app.perception.cuboid.fit_data import FitData
 from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import quantiles
 from app.perception.cuboid.shape import SX, SY, SZ, YAW, Reals, X, Y, Z, ray_distances_m, surface_distances_m
-from app.perception.cuboid.view import View
 from roboprompt_client.types.arrays import Array
 
 FAST = np.float32  # the type of residuals during optimization: 0.1 um at 1 m
@@ -32,7 +32,7 @@ MAX_STEP = np.array([0.02, 0.02, 0.02, 0.4, 0.01, 0.01, 0.01])
 MIN_SIZE_M, MIN_HEIGHT_M = 5e-4, 1e-3
 SAME_YAW_RAD = np.radians(5)  # closer yaws count as equal
 SETTLED = 2e-3  # relative change in cost below which the optimization stops
-# A candidate whose cost falls by less than this share of its distance to the best cost of its view cannot win.
+# A candidate whose cost falls by less than this share of its distance to the best cost of its piece cannot win.
 CATCHES_UP = 0.1
 _PLACE: dict[Shape, tuple[int, ...]] = {"box": (X, Y, Z, YAW), "cylinder": (X, Y, Z)}
 _SIZE: dict[Shape, tuple[int, ...]] = {"box": (SX, SY, SZ), "cylinder": (SX, SZ)}
@@ -55,14 +55,14 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured:
-    """Measurements of V views, relative to each camera's position to keep `FAST` numbers precise.
+class _FitBatch:
+    """Measurements of V pieces, relative to each camera's position to keep `FAST` numbers precise.
 
     Views with fewer points or rays than others are padded with measurements of infinite sigma.
 
     Attributes:
         eyes: (V, 1, 7) the camera positions, to subtract from candidates.
-        points_m, rays: (V, N, 3) and (V, M, 3), see `View`.
+        points_m, rays: (V, N, 3) and (V, M, 3), see `FitData`.
         point_sigma_m, ray_sigma_m: (V, 1, N) and (V, 1, M).
         ground_m, ground_sigma_m: (V, 1); infinite sigma where no ground is visible.
     """
@@ -76,24 +76,24 @@ class _Measured:
     ground_sigma_m: Reals
 
     @classmethod
-    def of(cls, views: Sequence[View], thinning: int = 1) -> Self:
-        """Return the measurements of views, with every `thinning`-th point and ray."""
-        eyes = np.array([[[*view.eye_m, 0, 0, 0, 0]] for view in views])
-        points_m = [view.points_m[::thinning] - view.eye_m for view in views]
-        rays = [view.rays[::thinning] for view in views]
-        ground_m = [[0.0 if view.ground_m is None else view.ground_m - view.eye_m[2]] for view in views]
-        ground_sigma_m = [[np.inf if view.ground_m is None else GROUND_SIGMA_M] for view in views]
+    def of(cls, pieces: Sequence[FitData], thinning: int = 1) -> Self:
+        """Return the measurements of pieces, with every `thinning`-th point and ray."""
+        eyes = np.array([[[*piece.eye_m, 0, 0, 0, 0]] for piece in pieces])
+        points_m = [piece.points_m[::thinning] - piece.eye_m for piece in pieces]
+        rays = [piece.rays[::thinning] for piece in pieces]
+        ground_m = [[0.0 if piece.ground_m is None else piece.ground_m - piece.eye_m[2]] for piece in pieces]
+        ground_sigma_m = [[np.inf if piece.ground_m is None else GROUND_SIGMA_M] for piece in pieces]
         return cls(
             eyes,
-            *_filled_up(points_m, [view.point_sigma_m for view in views]),
-            *_filled_up(rays, [OUTLINE_SIGMA_PX * view.footprint_m for view in views]),
+            *_filled_up(points_m, [piece.point_sigma_m for piece in pieces]),
+            *_filled_up(rays, [OUTLINE_SIGMA_PX * piece.footprint_m for piece in pieces]),
             np.array(ground_m, FAST),
             np.array(ground_sigma_m, FAST),
         )
 
 
 def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals, Reals]:
-    """Return vectors of V views, (N, 3) each, padded to (V, most, 3), and their sigmas (V, 1, most)."""
+    """Return vectors of V pieces, (N, 3) each, padded to (V, most, 3), and their sigmas (V, 1, most)."""
     most = max(map(len, vectors))
     filled, filled_sigmas = np.ones((len(vectors), most, 3), FAST), np.full((len(vectors), 1, most), np.inf, FAST)
     for number, (those, sigma) in enumerate(zip(vectors, sigmas, strict=True)):
@@ -101,35 +101,35 @@ def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals
     return filled, filled_sigmas
 
 
-def fit_upright(views: Sequence[View], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
-    """Return the best candidate of a known size for each view.
+def fit_upright(pieces: Sequence[FitData], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
+    """Return the best candidate of a known size for each piece.
 
     Args:
         size_m: (3,) full lengths.
         yaw_range_rad: the rotation symmetry of the shape: starting yaws lie within it. Ignored for a cylinder.
     """
-    return _fits(views, shape, size_m, yaw_range_rad, _PLACE[shape]) if views else []
+    return _fits(pieces, shape, size_m, yaw_range_rad, _PLACE[shape]) if pieces else []
 
 
-def fit_any_size(view: View, shape: Shape) -> Fit:
+def fit_any_size(piece: FitData, shape: Shape) -> Fit:
     """Return the best candidate of unknown size; a box's x and y sides may be swapped."""
-    low, high = quantiles(view.points_m, 0.02, 0.98)
+    low, high = quantiles(piece.points_m, 0.02, 0.98)
     side_m = float(np.hypot(*(high - low)[:2])) / np.sqrt(2)
     begin_m = np.array([side_m, side_m, max(high[2] - low[2], MIN_HEIGHT_M)])
-    return _fits([view], shape, begin_m, np.pi / 2, [*_PLACE[shape], *_SIZE[shape]])[0]
+    return _fits([piece], shape, begin_m, np.pi / 2, [*_PLACE[shape], *_SIZE[shape]])[0]
 
 
 def _fits(
-    views: Sequence[View], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
+    pieces: Sequence[FitData], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
 ) -> list[Fit]:
-    """Return the best candidate for each view; `columns` of the candidates are optimized."""
-    starts = np.array([_starts(view, shape, size_m, yaw_range_rad) for view in views])
+    """Return the best candidate for each piece; `columns` of the candidates are optimized."""
+    starts = np.array([_starts(piece, shape, size_m, yaw_range_rad) for piece in pieces])
     if starts.shape[1] > FINALISTS:
-        coarse = _Measured.of(views, COARSE_THINNING)
+        coarse = _FitBatch.of(pieces, COARSE_THINNING)
         starts, costs = _descend(coarse, shape, starts, columns, COARSE_STEPS)
         ordered = np.take_along_axis(starts, np.argsort(costs)[..., None], axis=1)
         starts = np.array([_distinct(ends, yaw_range_rad) for ends in ordered])
-    ends, costs = _descend(_Measured.of(views), shape, starts, columns, FINE_STEPS)
+    ends, costs = _descend(_FitBatch.of(pieces), shape, starts, columns, FINE_STEPS)
     if shape == "cylinder":
         ends[..., SY] = ends[..., SX]
     return [_best(*those, yaw_range_rad) for those in zip(ends, costs, strict=True)]
@@ -144,13 +144,13 @@ def _best(ends: Array, costs: Array, yaw_range_rad: float) -> Fit:
     return Fit(ends[best], float(costs[best]), float(rival_yaw), float(rival_cost))
 
 
-def _starts(view: View, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
+def _starts(piece: FitData, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
     """Return starting candidates (B, 7), their centers behind the visible points."""
-    middle_m = view.points_m.mean(axis=0)
-    away = middle_m - view.eye_m
+    middle_m = piece.points_m.mean(axis=0)
+    away = middle_m - piece.eye_m
     away[2] = 0
     center = middle_m + away / np.linalg.norm(away) * size_m[:2].mean() / 4
-    (top_m,) = quantiles(view.points_m[:, 2], 0.95)
+    (top_m,) = quantiles(piece.points_m[:, 2], 0.95)
     center[2] = top_m - size_m[2] / 2
     yaws = [0.0] if shape == "cylinder" else np.arange(0, yaw_range_rad - SAME_YAW_RAD, BETWEEN_YAWS_RAD)
     return np.array([[*center, yaw, *size_m] for yaw in yaws])
@@ -169,9 +169,7 @@ def _wrapped(angle_rad: Array, period_rad: float) -> Array:
     return (angle_rad + period_rad / 2) % period_rad - period_rad / 2
 
 
-def _descend(
-    measured: _Measured, shape: Shape, starts: Array, columns: Sequence[int], steps: int
-) -> tuple[Array, Array]:
+def _descend(batch: _FitBatch, shape: Shape, starts: Array, columns: Sequence[int], steps: int) -> tuple[Array, Array]:
     """Return candidates (V, B, 7), optimized in `columns`, and their costs (V, B)."""
     columns = list(columns)
     shifts = np.concatenate([np.zeros((1, 7)), np.diag(STEP)[columns]])  # of numerical derivatives
@@ -180,7 +178,7 @@ def _descend(
     trial = starts
     for step in range(steps + 1):
         shifted = trial[:, :, None] + (shifts if step < steps else shifts[:1])
-        values = _residuals(measured, shape, shifted.reshape(len(starts), -1, 7)).reshape(*shifted.shape[:3], -1)
+        values = _residuals(batch, shape, shifted.reshape(len(starts), -1, 7)).reshape(*shifted.shape[:3], -1)
         residuals = values[:, :, 0]
         costs = np.log1p((residuals / ROBUST_SIGMAS) ** 2).sum(axis=-1) * ROBUST_SIGMAS**2 / 2
         better = costs < best_costs
@@ -213,14 +211,14 @@ def _stepped(best: Array, residuals: Reals, jacobian: Reals, damping: Array, col
     return trial
 
 
-def _residuals(measured: _Measured, shape: Shape, candidates: Reals) -> Reals:
+def _residuals(batch: _FitBatch, shape: Shape, candidates: Reals) -> Reals:
     """Return residuals (V, B, N + M + 1) in sigmas: of points, rays and the ground."""
-    candidates = (candidates - measured.eyes).astype(FAST)
-    gap_m = candidates[..., Z] - candidates[..., SZ] / 2 - measured.ground_m
+    candidates = (candidates - batch.eyes).astype(FAST)
+    gap_m = candidates[..., Z] - candidates[..., SZ] / 2 - batch.ground_m
     gap_m = np.where(np.abs(gap_m) < GROUND_CONTACT_M, gap_m, GROUND_CONTACT_M)
     parts = [
-        surface_distances_m(shape, candidates, measured.points_m) / measured.point_sigma_m,
-        ray_distances_m(shape, candidates, np.zeros(3, FAST), measured.rays) / measured.ray_sigma_m,
-        (gap_m / measured.ground_sigma_m)[..., None],
+        surface_distances_m(shape, candidates, batch.points_m) / batch.point_sigma_m,
+        ray_distances_m(shape, candidates, np.zeros(3, FAST), batch.rays) / batch.ray_sigma_m,
+        (gap_m / batch.ground_sigma_m)[..., None],
     ]
     return np.concatenate(parts, axis=-1)

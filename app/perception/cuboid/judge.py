@@ -5,10 +5,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.cuboid.fit import Fit
+from app.perception.cuboid.fit_data import FitData
 from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import SQUARE, Piece, window
 from app.perception.cuboid.shape import YAW, outline_points_m, surface_distances_m
-from app.perception.cuboid.view import View
 from app.perception.sightings import Sighting
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 from roboprompt_client.types.arrays import Array
@@ -24,7 +24,7 @@ NOTED = 0.85  # the reason mentions shares below this
 BORDER_PX = 2
 
 
-def judged(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -> Sighting:
+def judged(frame: RgbdFrame, piece: Piece, data: FitData, shape: Shape, fit: Fit) -> Sighting:
     """Return the pose of the fitted shape; its confidence compares the piece's pixels with those of the shape.
 
     These lower it: pixels outside of the shape's outline; pixels inside the outline that show something behind it or
@@ -32,7 +32,7 @@ def judged(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -
     """
     covered, own, contradicting = _shares(frame, piece, shape, fit.candidate)
     tolerance_m = SURFACE_M + DEPTH_SIGMAS * DEPTH_SIGMA_AT_1_M * piece.distance_m**2
-    on_surface = float((np.abs(surface_distances_m(shape, fit.candidate[None], view.points_m)) < tolerance_m).mean())
+    on_surface = float((np.abs(surface_distances_m(shape, fit.candidate[None], data.points_m)) < tolerance_m).mean())
     shares = {
         "of its pixels lie inside the outline of the fitted shape": own,
         "of the fitted shape's visible area has its color": 1 - contradicting,

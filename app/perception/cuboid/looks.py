@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.fit import fit_any_size
+from app.perception.cuboid.fit_data import fit_data
 from app.perception.cuboid.model import ColorModel, Shape
 from app.perception.cuboid.pieces import SQUARE, Bools, color_mask, find_parts, to_hsv
 from app.perception.cuboid.shape import SX, YAW
-from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.types.arrays import Array
@@ -83,7 +83,7 @@ def _samples(frame: RgbdFrame, pixels: Bools) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredShape:
     """The size and origin of an object, measured in one view.
 
     Attributes:
@@ -97,22 +97,24 @@ class Measured:
     cost: float
 
 
-def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
+def measure(
+    frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape
+) -> MeasuredShape | None:
     """Fit a shape of unknown size to the patch of the color that overlaps the labeled pixels most."""
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
     shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
     if not any(shares):
         return None
-    view = view_of(frame, pieces[int(np.argmax(shares))])
-    fit = fit_any_size(view, shape)
+    data = fit_data(frame, pieces[int(np.argmax(shares))])
+    fit = fit_any_size(data, shape)
     size_m, turn = _along_axes(fit.candidate, query, shape)
     origin_m = None
     if query.position_m is not None:
         origin_m = turn.inv().apply(np.array(query.position_m) - fit.candidate[:3])
         if query.quaternion_xyzw is None:
             origin_m[:2] = 0.0
-    return Measured(size_m, origin_m, fit.cost / (len(view.points_m) + len(view.rays)))
+    return MeasuredShape(size_m, origin_m, fit.cost / (len(data.points_m) + len(data.rays)))
 
 
 def _along_axes(candidate: Array, query: ObjectQuery, shape: Shape) -> tuple[Array, Rotation]:

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from app.perception.registered.geometry import VOXEL_M, Index
+from app.perception.registered.geometry import VOXEL_M, Index, Poses, lengths
 from app.perception.registered.hypotheses import MAX_RISE_M
 from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
@@ -23,6 +23,7 @@ LIKE_LAB, SAME_LAB = 26.0, 12.0  # tolerance of an object's colors in other ligh
 ALIKE_SHARE = 0.8
 FEWEST_POINTS, MIN_SHARE = 15, 0.04  # of the template's points
 MAX_CANDIDATES = 8  # the largest
+WITHIN_M = VOXEL_M  # a point may lie so far outside of the hull: a lid on the rim
 TOO_WIDE, MAX_PIECES = 1.2, 4  # a part wider than so many widths of the object is split into pieces
 
 
@@ -49,6 +50,17 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
         if len(alike) < ALIKE_SHARE * len(whole):
             pieces += _parts(template, points_m, alike, across_m)
     return [*parts, *pieces]
+
+
+def of_its_colors_within(template: Template, lit: LitScene, pose: Poses) -> Index:
+    """Return the indices of points of the object's colors that lie within its convex hull in one pose."""
+    places_m = pose.to_template(lit.scene.points_m)[0]
+    close = np.flatnonzero(lengths(places_m - template.points_m.mean(axis=0)) < template.reach_m)
+    faces = template.hull
+    inside = close[(places_m[close] @ faces[:, :3].T + faces[:, 3] < WITHIN_M).all(axis=1)]
+    off_lab, _ = template.palette.query(lit.lab[inside], distance_upper_bound=LIKE_LAB)
+    own: Index = inside[np.isfinite(off_lab)]
+    return own
 
 
 def _parts(template: Template, points_m: Array, index: Index, across_m: float) -> Sequence[Index]:

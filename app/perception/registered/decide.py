@@ -7,20 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.perception.frame_checks import are_swapped
-from app.perception.registered.candidates import SAME_LAB, candidates
-from app.perception.registered.geometry import Index, angle_deg
-from app.perception.registered.hypotheses import Hypothesis, hypotheses
+from app.perception.registered.candidates import SAME_LAB, candidates, of_its_colors_within
+from app.perception.registered.depth_view import DepthView
+from app.perception.registered.geometry import Index, Poses, angle_deg
+from app.perception.registered.hypotheses import MOST, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.score import shares_seen
+from app.perception.registered.score import score, shares_seen
 from app.perception.registered.template import Template
-from app.perception.registered.view import View
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.cameras.table import MAX_OFF_M, OTHER_M, find_flat_surface
 from roboprompt_client.types.camera import RgbdFrame
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
-SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
+SAME_YAW_DEG, SAME_PLACE_M, ASIDE_M = 14.0, 0.02, 0.015
 EXPLAINED_M = 0.015  # points closer than this to the object in its pose belong to it
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
 OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found object: two objects cannot
@@ -29,12 +29,13 @@ SEEN_SHARE = 0.12  # a camera sees the object if it sees this share of the side 
 HELP_SEE = "a view in which more of it is seen, or a further camera"
 WELL_SEEN = 0.5  # share of the facing side that one camera sees where another one should see it, too
 OTHER_TABLE_RGB = 25.0  # of 255
+OTHER_BRIGHTNESS, MIN_OTHERS = 1.4, 2  # ratio of one camera's table to the median of at least so many others
 STEP_PX = 4  # stride of the pixels that are checked for missing depth
 MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without depth, to be reported
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundPose:
     """An object that was found at one place only.
 
     Attributes:
@@ -56,7 +57,7 @@ class Found:
         return seeing or (max(self.shares, key=self.shares.__getitem__),)
 
 
-def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> Found:
+def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> FoundPose:
     """Return the pose of the object `name`.
 
     If light and table may both have changed, it must be found in the light that the table shows: a white cup in half
@@ -82,25 +83,43 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
     return first
 
 
-def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> Found:
+def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> FoundPose:
     """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
-    known = {part.tobytes(): hypotheses(template, lit, part) for part in parts}
-    places = sorted(known.values(), key=lambda place: -place[0].value * min(1.0, place[0].support / MIN_SUPPORT))
+    known = {part.tobytes(): (hypotheses(template, lit, part), part) for part in parts}
+    places = sorted(known.values(), key=lambda place: -place[0][0].value * min(1.0, place[0][0].support / MIN_SUPPORT))
     if not places:
         cameras = ", ".join(view.camera.name for view in lit.scene.views)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
         within = "" if elsewhere is None else " within its masks"
         raise ObjectNotVisibleError(name, message + within + causes(template, lit), HELP_SEE)
-    best = places[0][0]
+    first, part = places[0]
+    best = _with_all_within(template, lit, first[0], part, elsewhere)
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
+    _check_ends(name, template, lit, best, part)
     leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
-    rivals = [place[0] for place in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
+    rivals = [place[0] for place, _ in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
-    turned = yaw_rivals(template, places[0])
+    turned = yaw_rivals(template, first)
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
-    return Found(best, shares, len(turned), spread_m)
+    return FoundPose(best, shares, len(turned), spread_m)
+
+
+def _with_all_within(
+    template: Template, lit: LitScene, best: Hypothesis, part: Index, elsewhere: Index | None
+) -> Hypothesis:
+    """Return a pose, its value reduced by what lies within the object where it was open: a mug upside down.
+
+    A part that was searched may lack such points, as they look a little different from the rest.
+    """
+    within = of_its_colors_within(template, lit, best.pose)
+    further = np.setdiff1d(within, part if elsewhere is None else np.union1d(part, elsewhere))
+    if not len(further):
+        return best
+    index = np.random.default_rng(0).permutation(np.concatenate([part, further]))[:MOST]
+    value = float(score(template, lit, index, best.pose, MOST).value[0]) * best.color
+    return replace(best, value=min(best.value, value))
 
 
 def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -134,11 +153,27 @@ def _check(
         message += f" (of its facing side agree: {seen}){causes(template, lit)}"
         blind = [camera for camera, share in shares.items() if share < max(shares.values()) / 2]
         if blind and max(shares.values()) > WELL_SEEN:
-            message += f"; {' and '.join(blind)}: hidden there, or camera_to_world is off"
+            message += f"; {' and '.join(blind)}: hidden there, an old picture, or camera_to_world is off"
         raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
         raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)
+
+
+def _check_ends(name: str, template: Template, lit: LitScene, best: Hypothesis, part: Index) -> None:
+    """Refuse a pose that may as well be moved aside: of a long object only the middle is seen."""
+    headings = np.radians(np.arange(0, 360, 45))
+    aside_m = ASIDE_M * np.column_stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))])
+    origins_m = best.pose.origins_m + np.vstack([np.zeros(3), aside_m])
+    poses = Poses(np.repeat(best.pose.rotations, len(origins_m), axis=0), origins_m)
+    index = np.random.default_rng(0).permutation(part)[:MOST]
+    scores = score(template, lit, index, poses, MOST)
+    here, *aside = (replace(best, evidence=evidence) for evidence in scores.evidence)
+    for moved_m, other in zip(aside_m, aside, strict=True):
+        if not here.beats(other):
+            along = "x" if abs(moved_m[0]) > abs(moved_m[1]) else "y"
+            message = f"its place along {along} is undecided: moved by {100 * ASIDE_M:.1f} cm it fits as well"
+            raise UncertainPoseError(name, f"{message}, as its ends are hidden", HELP_SEE)
 
 
 def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:
@@ -169,6 +204,7 @@ def causes(template: Template, lit: LitScene) -> str:
     """Return likely faults of images in which an object was not found, as the end of a message; may be empty."""
     notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
     notes += [_bumped(view, lit.scene) for view in lit.scene.views]
+    notes += [_colored_otherwise(view, lit.scene) for view in lit.scene.views]
     taught_rgb, table = template.table_rgb, lit.scene.table
     if are_swapped(taught_rgb, table.rgb):
         notes.append("the table has its taught color if red and blue change places: BGR images?")
@@ -177,12 +213,27 @@ def causes(template: Template, lit: LitScene) -> str:
     return "".join(f"; {note}" for note in notes if note)
 
 
-def _bumped(view: View, scene: Scene) -> str:
+def _bumped(view: DepthView, scene: Scene) -> str:
     surface = find_flat_surface(RgbdFrame(view.camera, None, view.depth_m))
     off_m = 0.0 if surface is None else float(scene.table.height_m(surface.middle_m[None])[0])
     if not MAX_OFF_M < abs(off_m) < OTHER_M:
         return ""
     return f"{view.camera.name} sees the table {1000 * off_m:+.0f} mm off: was the camera bumped?"
+
+
+def _colored_otherwise(view: DepthView, scene: Scene) -> str:
+    """Return how the table looks in one camera if it looks otherwise in the others together."""
+    own, *others = (scene.table_rgb_in(item) for item in (view, *(item for item in scene.views if item is not view)))
+    known = [rgb for rgb in others if rgb is not None]
+    if own is None or len(known) < MIN_OTHERS:
+        return ""
+    usual = np.median(known, axis=0)
+    if are_swapped(usual, own):
+        return f"{view.camera.name} shows the others' table with red and blue exchanged: BGR images?"
+    times = float(own.sum() / max(usual.sum(), 1.0))
+    if max(times, 1 / max(times, 0.01)) < OTHER_BRIGHTNESS:
+        return ""
+    return f"{view.camera.name} shows the table {times:.1f} times as bright as the others: the same exposure for all?"
 
 
 def _without_depth(template: Template, lit: LitScene, number: int) -> str:

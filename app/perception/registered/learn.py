@@ -10,13 +10,13 @@ import numpy as np
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import MIN_SCORE, yaw_rivals
+from app.perception.registered.depth_view import free_views
 from app.perception.registered.geometry import Index, thinned, unit
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
-from app.perception.registered.view import free_views
 from roboprompt_client.types.camera import RgbdFrame
 
 FEWEST_POINTS = 40
@@ -55,7 +55,7 @@ class Learned:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _LabeledPoints:
     scene: Scene
     index: Index
     yaw_deg: float | None
@@ -72,41 +72,61 @@ def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *
         ObjectModelError: if no view shows the object, no two views fit each other, or the symmetry is wrong.
         InvalidInputError: if images are unusable.
     """
-    seen: dict[int, _Seen] = {}
-    refused: dict[int, str] = {}
+    usable, refused = _usable(name, views)
+    learned = _merged(name, usable, symmetry_deg)
+    refused = {**learned.refused, **refused}
+    if len(views) > 1 and len(learned.merged) == 1:
+        remedy = "views that show the same side, with a yaw each; the object rigid and upright in all of them"
+        raise ObjectModelError(name, f"none of the {len(views)} views fits another: {_listed(refused)}", remedy)
+    _check_symmetry(name, learned.template, [usable[number] for number in learned.merged], needs_yaw=needs_yaw)
+    return replace(learned, template=centered(learned.template), refused=refused)
+
+
+def _usable(name: str, views: Sequence[LabeledView]) -> tuple[dict[int, _LabeledPoints], dict[int, str]]:
+    """Return the labeled points of the views that have enough, by number, and why each other view is unusable."""
+    usable, refused = dict[int, _LabeledPoints](), dict[int, str]()
     for number, view in enumerate(views):
         scene = Scene.of(view.frames)
         index = labeled_points(scene)
         if problem := _problem(scene, index):
             refused[number] = problem
         else:
-            seen[number] = _Seen(scene, index, view.yaw_deg)
-    if not seen:
-        reasons = "; ".join(f"view {number}: {reason}" for number, reason in refused.items())
-        raise ObjectModelError(name, f"no view shows it: {reasons or 'there is none'}", HELP_LABEL)
-    roots = sorted(seen, key=lambda number: -len(seen[number].index))[:MAX_ROOTS]
+            usable[number] = _LabeledPoints(scene, index, view.yaw_deg)
+    if not usable:
+        raise ObjectModelError(name, f"no view shows it: {_listed(refused) or 'there is none'}", HELP_LABEL)
+    return usable, refused
+
+
+def _listed(refused: Mapping[int, str]) -> str:
+    return "; ".join(f"view {number}: {reason}" for number, reason in refused.items())
+
+
+def _merged(name: str, usable: Mapping[int, _LabeledPoints], symmetry_deg: float | None) -> Learned:
+    """Return the template of most views, complete under its symmetry."""
+    roots = sorted(usable, key=lambda number: -len(usable[number].index))[:MAX_ROOTS]
     # With arrows, views of different sides can be merged before the axis of symmetry is known.
-    has_arrows = all(item.yaw_deg is not None for item in seen.values())
+    has_arrows = all(item.yaw_deg is not None for item in usable.values())
     merged_deg = None if has_arrows and symmetry_deg else symmetry_deg
-    best = max((_grown(name, seen, root, merged_deg) for root in roots), key=lambda item: len(item.merged))
-    if len(views) > 1 and len(best.merged) == 1:
-        reasons = "; ".join(f"view {number}: {reason}" for number, reason in {**best.refused, **refused}.items())
-        remedy = "views that show the same side, with a yaw each; the object rigid and upright in all of them"
-        raise ObjectModelError(name, f"none of the {len(views)} views fits another: {reasons}", remedy)
-    root = seen[best.merged[0]]
-    if merged_deg != symmetry_deg:
-        best = replace(best, template=completed(name, replace(best.template, yaw_symmetry_deg=symmetry_deg)))
-    if symmetry_deg and not _look_alike_turned([seen[number] for number in best.merged], symmetry_deg):
+    best = max((_grown(name, usable, root, merged_deg) for root in roots), key=lambda item: len(item.merged))
+    if merged_deg == symmetry_deg:
+        return best
+    return replace(best, template=completed(name, replace(best.template, yaw_symmetry_deg=symmetry_deg)))
+
+
+def _check_symmetry(name: str, template: Template, views: Sequence[_LabeledPoints], *, needs_yaw: bool) -> None:
+    """Refuse a symmetry that most views contradict, and none for an object that looks the same all around."""
+    symmetry_deg = template.yaw_symmetry_deg
+    if symmetry_deg and not _look_alike_turned(views, symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')
-    lit = root.scene.in_lights_of(best.template.table_rgb)[0]
-    if symmetry_deg is None and needs_yaw and looks_alike_all_around(best.template, lit, root.index):
-        remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
-        raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
-    return replace(best, template=centered(best.template), refused={**best.refused, **refused})
+    if symmetry_deg is None and needs_yaw:
+        lit = views[0].scene.in_lights_of(template.table_rgb)[0]
+        if looks_alike_all_around(template, lit, views[0].index):
+            remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
+            raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
 
 
-def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
+def _look_alike_turned(views: Sequence[_LabeledPoints], symmetry_deg: float) -> bool:
     """Return whether most views fit the first one rotated by the symmetry.
 
     The first view itself always fits better without rotation, by its own noise: it counts only if it fits with it.
@@ -141,14 +161,14 @@ def _problem(scene: Scene, index: Index) -> str:
     return f"its masks span {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}" if span_m > MAX_SPAN_M else ""
 
 
-def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float | None) -> Learned:
+def _grown(name: str, views: Mapping[int, _LabeledPoints], root: int, symmetry_deg: float | None) -> Learned:
     """Return the template that starts with the view `root`, with all views that fit it."""
-    template = completed(name, _first(seen[root], symmetry_deg))
+    template = completed(name, _first(views[root], symmetry_deg))
     merged, refused = [root], dict[int, str]()
-    for number in [number for number in seen if number != root] * 2:  # a view may fit once others are merged
+    for number in [number for number in views if number != root] * 2:  # a view may fit once others are merged
         if number in merged:
             continue
-        outcome = _with(template, seen[number], seen[root])
+        outcome = _with(template, views[number], views[root])
         if isinstance(outcome, str):
             refused[number] = outcome
         else:
@@ -158,40 +178,40 @@ def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float 
     return Learned(template, tuple(merged), refused)
 
 
-def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
+def _first(view: _LabeledPoints, symmetry_deg: float | None) -> Template:
     """Return the template of one view; its x axis is that of the arrow."""
-    scene, points_m = seen.scene, seen.scene.points_m[seen.index]
+    scene, points_m = view.scene, view.scene.points_m[view.index]
     pose = np.eye(4)
-    yaw = np.radians(seen.yaw_deg or 0.0)
+    yaw = np.radians(view.yaw_deg or 0.0)
     pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
     pose[:2, 3] = (points_m[:, :2].min(axis=0) + points_m[:, :2].max(axis=0)) / 2
     pose[2, 3] = scene.table.level_m(pose[:3, 3])
     local_m = (points_m - pose[:3, 3]) @ pose[:3, :3]
     free = tuple(free_views(scene.views, pose, local_m, FREE_MARGIN_M))
-    normals = scene.normals[seen.index] @ pose[:3, :3]
-    return Template(local_m, normals, scene.rgb[seen.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
+    normals = scene.normals[view.index] @ pose[:3, :3]
+    return Template(local_m, normals, scene.rgb[view.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
 
 
-def _found(template: Template, seen: _Seen, root: _Seen) -> tuple[LitScene, Sequence[Hypothesis]]:
+def _found(template: Template, view: _LabeledPoints, root: _LabeledPoints) -> tuple[LitScene, Sequence[Hypothesis]]:
     """Return the light that fits best, and poses of the template in a view, the best first.
 
     Arrows of root and view limit the starting yaws.
     """
-    has_arrows = seen.yaw_deg is not None and root.yaw_deg is not None
-    yaws_deg = seen.yaw_deg + ARROW_ERROR_DEG if has_arrows else START_YAWS_DEG
-    lights = seen.scene.in_lights_of(template.table_rgb)
-    in_each = [(lit, hypotheses(template, lit, seen.index, yaws_deg)) for lit in lights]
+    has_arrows = view.yaw_deg is not None and root.yaw_deg is not None
+    yaws_deg = view.yaw_deg + ARROW_ERROR_DEG if has_arrows else START_YAWS_DEG
+    lights = view.scene.in_lights_of(template.table_rgb)
+    in_each = [(lit, hypotheses(template, lit, view.index, yaws_deg)) for lit in lights]
     return max(in_each, key=lambda item: item[1][0].value)
 
 
-def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
+def _with(template: Template, view: _LabeledPoints, root: _LabeledPoints) -> Template | str:
     """Return the template with a view's points added, or why the view does not fit."""
-    lit, found = _found(template, seen, root)
+    lit, found = _found(template, view, root)
     if found[0].value < MIN_SCORE:
         return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"
-    if (seen.yaw_deg is None or root.yaw_deg is None) and (rivals := yaw_rivals(template, found)):
+    if (view.yaw_deg is None or root.yaw_deg is None) and (rivals := yaw_rivals(template, found)):
         return f"{len(rivals) + 1} yaws fit the other views: a yaw with each label would decide"
-    scene, index, pose = seen.scene, seen.index, found[0].template_to_world
+    scene, index, pose = view.scene, view.index, found[0].template_to_world
     local_m = (scene.points_m[index] - pose[:3, 3]) @ pose[:3, :3]
     points_m, rgb, normals = thinned(
         np.concatenate([template.points_m, local_m]),

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 
 from app.perception.frame_checks import are_swapped, check_cameras, check_level
+from app.perception.registered.depth_view import FARTHEST_M, DepthView, RgbImage
 from app.perception.registered.geometry import Bools, Index, normals_of, thinned
-from app.perception.registered.view import FARTHEST_M, RgbImage, View
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
@@ -126,7 +126,7 @@ class Scene:
         rgb: (N, 3) their colors, 0..255.
     """
 
-    views: tuple[View, ...]
+    views: tuple[DepthView, ...]
     table: Table
     points_m: Array
     rgb: Array
@@ -142,7 +142,7 @@ class Scene:
         check_cameras(frames)
         for frame in frames:
             check_level(frame)
-        views = tuple(map(View.of, frames))
+        views = tuple(map(DepthView.of, frames))
         points_m, rgb, eyes_m = (np.concatenate(parts) for parts in zip(*map(_points, views), strict=True))
         table = find_table(points_m, rgb)
         if table is None:
@@ -154,6 +154,12 @@ class Scene:
         up[up] = table.holds(points_m[up])
         points_m, rgb, eyes_m = thinned(points_m[up], rgb[up], eyes_m[up])
         return cls(views, table, points_m, rgb, normals_of(points_m, eyes_m))
+
+    def table_rgb_in(self, view: DepthView) -> Array | None:
+        """Return the median color (3,) of the table in one camera, 0..255; None if it shows none of it."""
+        points_m, rgb, _ = _points(view)
+        on_table = np.abs(self.table.height_m(points_m)) < FLAT_M
+        return np.median(rgb[on_table], axis=0) if on_table.any() else None
 
     def in_lights_of(self, table_rgb: Array) -> "Sequence[LitScene]":
         """Return the scene as it would look in the light in which a table had the color (3,), 0..255.
@@ -206,7 +212,7 @@ def _scaled_lab(lab_uint8: RgbImage) -> Array:
     return scaled
 
 
-def _points(view: View) -> tuple[Array, Array, Array]:
+def _points(view: DepthView) -> tuple[Array, Array, Array]:
     """Return points, colors and camera positions, each (N, 3), on a grid of pixels."""
     step = max(1, round(view.depth_m.shape[1] / POINTS_WIDTH_PX))
     depth_m = view.depth_m[::step, ::step]

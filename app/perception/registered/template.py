@@ -12,11 +12,11 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
+from app.perception.registered.depth_view import DepthView
 from app.perception.registered.geometry import VOXEL_M, Index, lengths
 from app.perception.registered.scene import to_lab
-from app.perception.registered.view import View
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
@@ -45,7 +45,7 @@ class Template:
     points_m: Array
     normals: Array
     rgb: Array
-    free_views: tuple[View, ...]
+    free_views: tuple[DepthView, ...]
     table_rgb: Array
     bottom_m: float
     scores: tuple[float, ...] = ()
@@ -74,6 +74,17 @@ class Template:
         """Its approximate smallest horizontal extent."""
         headings = np.radians(np.arange(0, 180, 15))
         return float(np.ptp(self.points_m[:, :2] @ np.array([np.cos(headings), np.sin(headings)]), axis=0).min())
+
+    @cached_property
+    def reach_m(self) -> float:
+        """The largest distance of a point from the mean of all."""
+        return float(lengths(self.points_m - self.points_m.mean(axis=0)).max())
+
+    @cached_property
+    def hull(self) -> Array:
+        """The faces (F, 4) of its convex hull: outward normals and offsets."""
+        faces: Array = ConvexHull(self.points_m, qhull_options="QJ").equations
+        return faces
 
     @cached_property
     def palette(self) -> cKDTree:
@@ -158,7 +169,7 @@ class Template:
         for number in range(sum(name.startswith("pose_") for name in arrays)):
             fx_px, fy_px, cx_px, cy_px = arrays[f"intrinsics_{number}"].tolist()
             camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, arrays[f"pose_{number}"])
-            views.append(View.of_depth(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
+            views.append(DepthView.of_depth(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
         symmetry_deg = float(arrays["yaw_symmetry_deg"])
         points_m, normals, rgb = (arrays[name].astype(np.float64) for name in ("points_m", "normals", "rgb"))
         return cls(

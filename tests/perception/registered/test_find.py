@@ -121,12 +121,14 @@ def test_one_camera_gives_no_yaw_where_it_may_be_unknown():
     np.testing.assert_allclose(pose.position_m[:2], ALL["carton"][:2], atol=0.015)
 
 
-def test_a_lying_object_is_refused():
+@pytest.mark.parametrize(("name", "fall_deg", "height_m"), [("carton", 90, 0.032), ("mug", 180, 0.095)])
+@pytest.mark.parametrize("yaw_deg", [0, 130])
+def test_an_object_that_lies_or_is_upside_down_is_refused(name, fall_deg, height_m, yaw_deg):
     pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_euler("x", 90, degrees=True).as_matrix()
-    pose[2, 3] = 0.032
+    pose[:3, :3] = Rotation.from_euler("xz", [fall_deg, yaw_deg], degrees=True).as_matrix()
+    pose[2, 3] = height_m
     with pytest.raises((UncertainPoseError, ObjectNotVisibleError), match=r"lie|scores"):
-        estimate("carton", Layout({("carton", 0): pose}))
+        estimate(name, Layout({(name, 0): pose}))
 
 
 @pytest.mark.parametrize("gain", [0.6, 1.15])
@@ -298,3 +300,12 @@ def test_a_refusal_names_what_is_wrong_with_the_images():
     unmasked = [replace(view, mask=None) for view in views]
     with pytest.raises(InvalidInputError, match="no camera has a mask"):
         RegisteredPoses().estimate([replace(query("jar"), mask_ids=(1,))], unmasked)
+
+
+def test_a_refusal_names_the_camera_whose_colors_differ():
+    front, *others = frames(layout(jar=ALL["jar"], brick=ALL["brick"]), 3)
+    dark, swapped = (replace(front, rgb=np.ascontiguousarray(rgb)) for rgb in (front.rgb // 2, front.rgb[..., ::-1]))
+    with pytest.raises(ObjectNotVisibleError, match=r"front shows the table 0\.5 times as bright as the others"):
+        RegisteredPoses().estimate([query("carton")], [dark, *others])
+    with pytest.raises(ObjectNotVisibleError, match="front shows the others' table with red and blue exchanged"):
+        RegisteredPoses().estimate([query("carton")], [swapped, *others])
