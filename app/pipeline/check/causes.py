@@ -12,7 +12,7 @@ from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.pipeline.check.settings import many_rows, missed_path, path_left, recorded_otherwise
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
-from app.pipeline.plans.rows import BEYOND_NOISE_M
+from app.pipeline.thresholds import BEYOND_NOISE_M
 
 MIN_JUDGED = 3  # demonstrations of a plan from which its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included

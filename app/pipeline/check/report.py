@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, Severity
 from app.pipeline.keyframes import Manner, Rule
-from app.pipeline.representation.anchors import M_PER_RAD
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 

@@ -16,12 +16,11 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
 from app.pipeline.order.vocabulary import PLACE_WORDS
-from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
-from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows, touching_rows
+from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.plans.turn import half_turned
-from app.pipeline.representation.anchors import M_PER_RAD
+from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, RARE_SHARE, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 

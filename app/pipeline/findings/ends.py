@@ -22,7 +22,7 @@ REACHING = frozenset({"reach", "approach"})  # done once the hand is near
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
-FEWEST = 4  # recordings that show what their ends share other than by chance
+MIN_ENDS = 4  # recordings that show what their ends share other than by chance
 ODD_SHARE = 0.2  # of the recordings may differ from the others
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of starts that are several
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
@@ -78,7 +78,7 @@ def _end_complete(pairs: Sequence[Shown]) -> bool:
     Args:
         pairs: all end with something in the hand, or all without.
     """
-    if len(pairs) < FEWEST:
+    if len(pairs) < MIN_ENDS:
         return False
     spreads_m = _spreads_m([_seen_by_role(demonstration, hand.end_m) for demonstration, hand in pairs])
     counts = Counter(role_of(shown, hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
@@ -110,7 +110,7 @@ def backwards_findings(pairs: Sequence[Shown]) -> Iterator[Finding]:
 
     They end in one place and start where an object is, or some end where others start.
     """
-    if len(pairs) < FEWEST:
+    if len(pairs) < MIN_ENDS:
         return
     starts_m, ends_m = np.array([hand.start.position_m for _, hand in pairs]), np.array([h.end_m for _, h in pairs])
     number = _end_where_others_start(starts_m, ends_m)

@@ -10,6 +10,7 @@ import numpy as np
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.path import TOLERANCE_M, HandPath
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
@@ -22,7 +23,6 @@ SETTLES_WITHIN_M = 0.04
 MUCH_SLOWER = 0.6
 RISE = 1.3  # a speed this much above the least so far ends the search: the hand goes on to something else
 SPEED_NOISE_M_S = 0.01
-M_PER_RAD = 0.06  # 10 degrees of rotation count as 1 cm
 START_REACH_M = 0.01
 OPENING_REACH_M = 0.02  # the same of fingers that open: nothing was grasped before
 

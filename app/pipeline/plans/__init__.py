@@ -18,6 +18,7 @@ from app.pipeline.plans.agreement import agreed
 from app.pipeline.plans.alignment import aligned
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.thresholds import RARE_SHARE
 
 __all__ = [
     "Demonstration",
@@ -36,7 +37,6 @@ __all__ = [
 ]
 
 Group = tuple[Demonstration, ...]
-RARE_SHARE = 1 / 3  # of an instruction's demonstrations: a plan as rare is left out unless the scene calls for it
 MIN_PER_INSTRUCTION = 2  # demonstrations, on average, to see that their plan is no chance
 SCENE_DECIDES_SHARE = 0.8  # of the demonstrations have the plan of the nearest other scene
 

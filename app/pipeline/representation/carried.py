@@ -7,9 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
-
-GRASPED_M = 0.08  # a hand that closes within this of an object's position holds it
 
 Objects = tuple[ObjectPose, ...]
 
