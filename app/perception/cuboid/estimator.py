@@ -15,7 +15,7 @@ from app.perception.cuboid.fit import fit_upright
 from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import Bytes, HsvImage, Piece, color_mask, find_pieces, to_hsv
-from app.perception.cuboid.view import View, view_of
+from app.perception.cuboid.view import PieceView, view_of
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
@@ -97,7 +97,7 @@ class _Search:
 
 def _sighted(images: Sequence[tuple[RgbdFrame, HsvImage]], looks: CuboidModel) -> list[Sighting | Miss]:
     size_m, yaw_range_rad = np.array(looks.size_m), np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
-    seen: list[tuple[RgbdFrame, Piece, View]] = []
+    seen: list[tuple[RgbdFrame, Piece, PieceView]] = []
     misses = []
     for frame, hsv in images:
         mask = color_mask(hsv, looks.color)

@@ -16,7 +16,7 @@ import numpy as np
 from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import quantiles
 from app.perception.cuboid.shape import SX, SY, SZ, YAW, Reals, X, Y, Z, ray_distances_m, surface_distances_m
-from app.perception.cuboid.view import View
+from app.perception.cuboid.view import PieceView
 from roboprompt_client.types.arrays import Array
 
 FAST = np.float32  # the type of residuals during optimization: 0.1 um at 1 m
@@ -62,7 +62,7 @@ class _Measured:
 
     Attributes:
         eyes: (V, 1, 7) the camera positions, to subtract from candidates.
-        points_m, rays: (V, N, 3) and (V, M, 3), see `View`.
+        points_m, rays: (V, N, 3) and (V, M, 3), see `PieceView`.
         point_sigma_m, ray_sigma_m: (V, 1, N) and (V, 1, M).
         ground_m, ground_sigma_m: (V, 1); infinite sigma where no ground is visible.
     """
@@ -76,7 +76,7 @@ class _Measured:
     ground_sigma_m: Reals
 
     @classmethod
-    def of(cls, views: Sequence[View], thinning: int = 1) -> Self:
+    def of(cls, views: Sequence[PieceView], thinning: int = 1) -> Self:
         """Return the measurements of views, with every `thinning`-th point and ray."""
         eyes = np.array([[[*view.eye_m, 0, 0, 0, 0]] for view in views])
         points_m = [view.points_m[::thinning] - view.eye_m for view in views]
@@ -101,7 +101,7 @@ def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals
     return filled, filled_sigmas
 
 
-def fit_upright(views: Sequence[View], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
+def fit_upright(views: Sequence[PieceView], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
     """Return the best candidate of a known size for each view.
 
     Args:
@@ -111,7 +111,7 @@ def fit_upright(views: Sequence[View], shape: Shape, size_m: Array, *, yaw_range
     return _fits(views, shape, size_m, yaw_range_rad, _PLACE[shape]) if views else []
 
 
-def fit_any_size(view: View, shape: Shape) -> Fit:
+def fit_any_size(view: PieceView, shape: Shape) -> Fit:
     """Return the best candidate of unknown size; a box's x and y sides may be swapped."""
     low, high = quantiles(view.points_m, 0.02, 0.98)
     side_m = float(np.hypot(*(high - low)[:2])) / np.sqrt(2)
@@ -120,7 +120,7 @@ def fit_any_size(view: View, shape: Shape) -> Fit:
 
 
 def _fits(
-    views: Sequence[View], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
+    views: Sequence[PieceView], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
 ) -> list[Fit]:
     """Return the best candidate for each view; `columns` of the candidates are optimized."""
     starts = np.array([_starts(view, shape, size_m, yaw_range_rad) for view in views])
@@ -144,7 +144,7 @@ def _best(ends: Array, costs: Array, yaw_range_rad: float) -> Fit:
     return Fit(ends[best], float(costs[best]), float(rival_yaw), float(rival_cost))
 
 
-def _starts(view: View, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
+def _starts(view: PieceView, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
     """Return starting candidates (B, 7), their centers behind the visible points."""
     middle_m = view.points_m.mean(axis=0)
     away = middle_m - view.eye_m

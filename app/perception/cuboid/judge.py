@@ -8,7 +8,7 @@ from app.perception.cuboid.fit import Fit
 from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import SQUARE, Piece, window
 from app.perception.cuboid.shape import YAW, outline_points_m, surface_distances_m
-from app.perception.cuboid.view import View
+from app.perception.cuboid.view import PieceView
 from app.perception.sightings import Sighting
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 from roboprompt_client.types.arrays import Array
@@ -24,7 +24,7 @@ NOTED = 0.85  # the reason mentions shares below this
 BORDER_PX = 2
 
 
-def judged(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -> Sighting:
+def judged(frame: RgbdFrame, piece: Piece, view: PieceView, shape: Shape, fit: Fit) -> Sighting:
     """Return the pose of the fitted shape; its confidence compares the piece's pixels with those of the shape.
 
     These lower it: pixels outside of the shape's outline; pixels inside the outline that show something behind it or

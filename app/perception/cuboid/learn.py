@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses, likenesses
-from app.perception.cuboid.looks import Measured, learn_color, measure, object_pixels
+from app.perception.cuboid.looks import MeasuredSize, learn_color, measure, object_pixels
 from app.perception.cuboid.model import SHAPES, ColorModel, CuboidModel, Rank, Shape
 from app.perception.frame_checks import check_rgbd
 from app.perception.object_model import ObjectModelError
@@ -75,7 +75,7 @@ def _learn(name: str, scenes: Sequence[LabeledScene]) -> CuboidModel:
 
 
 def _model(
-    name: str, color: ColorModel, shape: Shape, items: Sequence[Measured], scenes: Sequence[LabeledScene]
+    name: str, color: ColorModel, shape: Shape, items: Sequence[MeasuredSize], scenes: Sequence[LabeledScene]
 ) -> CuboidModel:
     x, y, z = np.median([item.size_m for item in items], axis=0)
     if shape == "cylinder" or abs(x - y) < max(EQUAL_SIDES_M, EQUAL_SIDES_SHARE * max(x, y)):

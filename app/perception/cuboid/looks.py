@@ -83,7 +83,7 @@ def _samples(frame: RgbdFrame, pixels: Bools) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredSize:
     """The size and origin of an object, measured in one view.
 
     Attributes:
@@ -97,7 +97,9 @@ class Measured:
     cost: float
 
 
-def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
+def measure(
+    frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape
+) -> MeasuredSize | None:
     """Fit a shape of unknown size to the patch of the color that overlaps the labeled pixels most."""
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
@@ -112,7 +114,7 @@ def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorMod
         origin_m = turn.inv().apply(np.array(query.position_m) - fit.candidate[:3])
         if query.quaternion_xyzw is None:
             origin_m[:2] = 0.0
-    return Measured(size_m, origin_m, fit.cost / (len(view.points_m) + len(view.rays)))
+    return MeasuredSize(size_m, origin_m, fit.cost / (len(view.points_m) + len(view.rays)))
 
 
 def _along_axes(candidate: Array, query: ObjectQuery, shape: Shape) -> tuple[Array, Rotation]:

@@ -26,7 +26,7 @@ NEIGHBORS: Pixels = np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class PieceView:
     """One camera's measurements of an object.
 
     Attributes:
@@ -46,7 +46,7 @@ class View:
     ground_m: float | None
 
 
-def view_of(frame: RgbdFrame, piece: Piece) -> View:
+def view_of(frame: RgbdFrame, piece: Piece) -> PieceView:
     """Return the camera's measurements of the piece."""
     assert frame.depth_m is not None
     camera = frame.camera
@@ -73,7 +73,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     # edges towards an occluder, or to something on top of it, are not its outline
     edges = (rim + outward / 2)[behind & ~mask[tuple(probe.T)]]
     sigma_m = float(np.hypot(DEPTH_SIGMA_AT_1_M * piece.distance_m**2, DEPTH_SIGMA_FLOOR_M))
-    return View(
+    return PieceView(
         surface_m,
         sigma_m * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
         camera.camera_to_world[:3, 3],

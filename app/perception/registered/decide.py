@@ -13,7 +13,7 @@ from app.perception.registered.hypotheses import Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import shares_seen
 from app.perception.registered.template import Template
-from app.perception.registered.view import View
+from app.perception.registered.view import DepthView
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.cameras.table import MAX_OFF_M, OTHER_M, find_flat_surface
 from roboprompt_client.types.camera import RgbdFrame
@@ -34,7 +34,7 @@ MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without de
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundPose:
     """An object that was found at one place only.
 
     Attributes:
@@ -56,7 +56,7 @@ class Found:
         return seeing or (max(self.shares, key=self.shares.__getitem__),)
 
 
-def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> Found:
+def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = None) -> FoundPose:
     """Return the pose of the object `name`.
 
     If light and table may both have changed, it must be found in the light that the table shows: a white cup in half
@@ -82,7 +82,7 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
     return first
 
 
-def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> Found:
+def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None) -> FoundPose:
     """Return the pose in one light."""
     parts = candidates(template, lit, without=elsewhere)
     known = {part.tobytes(): hypotheses(template, lit, part) for part in parts}
@@ -100,7 +100,7 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     _check_alone(name, template, best, rivals)
     turned = yaw_rivals(template, places[0])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
-    return Found(best, shares, len(turned), spread_m)
+    return FoundPose(best, shares, len(turned), spread_m)
 
 
 def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -177,7 +177,7 @@ def causes(template: Template, lit: LitScene) -> str:
     return "".join(f"; {note}" for note in notes if note)
 
 
-def _bumped(view: View, scene: Scene) -> str:
+def _bumped(view: DepthView, scene: Scene) -> str:
     surface = find_flat_surface(RgbdFrame(view.camera, None, view.depth_m))
     off_m = 0.0 if surface is None else float(scene.table.height_m(surface.middle_m[None])[0])
     if not MAX_OFF_M < abs(off_m) < OTHER_M:

@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, Found, find
+from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, FoundPose, find
 from app.perception.registered.geometry import Index
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
-from app.perception.registered.view import View
+from app.perception.registered.view import DepthView
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.errors import InvalidInputError
@@ -77,7 +77,7 @@ def _outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Ar
     for frame in masked:
         assert frame.mask is not None
         assert frame.depth_m is not None
-        seen = View.of_depth(frame.camera, frame.depth_m).look_up(points_m)
+        seen = DepthView.of_depth(frame.camera, frame.depth_m).look_up(points_m)
         is_own = np.isin(frame.mask[seen.rows, seen.columns], query.mask_ids)
         outside &= ~(is_own & (np.abs(seen.depth_m - seen.point_m) < SAME_SURFACE_M))
     return np.flatnonzero(outside)
@@ -106,7 +106,7 @@ def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, e
     return canonical_pose(pose, symmetry_deg)
 
 
-def _why_no_yaw(found: Found) -> str:
+def _why_no_yaw(found: FoundPose) -> str:
     """Return why the yaw is uncertain; empty if it is certain."""
     if found.yaw_rivals:
         return f"{found.yaw_rivals + 1} yaws explain what {', '.join(found.cameras)} show equally well"

@@ -55,7 +55,7 @@ class Learned:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _LabeledScene:
     scene: Scene
     index: Index
     yaw_deg: float | None
@@ -72,7 +72,26 @@ def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *
         ObjectModelError: if no view shows the object, no two views fit each other, or the symmetry is wrong.
         InvalidInputError: if images are unusable.
     """
-    seen: dict[int, _Seen] = {}
+    seen, unseen = _labeled(views)
+    if not seen:
+        raise ObjectModelError(name, f"no view shows it: {_listed(unseen) or 'there is none'}", HELP_LABEL)
+    # With arrows, views of different sides can be merged before the axis of symmetry is known.
+    has_arrows = all(item.yaw_deg is not None for item in seen.values())
+    best = _largest(name, seen, None if has_arrows and symmetry_deg else symmetry_deg)
+    refused = {**best.refused, **unseen}
+    if len(views) > 1 and len(best.merged) == 1:
+        remedy = "views that show the same side, with a yaw each; the object rigid and upright in all of them"
+        raise ObjectModelError(name, f"none of the {len(views)} views fits another: {_listed(refused)}", remedy)
+    template = best.template
+    if has_arrows and symmetry_deg:
+        template = completed(name, replace(template, yaw_symmetry_deg=symmetry_deg))
+    _check_symmetry(name, template, [seen[number] for number in best.merged], symmetry_deg, needs_yaw=needs_yaw)
+    return replace(best, template=centered(template), refused=refused)
+
+
+def _labeled(views: Sequence[LabeledView]) -> tuple[dict[int, _LabeledScene], dict[int, str]]:
+    """Return the views that show the object, and for each other one why it does not, by number."""
+    seen: dict[int, _LabeledScene] = {}
     refused: dict[int, str] = {}
     for number, view in enumerate(views):
         scene = Scene.of(view.frames)
@@ -80,33 +99,34 @@ def learn(name: str, views: Sequence[LabeledView], symmetry_deg: float | None, *
         if problem := _problem(scene, index):
             refused[number] = problem
         else:
-            seen[number] = _Seen(scene, index, view.yaw_deg)
-    if not seen:
-        reasons = "; ".join(f"view {number}: {reason}" for number, reason in refused.items())
-        raise ObjectModelError(name, f"no view shows it: {reasons or 'there is none'}", HELP_LABEL)
+            seen[number] = _LabeledScene(scene, index, view.yaw_deg)
+    return seen, refused
+
+
+def _listed(refused: Mapping[int, str]) -> str:
+    return "; ".join(f"view {number}: {reason}" for number, reason in refused.items())
+
+
+def _largest(name: str, seen: Mapping[int, _LabeledScene], symmetry_deg: float | None) -> Learned:
+    """Return the template of most views, begun with one of those that show the most points."""
     roots = sorted(seen, key=lambda number: -len(seen[number].index))[:MAX_ROOTS]
-    # With arrows, views of different sides can be merged before the axis of symmetry is known.
-    has_arrows = all(item.yaw_deg is not None for item in seen.values())
-    merged_deg = None if has_arrows and symmetry_deg else symmetry_deg
-    best = max((_grown(name, seen, root, merged_deg) for root in roots), key=lambda item: len(item.merged))
-    if len(views) > 1 and len(best.merged) == 1:
-        reasons = "; ".join(f"view {number}: {reason}" for number, reason in {**best.refused, **refused}.items())
-        remedy = "views that show the same side, with a yaw each; the object rigid and upright in all of them"
-        raise ObjectModelError(name, f"none of the {len(views)} views fits another: {reasons}", remedy)
-    root = seen[best.merged[0]]
-    if merged_deg != symmetry_deg:
-        best = replace(best, template=completed(name, replace(best.template, yaw_symmetry_deg=symmetry_deg)))
-    if symmetry_deg and not _look_alike_turned([seen[number] for number in best.merged], symmetry_deg):
+    return max((_grown(name, seen, root, symmetry_deg) for root in roots), key=lambda item: len(item.merged))
+
+
+def _check_symmetry(
+    name: str, template: Template, merged: Sequence[_LabeledScene], symmetry_deg: float | None, *, needs_yaw: bool
+) -> None:
+    """Refuse a symmetry that the views contradict, and an object whose yaw they do not show."""
+    if symmetry_deg and not _look_alike_turned(merged, symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')
-    lit = root.scene.in_lights_of(best.template.table_rgb)[0]
-    if symmetry_deg is None and needs_yaw and looks_alike_all_around(best.template, lit, root.index):
+    lit = merged[0].scene.in_lights_of(template.table_rgb)[0]
+    if symmetry_deg is None and needs_yaw and looks_alike_all_around(template, lit, merged[0].index):
         remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
         raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
-    return replace(best, template=centered(best.template), refused={**best.refused, **refused})
 
 
-def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
+def _look_alike_turned(views: Sequence[_LabeledScene], symmetry_deg: float) -> bool:
     """Return whether most views fit the first one rotated by the symmetry.
 
     The first view itself always fits better without rotation, by its own noise: it counts only if it fits with it.
@@ -141,7 +161,7 @@ def _problem(scene: Scene, index: Index) -> str:
     return f"its masks span {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}" if span_m > MAX_SPAN_M else ""
 
 
-def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float | None) -> Learned:
+def _grown(name: str, seen: Mapping[int, _LabeledScene], root: int, symmetry_deg: float | None) -> Learned:
     """Return the template that starts with the view `root`, with all views that fit it."""
     template = completed(name, _first(seen[root], symmetry_deg))
     merged, refused = [root], dict[int, str]()
@@ -158,7 +178,7 @@ def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float 
     return Learned(template, tuple(merged), refused)
 
 
-def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
+def _first(seen: _LabeledScene, symmetry_deg: float | None) -> Template:
     """Return the template of one view; its x axis is that of the arrow."""
     scene, points_m = seen.scene, seen.scene.points_m[seen.index]
     pose = np.eye(4)
@@ -172,7 +192,7 @@ def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
     return Template(local_m, normals, scene.rgb[seen.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
 
 
-def _found(template: Template, seen: _Seen, root: _Seen) -> tuple[LitScene, Sequence[Hypothesis]]:
+def _found(template: Template, seen: _LabeledScene, root: _LabeledScene) -> tuple[LitScene, Sequence[Hypothesis]]:
     """Return the light that fits best, and poses of the template in a view, the best first.
 
     Arrows of root and view limit the starting yaws.
@@ -184,7 +204,7 @@ def _found(template: Template, seen: _Seen, root: _Seen) -> tuple[LitScene, Sequ
     return max(in_each, key=lambda item: item[1][0].value)
 
 
-def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
+def _with(template: Template, seen: _LabeledScene, root: _LabeledScene) -> Template | str:
     """Return the template with a view's points added, or why the view does not fit."""
     lit, found = _found(template, seen, root)
     if found[0].value < MIN_SCORE:

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.perception.frame_checks import are_swapped, check_cameras, check_level
 from app.perception.registered.geometry import Bools, Index, normals_of, thinned
-from app.perception.registered.view import FARTHEST_M, RgbImage, View
+from app.perception.registered.view import FARTHEST_M, DepthView, RgbImage
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
@@ -126,7 +126,7 @@ class Scene:
         rgb: (N, 3) their colors, 0..255.
     """
 
-    views: tuple[View, ...]
+    views: tuple[DepthView, ...]
     table: Table
     points_m: Array
     rgb: Array
@@ -142,7 +142,7 @@ class Scene:
         check_cameras(frames)
         for frame in frames:
             check_level(frame)
-        views = tuple(map(View.of, frames))
+        views = tuple(map(DepthView.of, frames))
         points_m, rgb, eyes_m = (np.concatenate(parts) for parts in zip(*map(_points, views), strict=True))
         table = find_table(points_m, rgb)
         if table is None:
@@ -206,7 +206,7 @@ def _scaled_lab(lab_uint8: RgbImage) -> Array:
     return scaled
 
 
-def _points(view: View) -> tuple[Array, Array, Array]:
+def _points(view: DepthView) -> tuple[Array, Array, Array]:
     """Return points, colors and camera positions, each (N, 3), on a grid of pixels."""
     step = max(1, round(view.depth_m.shape[1] / POINTS_WIDTH_PX))
     depth_m = view.depth_m[::step, ::step]

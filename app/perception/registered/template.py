@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from app.perception.registered.geometry import VOXEL_M, Index, lengths
 from app.perception.registered.scene import to_lab
-from app.perception.registered.view import View
+from app.perception.registered.view import DepthView
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
@@ -45,7 +45,7 @@ class Template:
     points_m: Array
     normals: Array
     rgb: Array
-    free_views: tuple[View, ...]
+    free_views: tuple[DepthView, ...]
     table_rgb: Array
     bottom_m: float
     scores: tuple[float, ...] = ()
@@ -158,7 +158,7 @@ class Template:
         for number in range(sum(name.startswith("pose_") for name in arrays)):
             fx_px, fy_px, cx_px, cy_px = arrays[f"intrinsics_{number}"].tolist()
             camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, arrays[f"pose_{number}"])
-            views.append(View.of_depth(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
+            views.append(DepthView.of_depth(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
         symmetry_deg = float(arrays["yaw_symmetry_deg"])
         points_m, normals, rgb = (arrays[name].astype(np.float64) for name in ("points_m", "normals", "rgb"))
         return cls(

@@ -21,7 +21,7 @@ DepthImage = npt.NDArray[np.float32]
 RgbImage = npt.NDArray[np.uint8]
 
 
-class Seen(NamedTuple):
+class SampledDepth(NamedTuple):
     """A depth image, sampled where points project; all arrays have the points' shape (...).
 
     Attributes:
@@ -39,11 +39,11 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class DepthView:
     """A depth image with its calibrated camera.
 
     Attributes:
-        depth_m, nearest_m: (H, W), see `Seen`.
+        depth_m, nearest_m: (H, W), see `SampledDepth`.
         rgb: (H, W, 3) the mean of 3 x 3 pixels; empty (0, 0, 3) in a template's views.
         mask: (H, W) of the labeled object, or None.
     """
@@ -55,7 +55,7 @@ class View:
     mask: Bools | None = None
 
     @classmethod
-    def of(cls, frame: RgbdFrame) -> "View":
+    def of(cls, frame: RgbdFrame) -> "DepthView":
         """Return the view of a frame with color and depth; mask ids other than 0 are the object's."""
         assert frame.rgb is not None
         assert frame.depth_m is not None
@@ -70,7 +70,7 @@ class View:
         return cls(camera, depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
 
     @classmethod
-    def of_depth(cls, camera: Camera, depth_m: DepthImage) -> "View":
+    def of_depth(cls, camera: Camera, depth_m: DepthImage) -> "DepthView":
         """Return a view of unchanged depths, without colors."""
         return cls(camera, depth_m, depth_m, np.zeros((0, 0, 3), np.uint8))
 
@@ -79,17 +79,19 @@ class View:
         """The camera's position (3,)."""
         return self.camera.camera_to_world[:3, 3]
 
-    def look_up(self, points_m: Array) -> Seen:
+    def look_up(self, points_m: Array) -> SampledDepth:
         """Return the image, sampled where points (..., 3) of its world frame project."""
         pixels, point_m = self.camera.project(points_m)
         height, width = self.depth_m.shape
         inside = (point_m > 0) & (pixels > -0.5).all(axis=-1) & (pixels < (width - 0.5, height - 0.5)).all(axis=-1)
         columns, rows = np.moveaxis(np.rint(np.where(inside[..., None], pixels, 0)).astype(np.intp), -1, 0)
         depth_m, nearest_m = self.depth_m[rows, columns], self.nearest_m[rows, columns]
-        return Seen(np.where(inside, depth_m, 0), np.where(inside, nearest_m, 0), point_m, rows, columns)
+        return SampledDepth(np.where(inside, depth_m, 0), np.where(inside, nearest_m, 0), point_m, rows, columns)
 
 
-def free_views(views: Sequence[View], template_to_world: Array, points_m: Array, margin_m: float) -> Iterator[View]:
+def free_views(
+    views: Sequence[DepthView], template_to_world: Array, points_m: Array, margin_m: float
+) -> Iterator[DepthView]:
     """Return depth images of the free space around a template's points (N, 3), cropped to these and a margin."""
     for view in views:
         camera_to_template = np.linalg.inv(template_to_world) @ view.camera.camera_to_world
@@ -104,7 +106,7 @@ def free_views(views: Sequence[View], template_to_world: Array, points_m: Array,
         right, bottom = np.clip(np.ceil(pixels.max(axis=0) + margin_px) + 1, 0, (width, height)).astype(int)
         if right - left >= 2 and bottom - top >= 2:
             cut = replace(camera, cx_px=camera.cx_px - left, cy_px=camera.cy_px - top)
-            yield View.of_depth(cut, view.nearest_m[top:bottom, left:right].copy())
+            yield DepthView.of_depth(cut, view.nearest_m[top:bottom, left:right].copy())
 
 
 def _without_flying(depth_m: DepthImage, focal_px: float) -> DepthImage:

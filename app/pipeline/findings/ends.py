@@ -35,7 +35,7 @@ CUT_OFF = "the hand is still on its way in the last frame: record until it has d
 Fault = tuple[Rule, str]
 """A rule and the message of its finding."""
 Shown = tuple[Demonstration, RecordedHand]
-Seen = Mapping[tuple[str, str], Array]
+PlacesByRole = Mapping[tuple[str, str], Array]
 """A place (3,) relative to objects, by role and axes: the world's (`w`) or the object's own (`o`)."""
 
 
@@ -138,7 +138,7 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
     return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
 
 
-def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Seen:
+def _seen_by_role(demonstration: Demonstration, place_m: Array) -> PlacesByRole:
     """Return a place (3,) relative to each object."""
     found: dict[tuple[str, str], Array] = {}
     for pose in demonstration.objects:
@@ -149,7 +149,7 @@ def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Seen:
     return found
 
 
-def _spreads_m(seen_m: Sequence[Seen]) -> dict[tuple[str, str], float]:
+def _spreads_m(seen_m: Sequence[PlacesByRole]) -> dict[tuple[str, str], float]:
     """Return how far places scatter relative to each object that all demonstrations have."""
     shared = set(seen_m[0]).intersection(*seen_m)
     return {key: _spread_m(np.array([seen[key] for seen in seen_m])) for key in shared}
