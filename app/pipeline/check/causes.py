@@ -10,9 +10,10 @@ import numpy as np
 
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.pipeline.check.settings import many_rows, missed_path, path_left, recorded_otherwise
-from app.pipeline.findings import SEVERITIES, Finding
+from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.thresholds import BEYOND_NOISE_M
+from roboprompt_client.types.severity import SEVERITIES
 
 MIN_JUDGED = 3  # demonstrations of a plan from which its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings import Finding, Severity
+from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Manner, Rule
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.severity import Severity
 
 WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 
