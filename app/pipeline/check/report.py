@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding
-from app.pipeline.keyframes import Manner, Rule
+from app.pipeline.keyframes import Manner, RuleName
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -124,7 +124,7 @@ class TaskCheck:
         unlike_ids: of demonstrations that do not do as the others.
     """
 
-    rule: Rule
+    rule: RuleName
     plans: tuple[PlanCheck, ...]
     findings: tuple[Finding, ...] = ()
     unlike_ids: tuple[str, ...] = ()

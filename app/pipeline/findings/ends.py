@@ -34,12 +34,12 @@ CUT_OFF = "the hand is still on its way in the last frame: record until it has d
 
 Fault = tuple[Rule, str]
 """A rule and the message of its finding."""
-Shown = tuple[Demonstration, RecordedHand]
+Recorded = tuple[Demonstration, RecordedHand]
 PlacesByRole = Mapping[tuple[str, str], Array]
 """A place (3,) relative to objects, by role and axes: the world's (`w`) or the object's own (`o`)."""
 
 
-def end_faults(pairs: Sequence[Shown]) -> list[Fault | None]:
+def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
     """Return for each demonstration whether its recording breaks off.
 
     Recordings of which the last frames show that everything is done, though hands still move, are only a warning.
@@ -69,7 +69,7 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or comes) else None
 
 
-def _end_complete(pairs: Sequence[Shown]) -> bool:
+def _end_complete(pairs: Sequence[Recorded]) -> bool:
     """Return whether hands that still move in their last frames have done everything there.
 
     Their ends are then one place seen from an object, though paths and durations differ, and most hands have acted
@@ -105,7 +105,7 @@ def _still_puts(demonstration: Demonstration, hand: RecordedHand) -> bool:
     return hand.end_speed_m_s > MOVES_M_S and any(abs(height_m - carried_to_m) < LEVEL_M for height_m in heights_m)
 
 
-def backwards_findings(pairs: Sequence[Shown]) -> Iterator[Finding]:
+def backwards_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     """Yield a finding where recordings seem to run backwards in time, since robots start in one place.
 
     They end in one place and start where an object is, or some end where others start.

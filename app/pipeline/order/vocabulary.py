@@ -5,7 +5,7 @@ from app.pipeline.order.words import NUMBERS, Phrase, PhraseTable
 from app.pipeline.order.words import phrases as _phrases
 
 DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
-SOME = DETERMINERS | {"some"}  # before what is no object: "pour some water"
+SOME = DETERMINERS | {"some"}  # before a noun that names no object: "pour some water"
 RETURNING = frozenset({"away", "back"})  # with a destination they say nothing more: "put it back on the shelf"
 GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])
 # Nouns that may stand for each other where something else tells the objects apart.

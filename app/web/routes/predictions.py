@@ -1,9 +1,10 @@
 """What was predicted and how it went: the list, one prediction, several side by side, configurations."""
 
 import re
+from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import JSONResponse
 from starlette.responses import Response
 
@@ -25,16 +26,29 @@ router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
 
 
-@router.get("/ui/predictions")
-def predictions_page(
-    request: Request,
-    services: Wired,
+async def _asked_for(
     task: Text = "",
     model: Text = "",
     representation: Text = "",
     prompt_format: Text = "",
     demonstrations: Annotated[str, Query(pattern=r"^\d{0,3}$")] = "",
     outcome: Fate | Literal[""] = "",
+) -> PredictionFilter:
+    return PredictionFilter(
+        task=task or None,
+        model=model or None,
+        representation=representation or None,
+        prompt_format=prompt_format or None,
+        num_demonstrations=int(demonstrations) if demonstrations else None,
+        fate=outcome or None,
+    )
+
+
+@router.get("/ui/predictions")
+def predictions_page(
+    request: Request,
+    services: Wired,
+    chosen: Annotated[PredictionFilter, Depends(_asked_for)],
     yardsticks: bool = False,
     order: ListOrder = "successes",
     cursor: Annotated[str, Query(max_length=32)] = "",
@@ -45,20 +59,11 @@ def predictions_page(
     """
     with services.store.read() as connection:
         models = prediction_lists.models(connection)
-    yardsticks = yardsticks or YARDSTICKS.issuperset(models)
-    chosen = PredictionFilter(
-        task=task or None,
-        model=model or None,
-        representation=representation or None,
-        prompt_format=prompt_format or None,
-        num_demonstrations=int(demonstrations) if demonstrations else None,
-        fate=outcome or None,
-        without_models=() if model or yardsticks else tuple(YARDSTICKS),
-    )
-    with services.store.read() as connection:
+        yardsticks = yardsticks or YARDSTICKS.issuperset(models)
+        if not (chosen.model or yardsticks):
+            chosen = replace(chosen, without_models=tuple(YARDSTICKS))
         page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))
         names = list(tasks.counts(connection))
-    query = {k: v for k, v in request.query_params.items() if v and k != "cursor"}
     return render(
         request,
         "predictions.html",
@@ -66,7 +71,7 @@ def predictions_page(
         chosen=chosen,
         order=order,
         first=not cursor,
-        query=query,
+        query={k: v for k, v in request.query_params.items() if v and k != "cursor"},
         names=names,
         models=[name for name in models if name not in YARDSTICKS],
         measures=[name for name in models if name in YARDSTICKS],
