@@ -150,13 +150,7 @@ def _away_by_role_m(shown: Demonstration) -> dict[str, float]:
     """Return by role the distance of each object from the first gripper switch, or from the lowest action."""
     lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
     at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
-    return {role_of(shown, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
-
-
-def role_of(demonstration: Demonstration, name: str) -> str:
-    """Return the object's position in the instruction, as `<0>`, or its name if it is not mentioned."""
-    mentioned = demonstration.order.objects
-    return f"<{mentioned.index(name)}>" if name in mentioned else name
+    return {shown.order.placeholder(pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
 
 
 def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:

@@ -7,7 +7,6 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.rules import Rule
 from roboprompt_client.types import quaternions
@@ -81,7 +80,7 @@ def _end_complete(pairs: Sequence[Recorded]) -> bool:
     if len(pairs) < MIN_ENDS:
         return False
     spreads_m = _spreads_m([_seen_by_role(demonstration, hand.end_m) for demonstration, hand in pairs])
-    counts = Counter(role_of(shown, hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
+    counts = Counter(shown.order.placeholder(hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
     held = {role for role, number in counts.items() if number > ODD_SHARE * len(pairs)}
     others_m = [spread_m for (role, _), spread_m in spreads_m.items() if role not in held]
     if min(others_m, default=np.inf) >= COMPLETE_M:
@@ -142,7 +141,7 @@ def _seen_by_role(demonstration: Demonstration, place_m: Array) -> PlacesByRole:
     """Return a place (3,) relative to each object."""
     found: dict[tuple[str, str], Array] = {}
     for pose in demonstration.objects:
-        role, way_m = role_of(demonstration, pose.name), place_m - pose.position_m
+        role, way_m = demonstration.order.placeholder(pose.name), place_m - pose.position_m
         found[role, "w"] = way_m
         if pose.quaternion_xyzw is not None:
             found[role, "o"] = quaternions.rotated(quaternions.inverse(pose.quaternion_xyzw), way_m)

@@ -89,6 +89,10 @@ class Order:
         """The names of the objects that it mentions, by their first mention."""
         return clause_of(self.text, self.names).objects
 
+    def placeholder(self, name: str) -> str:
+        """Return what stands for the object in `form`, as `<0>`; its name if it is not mentioned."""
+        return f"<{self.objects.index(name)}>" if name in self.objects else name
+
     def to_json(self) -> dict[str, Any]:
         """Return the order as it is stored."""
         phrases = [phrase.to_json() for phrase in self.phrases]
