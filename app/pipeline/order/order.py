@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
+FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions

@@ -15,10 +15,10 @@ from app.pipeline.findings.scene import strangers
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.frames import Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
-from app.pipeline.order.order import Order, clause_of
+from app.pipeline.order.order import FIELD, Order, clause_of
 from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.reading import FilledFrame, closest
-from app.pipeline.order.refusals import FIELD, refusal
+from app.pipeline.order.refusals import refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.sequence import is_placed_after_moving, needs_full_hand
 from app.pipeline.order.space import Layout

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.pipeline.alike_instructions import alike_findings
+from app.pipeline.alike import alike_findings
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
