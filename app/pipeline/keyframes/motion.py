@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.path import TOLERANCE_M, HandPath
@@ -178,3 +179,10 @@ class Motion:
         start, end = switches[0].frame, switches[1].frame if len(switches) > 1 else len(self) - 1
         positions_m = self.trajectory.positions_m
         return end > start and not np.allclose(positions_m[start], positions_m[end], atol=TOLERANCE_M)
+
+
+def stretches(states: npt.ArrayLike) -> list[tuple[int, int, bool]]:
+    """First frame, frame after the last, and state of each stretch of frames in which a boolean state stays."""
+    frames = np.asarray(states, dtype=bool)
+    edges = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(frames)]
+    return [(first, end, bool(frames[first])) for first, end in pairwise(edges)]
