@@ -21,7 +21,7 @@ from app.services.keep_house import keep_house
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.services.teach.reextract import RunJobs
-from app.settings import MEGABYTE, Settings
+from app.settings import MEGA, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.errors import RoboPromptError
@@ -73,7 +73,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     )
     days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
     max_age = None if days is None else timedelta(days=days)
-    max_bytes = None if gigabytes is None else int(gigabytes * 1000 * MEGABYTE)
+    max_bytes = None if gigabytes is None else int(gigabytes * 1000 * MEGA)
     housekeeping = _every_hour("housekeeping", partial(keep_house, store, max_age, max_bytes))
     background: list[asyncio.Task[object]] = [asyncio.create_task(housekeeping)]
     jobs = [asyncio.create_task(_run_jobs(services.run_jobs))] if settings.work_at_jobs else []
@@ -117,9 +117,9 @@ async def _tried(what: str, work: Callable[[], int]) -> int:
 def _limits_for(settings: Settings) -> Limits:
     """Return how much a request may ask for."""
     return Limits(
-        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
-        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
-        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_image_pixels=int(settings.max_image_megapixels * MEGA),
+        max_request_pixels=int(settings.max_request_megapixels * MEGA),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGA),
         max_frames=settings.max_frames,
         max_prompt_chars=settings.max_prompt_chars,
         allowed_models=settings.allowed_models,
@@ -151,7 +151,7 @@ def build_app(settings: Settings) -> FastAPI:
     access = access_for(settings)
     tracing = _tracing(settings.otel_endpoint)
     megabytes = (settings.max_body_mb, settings.max_inline_mb, settings.max_document_mb, settings.max_held_mb)
-    body_limits = BodyLimits(*(int(size * MEGABYTE) for size in megabytes))
+    body_limits = BodyLimits(*(int(size * MEGA) for size in megabytes))
     app = create_app(lambda: _traced(tracing, settings), VERSION, body_limits, access)
     install_pages(app)
     if tracing:

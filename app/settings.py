@@ -11,7 +11,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app.llm.llm_settings import ENV_PREFIX, LlmSettings
 
-MEGABYTE = 1_000_000
+MEGA = 1_000_000  # bytes of a megabyte, pixels of a megapixel
 
 
 class Settings(LlmSettings, BaseSettings):

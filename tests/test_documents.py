@@ -13,9 +13,9 @@ import typer
 
 from app import cli
 from app.api.schemas import examples
-from app.pipeline.findings import SEVERITIES
 from app.pipeline.findings.rules import RULES
 from app.settings import Settings
+from roboprompt_client.types.severity import SEVERITIES
 
 ROOT = Path(__file__).parents[1]
 

@@ -1,7 +1,8 @@
 """Converts a table of named arrays into a trajectory, objects and a Parcel, by a mapping of its columns."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -139,53 +140,56 @@ def _missing(part: str, why: str, columns: Columns) -> InvalidInputError:
     return InvalidInputError(part, why, f"--feature {part}=COLUMN, one of {', '.join(columns)}")
 
 
-def parcel_of(
-    *,
-    name: str,
-    source: str,
-    task: str,
-    instruction: str | None,
-    columns: Columns,
-    frequency_hz: float,
-    mapping: FeatureMap,
-    options: ImportOptions,
-    image: Callable[[str], bytes],
-    image_columns: Sequence[str] = (),
-) -> Parcel:
-    """Return the parcel of an episode.
+@dataclass(frozen=True, eq=False)
+class ColumnEpisode:
+    """An episode that a dataset keeps as a table.
 
-    Args:
+    Attributes:
         name: of the episode in its dataset.
         source: the format, stored with the episode.
         task, instruction: of the dataset; options override them.
         image: returns the encoded first image of a column; raises DamagedError.
         image_columns: all columns with images.
-
-    Raises:
-        InvalidInputError: for a missing or invalid part.
     """
-    if (text := options.instruction or instruction) is None:
-        raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")
-    trajectory = trajectory_of(columns, mapping, frequency_hz)
-    cameras, images = _cameras(mapping, options, image)
-    used = {column for item in mapping.cameras for column in (item.rgb, item.depth)}
-    unused = [column for column in image_columns if column not in used]
-    derived = mapping.joint_velocities is None
-    notes = [
-        *(["joint velocities: derived from joint positions"] if derived else []),
-        *([f"calibration of {', '.join(unused)}: images are left out"] if unused else []),
-    ]
-    return Parcel.of(
-        task=options.task or task,
-        instruction=text,
-        trajectory=trajectory,
-        control_frequency_hz=frequency_hz,
-        objects=objects_of(trajectory, mapping) or options.objects.of(name),
-        cameras=cameras,
-        images=images,
-        extra={"source": source, "episode": name},
-        notes=tuple(notes),
-    )
+
+    name: str
+    source: str
+    task: str
+    instruction: str | None
+    columns: Columns
+    frequency_hz: float
+    image: Callable[[str], bytes]
+    image_columns: Sequence[str] = ()
+
+    def parcel(self, mapping: FeatureMap, options: ImportOptions) -> Parcel:
+        """Return the episode as it is uploaded.
+
+        Raises:
+            InvalidInputError: for a missing or invalid part.
+        """
+        if (text := options.instruction or self.instruction) is None:
+            raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")
+        trajectory = trajectory_of(self.columns, mapping, self.frequency_hz)
+        cameras, images = _cameras(mapping, options, self.image)
+        return Parcel.of(
+            task=options.task or self.task,
+            instruction=text,
+            trajectory=trajectory,
+            control_frequency_hz=self.frequency_hz,
+            objects=objects_of(trajectory, mapping) or options.objects.of(self.name),
+            cameras=cameras,
+            images=images,
+            extra={"source": self.source, "episode": self.name},
+            notes=tuple(self._lacking(mapping)),
+        )
+
+    def _lacking(self, mapping: FeatureMap) -> Iterator[str]:
+        """Yield what an upload could have and the mapping does not find."""
+        if mapping.joint_velocities is None:
+            yield "joint velocities: derived from joint positions"
+        used = {column for item in mapping.cameras for column in (item.rgb, item.depth)}
+        if unused := [column for column in self.image_columns if column not in used]:
+            yield f"calibration of {', '.join(unused)}: images are left out"
 
 
 def _cameras(

@@ -20,7 +20,7 @@ from typing import IO, Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, inside
-from app.datasets.columns import parcel_of
+from app.datasets.columns import ColumnEpisode
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel
 from roboprompt_client.errors import InvalidInputError
@@ -85,17 +85,15 @@ def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
     def image(topic: str) -> bytes:
         raise DamagedError(file, f"images of topic {topic} cannot be read from MCAP files")
 
-    return parcel_of(
+    return ColumnEpisode(
         name=file.stem,
         source="MCAP",
         task=as_name(root.resolve().stem),
         instruction=None,
         columns=columns,
         frequency_hz=float(1 / np.median(steps_s)),
-        mapping=_mapping(columns, joints[0], options),
-        options=options,
         image=image,
-    )
+    ).parcel(_mapping(columns, joints[0], options), options)
 
 
 def _tracks(file: Path, budget: Budget) -> tuple[dict[str, Track], list[str]]:

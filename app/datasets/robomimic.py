@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
-from app.datasets.columns import parcel_of
+from app.datasets.columns import ColumnEpisode
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
 
@@ -120,18 +120,16 @@ def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptio
 
     environment = str(described.get("env_name", path.stem))
     frequency_hz = float(dict(described.get("env_kwargs", {})).get("control_freq", CONTROL_FREQUENCY_HZ))
-    return parcel_of(
+    return ColumnEpisode(
         name=name,
         source="robomimic",
         task=as_name(_WORD.sub("_", environment).lower()),
         instruction=described.get("lang"),
         columns=columns,
         frequency_hz=frequency_hz,
-        mapping=_mapping(columns, options),
-        options=options,
         image=image,
         image_columns=list(images),
-    )
+    ).parcel(_mapping(columns, options), options)
 
 
 def _columns(

@@ -5,12 +5,14 @@ lowest. Objects of one name that stand almost equally far left may change their 
 of place tell them apart, their numbers do not.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.errors import ObjectSetError
+from app.pipeline.findings import Finding
+from app.pipeline.findings.rules import NUMBERED
 from app.pipeline.order.space import MARGIN_M
 from roboprompt_client.types.arrays import Array
 
@@ -65,3 +67,17 @@ def _check(alike: Alike, names: Sequence[str]) -> None:
     if apart_m.min() < MARGIN_M:
         message = f"given twice: {alike.called}, {100 * apart_m.min():.1f} cm apart: one object that was found twice?"
         raise ObjectSetError("objects", message, f"objects of one name {100 * MARGIN_M:.0f} cm apart or more")
+
+
+def alike_findings(groups: Sequence[Alike], instruction: str | None = None) -> Iterator[Finding]:
+    """Yield a finding for each group that says where each number is.
+
+    Args:
+        instruction: of an upload, as it is stored.
+    """
+    for alike in groups:
+        places = ", ".join(f"{name} at ({x:.2f}, {y:.2f}, {z:.2f})" for name, (x, y, z) in alike.positions_m.items())
+        message = f"{len(alike.positions_m)} objects are called {alike.called!r}; from left to right: {places}."
+        if instruction is not None:
+            message += f" The instruction is kept as {instruction!r}."
+        yield NUMBERED.finding(message, f"objects[{alike.called}]", {"num_objects": len(alike.positions_m)})

@@ -10,16 +10,13 @@ import numpy as np
 
 from app.pipeline.alike import Alike
 from app.pipeline.errors import UngroundedInstructionError
-from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import NUMBERED
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.frames import taught_verb
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
-from app.pipeline.order.order import Order, clause_texts
+from app.pipeline.order.order import FIELD, Order, clause_texts
 from app.pipeline.order.post_modifiers import TooInvolvedError
-from app.pipeline.order.refusals import FIELD, forbids
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.verbs import DESTINATIONS
@@ -56,20 +53,6 @@ def check_named(order: Order, followed: frozenset[str], groups: Sequence[Alike])
             message = f"does not say which {alike.called} is meant, and the motion follows {unnamed[0]}"
             valid = f"the {alike.called} by its place, also in demonstrations"
             raise UngroundedInstructionError(FIELD, message, valid)
-
-
-def alike_findings(groups: Sequence[Alike], instruction: str | None = None) -> Iterator[Finding]:
-    """Yield a finding for each group that says where each number is.
-
-    Args:
-        instruction: of an upload, as it is stored.
-    """
-    for alike in groups:
-        places = ", ".join(f"{name} at ({x:.2f}, {y:.2f}, {z:.2f})" for name, (x, y, z) in alike.positions_m.items())
-        message = f"{len(alike.positions_m)} objects are called {alike.called!r}; from left to right: {places}."
-        if instruction is not None:
-            message += f" The instruction is kept as {instruction!r}."
-        yield NUMBERED.finding(message, f"objects[{alike.called}]", {"num_objects": len(alike.positions_m)})
 
 
 def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequence[Alike], is_word: IsWord) -> str:
@@ -141,7 +124,7 @@ def _speaks_of(instruction: str, lexicon: Lexicon, groups: Sequence[Alike]) -> b
 
 def _readings(instruction: str, lexicon: Lexicon, layout: Layout | None) -> Iterator[Reading]:
     phrases = NounPhrases(instruction, lexicon, layout)
-    if forbids(phrases.words):
+    if vocabulary.forbids(phrases.words):
         return
     verbs = frozenset(taught_verb(text, lexicon) for text in clause_texts(instruction)) - lexicon.objects_of.keys()
     try:

@@ -6,11 +6,9 @@ Every value is checked when it is constructed. Positions are in meters in the wo
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from app.pipeline.order.order import Order
 from roboprompt_client.errors import InvalidInputError
@@ -134,10 +132,3 @@ def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_
         return trajectory.timestamps_s - float(trajectory.timestamps_s[0])
     times_s: Array = np.arange(len(trajectory)) / control_frequency_hz
     return times_s
-
-
-def stretches(states: npt.ArrayLike) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch of frames in which a boolean state stays."""
-    frames = np.asarray(states, dtype=bool)
-    edges = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(frames)]
-    return [(first, end, bool(frames[first])) for first, end in pairwise(edges)]

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation.anchors import M_PER_RAD
 from app.pipeline.representation.base import Codec
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.motion.limits import USUAL_ACTIONS
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array

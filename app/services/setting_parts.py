@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from app.perception.strict import Meters, Number
-from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
+from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, RuleName
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from roboprompt_client.motion.limits import HAND_RADIUS_M, Box, MotionLimits
@@ -66,7 +66,7 @@ class KeyframeSettings(_Settings):
     merged, `authors` their published code, `uniform` every interval-th frame.
     """
 
-    rule: Rule = "auto"
+    rule: RuleName = "auto"
     delta_rad_s: Annotated[
         float, Field(ge=1e-6, le=1000, description="0.1 in simulation, 0.01 on a real robot"), NOT_A_TRUTH_VALUE
     ] = SIMULATION_DELTA_RAD_S

@@ -60,13 +60,14 @@ def _square_nut(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffect
 
     Pointing away from the arm the handle is beyond its reach.
     """
-    yaw_rad = _yaw(objects[0])
-    turns_rad = (np.array(HANDLE_DIRECTIONS_RAD) - yaw_rad + np.pi) % (2 * np.pi) - np.pi
-    return _nut_on_peg(*objects, float(turns_rad[np.abs(turns_rad).argmin()]), scene.hand)
+    nut, peg = objects
+    turns_rad = (np.array(HANDLE_DIRECTIONS_RAD) - _yaw(nut) + np.pi) % (2 * np.pi) - np.pi
+    return _nut_on_peg(nut, peg, float(turns_rad[np.abs(turns_rad).argmin()]), scene.hand)
 
 
 def _round_nut(objects: tuple[ObjectPose, ...], scene: Scene) -> list[EndEffectorAction]:
-    return _nut_on_peg(*objects, 0.0, scene.hand)
+    nut, peg = objects
+    return _nut_on_peg(nut, peg, 0.0, scene.hand)
 
 
 def _nut_on_peg(nut: ObjectPose, peg: ObjectPose, turned_rad: float, hand: Rotation) -> list[EndEffectorAction]:

@@ -32,7 +32,7 @@ from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.runs.leading import Leading
 from roboprompt_client.runs.live import Live
-from roboprompt_client.runs.loop import run_task
+from roboprompt_client.runs.loop import RunOptions, run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.film import Film
@@ -66,6 +66,7 @@ __all__ = [
     "RoboPromptClient",
     "RoboPromptError",
     "Robot",
+    "RunOptions",
     "ServiceProblemError",
     "ServiceUnreachableError",
     "StepFailedError",

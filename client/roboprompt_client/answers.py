@@ -20,12 +20,12 @@ from roboprompt_client.http.connection import event_document
 from roboprompt_client.motion.guard import action_from_json
 from roboprompt_client.runs.reanchoring import ActionAnchor, anchor_from_json
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json
+from roboprompt_client.types.severity import SEVERITIES
 
 Finding = Mapping[str, Any]
 OnFindings = Callable[[Sequence[Finding]], None]
 Confirm = Callable[[int, EndEffectorAction], bool]
 OnDanger = Literal["confirm", "refuse", "go"]
-SEVERITIES = ("info", "warning", "danger")
 log = logging.getLogger(__name__)
 
 

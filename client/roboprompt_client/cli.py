@@ -141,7 +141,7 @@ def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
 
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
     if arguments.on_danger == "confirm" and not arguments.confirm:
-        raise InvalidInputError("--on-danger", "is confirm, but nobody is asked", "refuse, go, or --confirm beside it")
+        raise InvalidInputError("--on-danger", "is confirm, but no one is asked", "refuse, go, or --confirm beside it")
     client.ping()
     pinned = _pinned(arguments)
     with asking_robot(arguments.robot, asks=arguments.confirm) as robot:

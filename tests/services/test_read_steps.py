@@ -7,7 +7,7 @@ import pytest
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InstructionError, ObjectSetError
-from app.pipeline.steps.reading import Step
+from app.pipeline.steps.reading import PlanStep
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
 from app.services.teach.upload import Upload
@@ -41,7 +41,7 @@ def teach(services, task, instruction, objects):
 
 def test_a_plan_takes_the_tasks_whose_objects_are_there(services):
     steps = services.read_steps("open the box and put the cup in it, then press the bell twice", SCENE)
-    assert steps == tuple(Step(task, TASKS[task][1]) for task in ("open", "fill", "ring", "ring"))
+    assert steps == tuple(PlanStep(task, TASKS[task][1]) for task in ("open", "fill", "ring", "ring"))
     with pytest.raises(InstructionError) as refused:
         services.read_steps("open the box and put the cup in it", (BOX, BELL))
     assert refused.value.valid.endswith("not with these objects: fill (not seen: cup)")
@@ -59,7 +59,7 @@ def test_a_task_that_changed_is_read_again(services):
         services.read_steps(said, SCENE)
     with services.store.write() as connection:
         tasks.update_settings(connection, "open", TaskSettings(aliases={"box": ("crate",)}).model_dump(mode="json"))
-    assert services.read_steps(said, SCENE) == (Step("open", "open the box"),)
+    assert services.read_steps(said, SCENE) == (PlanStep("open", "open the box"),)
 
 
 @pytest.mark.parametrize(

@@ -6,26 +6,23 @@ from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, aclosing
 from functools import partial
 
-import anyio.to_thread
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 
-from app.api.body import Body, read_body
+from app.api.body import read_body
 from app.api.documents import dry_run_document, prediction_document, understood_document
-from app.api.image_work import Decode, decode_frames, image_work, split_images
+from app.api.image_work import image_work
 from app.api.problems import problem_of
+from app.api.question_body import questioned
 from app.api.routes import IdempotencyKey, Wired, body_of, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import Reading, TextDelta
-from app.services.container import Services
-from app.services.limits import Limits
 from app.services.predict.ask import Arriving
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
-from app.services.predict.request import PredictRequest
 from app.store.errors import StoreError
 from app.store.values import JsonObject
 from app.store.visibility import present
@@ -110,18 +107,6 @@ def _wants_events(accept: str) -> bool:
     return False
 
 
-async def questioned(decode: Decode, body: Body, services: Services) -> tuple[PredictRequest, PredictBody]:
-    """Return the question, with its task.
-
-    Images are decoded in a thread, for which a small JSON body does not repay the change.
-    """
-    limits = services.limits
-    query, asked = await decode(read_question, body, limits) if body.parts else read_question(body, limits)
-    if asked.task is None:
-        query = await anyio.to_thread.run_sync(services.read_steps.with_task, query)
-    return query, asked
-
-
 _Keep = Callable[[JsonObject], Awaitable[JsonObject]]
 
 
@@ -187,20 +172,3 @@ async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     for action in document["actions"]:
         yield _event("action", action)
     yield _event("done", document)
-
-
-def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
-    """Return the question, checked and decoded; synchronous: call it in a thread if there are images."""
-    asked = PredictBody.model_validate(body.document)
-    images = split_images(asked.cameras, body.parts)
-    query = PredictRequest(
-        task=asked.task or "",
-        instruction=asked.instruction,
-        objects=tuple(item.query() for item in asked.objects),
-        frames=decode_frames(asked.cameras, images, limits.max_image_pixels),
-        images=images,
-        end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
-        options=asked,
-        as_sent=asked.model_dump(mode="json", exclude_unset=True),
-    )
-    return query, asked

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field
 
 from app.api.schemas.responses import Bins, FindingOut, ObservedObjectOut
-from app.pipeline.keyframes import Rule
+from app.pipeline.keyframes import RuleName
 
 Errors = Annotated[list[float], Field(description="one number for each row; empty if there is nothing to compare with")]
 
@@ -69,7 +69,7 @@ class TaskCheckOut(BaseModel):
     """A task's demonstrations, each predicted from the others before a robot moves."""
 
     task: str
-    rule: Annotated[Rule, Field(description="rule by which keyframes were found")]
+    rule: Annotated[RuleName, Field(description="rule by which keyframes were found")]
     num_episodes: int
     num_checked: Annotated[int, Field(description="number of demonstrations that were checked, the task's first")]
     findings: Annotated[

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, read_inside
-from app.datasets.columns import Columns, parcel_of, trajectory_of
+from app.datasets.columns import ColumnEpisode, Columns, trajectory_of
 from app.datasets.lerobot.files import INFO, Info, Place, read_info, read_places, read_scene
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
 from app.datasets.lerobot.video_reader import KEY, film_from_video, first_picture
@@ -101,18 +101,16 @@ def _read(
         raise DamagedError(place.data_file, f"has {rows} rows of episode {place.index}, expected {place.length}")
     if (scene := read_scene(root, place.index, budget)) is not None:
         return _exported(*scene, columns, mapping, options)
-    parcel = parcel_of(
+    parcel = ColumnEpisode(
         name=f"episode_{place.index:06d}",
         source=f"LeRobot {info.version}",
         task=as_name(root.name),
         instruction=place.instruction,
         columns=columns,
         frequency_hz=info.fps,
-        mapping=mapping,
-        options=options,
         image=partial(first_image, root, info, place, budget),
         image_columns=info.named("image", "video"),
-    )
+    ).parcel(mapping, options)
     return _with_films(parcel, root, info, place, options, budget)
 
 

@@ -97,7 +97,7 @@ class VideoWriter:
                 if number != last and (decoded := _decoded(film.pictures[number])) is not None:
                     rgb = np.ascontiguousarray(decoded[: shape[0], : shape[1]])
                 if rgb is None:
-                    raise DamagedError(path.name, f"the film of camera {film.camera} begins with what is no picture")
+                    raise DamagedError(path.name, f"the film of camera {film.camera} does not begin with a picture")
                 last = number
                 if row % max(1, len(shown) // SAMPLED_PICTURES) == 0:
                     samples.append(rgb[::SAMPLED_PX, ::SAMPLED_PX].reshape(-1, 3))

@@ -10,9 +10,10 @@ import numpy as np
 
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.pipeline.check.settings import many_rows, missed_path, path_left, recorded_otherwise
-from app.pipeline.findings import SEVERITIES, Finding
+from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
-from app.pipeline.plans.rows import BEYOND_NOISE_M
+from app.pipeline.thresholds import BEYOND_NOISE_M
+from roboprompt_client.types.severity import SEVERITIES
 
 MIN_JUDGED = 3  # demonstrations of a plan from which its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included
@@ -25,7 +26,7 @@ ELSEWHERE_M, ELSEWHERE_FACTOR = 0.05, 4.0  # the error of an outlier: at least t
 OTHERS_SHARE = 0.8  # the quantile of the others' errors that it is compared with
 COMMON_SHARE = 1 / 2  # of an instruction's demonstrations: if prompts show no more, there is no common plan
 
-Found = tuple[list[Finding], list[str]]
+Causes = tuple[list[Finding], list[str]]
 
 
 def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | None:
@@ -146,7 +147,7 @@ def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
     return [episode for plan in group for episode in plan.episodes]
 
 
-def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
+def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule: KeyframeRule) -> Causes:
     """Return findings about the rows of one instruction, and about outliers that these do not explain."""
     causes = {plan: row_cause(plan, plans.index(plan), rule) for plan in group}
     findings = list({cause.code: cause for cause in reversed(causes.values()) if cause is not None}.values())
@@ -155,7 +156,7 @@ def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule
     return findings + odd, ids
 
 
-def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
+def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: KeyframeRule) -> Causes:
     number = len(_episodes(group))
     shown = sum(len(plan.episodes) for plan in group if plan.shown)
     if unexplained and number >= MIN_COMPARED and shown <= COMMON_SHARE * number:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings import Finding, Severity
-from app.pipeline.keyframes import Manner, Rule
-from app.pipeline.representation.anchors import M_PER_RAD
+from app.pipeline.findings import Finding
+from app.pipeline.keyframes import Manner, RuleName
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.severity import Severity
 
 WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 
@@ -123,7 +124,7 @@ class TaskCheck:
         unlike_ids: of demonstrations that do not do as the others.
     """
 
-    rule: Rule
+    rule: RuleName
     plans: tuple[PlanCheck, ...]
     findings: tuple[Finding, ...] = ()
     unlike_ids: tuple[str, ...] = ()

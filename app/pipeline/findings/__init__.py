@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
-Severity = Literal["info", "warning", "danger"]
-SEVERITIES: tuple[Severity, ...] = ("info", "warning", "danger")
+from roboprompt_client.types.severity import SEVERITIES, Severity
 
 
 @dataclass(frozen=True)

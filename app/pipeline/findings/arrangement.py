@@ -17,7 +17,7 @@ from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rot
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-FEWEST = 3  # with fewer demonstrations, equal relative positions may be chance
+MIN_AGREEING = 3  # fewer demonstrations may agree by chance
 MOVED_M = 0.05  # objects whose place varies by less never moved, and are no arrangement
 FAR_M = ARRANGED.levels["warning"]
 MANY = 8  # with fewer demonstrations, one side may be chance
@@ -48,7 +48,7 @@ class RigidPair:
 
 def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
     """Return the pairs of objects that keep one arrangement in all demonstrations, whether or not words name them."""
-    if len(shown) < FEWEST:
+    if len(shown) < MIN_AGREEING:
         return ()
     tilted, names = tilted_objects(shown), [pose.name for pose in shown[0].objects]
     places_m = {name: Range.of([scene.object(name).position_m for scene in shown]) for name in names}

@@ -6,7 +6,7 @@ from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
-from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
+from app.pipeline.findings.arrangement import MIN_AGREEING, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
@@ -19,12 +19,13 @@ from app.pipeline.findings.turning import Rotations, turning_findings
 from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
-from app.pipeline.plans import by_plan, shown_together, usual_ways
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
+from app.pipeline.plans.rows import acting_rows
 from app.pipeline.plans.support import Support
+from app.pipeline.plans.usual import by_plan, shown_together, usual_ways
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
+from app.pipeline.thresholds import BEYOND_NOISE_M
 from roboprompt_client.types.poses import EndEffectorAction
 
 
@@ -71,7 +72,7 @@ class Taught:
             len(usual_ways(alike)) > 1 if (parted := parting(alike)) is None else parted.quantity.axis is None
             for alike in self._alike.values()
         )
-        if len(self.demonstrations) < FEWEST or undecided or not PLACE_WORDS.isdisjoint(words):
+        if len(self.demonstrations) < MIN_AGREEING or undecided or not PLACE_WORDS.isdisjoint(words):
             return frozenset(pose.name for item in self.demonstrations for pose in item.objects)
         return self.decisive
 

@@ -16,12 +16,11 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
 from app.pipeline.order.vocabulary import PLACE_WORDS
-from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
-from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows, touching_rows
+from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.plans.turn import half_turned
-from app.pipeline.representation.anchors import M_PER_RAD
+from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, RARE_SHARE, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -151,13 +150,7 @@ def _away_by_role_m(shown: Demonstration) -> dict[str, float]:
     """Return by role the distance of each object from the first gripper switch, or from the lowest action."""
     lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
     at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
-    return {role_of(shown, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
-
-
-def role_of(demonstration: Demonstration, name: str) -> str:
-    """Return the object's position in the instruction, as `<0>`, or its name if it is not mentioned."""
-    mentioned = demonstration.order.objects
-    return f"<{mentioned.index(name)}>" if name in mentioned else name
+    return {shown.order.placeholder(pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
 
 
 def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:

@@ -7,7 +7,6 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.rules import Rule
 from roboprompt_client.types import quaternions
@@ -23,7 +22,7 @@ MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
 DONE_ACTS = 2  # a hand that closes and opens again has acted, though the handle may be far from the object's origin
-FEWEST = 4  # recordings that show what their ends share other than by chance
+MIN_ENDS = 4  # recordings that show what their ends share other than by chance
 ODD_SHARE = 0.2  # of the recordings may differ from the others
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of starts that are several
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
@@ -35,12 +34,12 @@ CUT_OFF = "the hand is still on its way in the last frame: record until it has d
 
 Fault = tuple[Rule, str]
 """A rule and the message of its finding."""
-Shown = tuple[Demonstration, RecordedHand]
-Seen = Mapping[tuple[str, str], Array]
+Recorded = tuple[Demonstration, RecordedHand]
+PlacesByRole = Mapping[tuple[str, str], Array]
 """A place (3,) relative to objects, by role and axes: the world's (`w`) or the object's own (`o`)."""
 
 
-def end_faults(pairs: Sequence[Shown]) -> list[Fault | None]:
+def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
     """Return for each demonstration whether its recording breaks off.
 
     Recordings of which the last frames show that everything is done, though hands still move, are only a warning.
@@ -70,7 +69,7 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or comes) else None
 
 
-def _end_complete(pairs: Sequence[Shown]) -> bool:
+def _end_complete(pairs: Sequence[Recorded]) -> bool:
     """Return whether hands that still move in their last frames have done everything there.
 
     Their ends are then one place seen from an object, though paths and durations differ, and most hands have acted
@@ -79,10 +78,10 @@ def _end_complete(pairs: Sequence[Shown]) -> bool:
     Args:
         pairs: all end with something in the hand, or all without.
     """
-    if len(pairs) < FEWEST:
+    if len(pairs) < MIN_ENDS:
         return False
     spreads_m = _spreads_m([_seen_by_role(demonstration, hand.end_m) for demonstration, hand in pairs])
-    counts = Counter(role_of(shown, hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
+    counts = Counter(shown.order.placeholder(hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
     held = {role for role, number in counts.items() if number > ODD_SHARE * len(pairs)}
     others_m = [spread_m for (role, _), spread_m in spreads_m.items() if role not in held]
     if min(others_m, default=np.inf) >= COMPLETE_M:
@@ -106,12 +105,12 @@ def _still_puts(demonstration: Demonstration, hand: RecordedHand) -> bool:
     return hand.end_speed_m_s > MOVES_M_S and any(abs(height_m - carried_to_m) < LEVEL_M for height_m in heights_m)
 
 
-def backwards_findings(pairs: Sequence[Shown]) -> Iterator[Finding]:
+def backwards_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     """Yield a finding where recordings seem to run backwards in time, since robots start in one place.
 
     They end in one place and start where an object is, or some end where others start.
     """
-    if len(pairs) < FEWEST:
+    if len(pairs) < MIN_ENDS:
         return
     starts_m, ends_m = np.array([hand.start.position_m for _, hand in pairs]), np.array([h.end_m for _, h in pairs])
     number = _end_where_others_start(starts_m, ends_m)
@@ -139,18 +138,18 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
     return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
 
 
-def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Seen:
+def _seen_by_role(demonstration: Demonstration, place_m: Array) -> PlacesByRole:
     """Return a place (3,) relative to each object."""
     found: dict[tuple[str, str], Array] = {}
     for pose in demonstration.objects:
-        role, way_m = role_of(demonstration, pose.name), place_m - pose.position_m
+        role, way_m = demonstration.order.placeholder(pose.name), place_m - pose.position_m
         found[role, "w"] = way_m
         if pose.quaternion_xyzw is not None:
             found[role, "o"] = quaternions.rotated(quaternions.inverse(pose.quaternion_xyzw), way_m)
     return found
 
 
-def _spreads_m(seen_m: Sequence[Seen]) -> dict[tuple[str, str], float]:
+def _spreads_m(seen_m: Sequence[PlacesByRole]) -> dict[tuple[str, str], float]:
     """Return how far places scatter relative to each object that all demonstrations have."""
     shared = set(seen_m[0]).intersection(*seen_m)
     return {key: _spread_m(np.array([seen[key] for seen in seen_m])) for key in shared}

@@ -13,8 +13,7 @@ from app.pipeline.findings.shown import distances_m
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.keyframes.resting import path_left_m
-from app.pipeline.plans.rows import WAY_SHARE
-from app.pipeline.representation.anchors import M_PER_RAD
+from app.pipeline.thresholds import M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction

@@ -23,9 +23,9 @@ OFF_UPRIGHT_DEG = 20.0
 DOWN_DEG = 10.0
 APPROACH_M = 0.05  # before a grasp or release the hand moves along its own z axis
 ALONG_DEG, ACROSS_DEG = 25.0, 60.0
-ALIKE_DEG = 5.0  # tilts that differ by less are one
+ONE_TILT_DEG = 5.0  # tilts that differ by less are one
 ON_ITS_HEAD_DEG = 135.0
-FEWEST = 3  # demonstrations from which on an object's tilts are compared
+MIN_TILTS = 3  # demonstrations from which on an object's tilts are compared
 # How else quaternions may have been meant: what they are then, the order of their numbers, and their signs
 MISREADINGS = (
     ("w first", [1, 2, 3, 0], np.ones(4)),
@@ -107,7 +107,7 @@ def check_objects_order(objects: Sequence[ObjectPose]) -> None:
     quaternions = np.array([pose.quaternion_xyzw for pose in turned])
     tilts_deg = _off_way_deg(quaternions, UP)
     inclined = _is_inclined(tilts_deg)
-    if _upright_if_w_first(quaternions).all() and inclined.any() and np.ptp(tilts_deg[inclined]) > ALIKE_DEG:
+    if _upright_if_w_first(quaternions).all() and inclined.any() and np.ptp(tilts_deg[inclined]) > ONE_TILT_DEG:
         place = int(np.argmax(tilts_deg * inclined))
         message = f"is {quaternions[place].round(4).tolist()}: upright only if w comes first"
         raise InvalidInputError(f"objects[{turned[place].name}].quaternion_xyzw", message, "order x y z w")
@@ -127,7 +127,7 @@ def objects_order_findings(demonstrations: Sequence[Demonstration]) -> Iterator[
     It is upright in each, with w first in some of them. As it is read, it would have been on its head and inclined
     besides, differently each time; lids incline less, and what is turned over is not inclined.
     """
-    for name in [pose.name for pose in demonstrations[0].objects] if len(demonstrations) >= FEWEST else ():
+    for name in [pose.name for pose in demonstrations[0].objects] if len(demonstrations) >= MIN_TILTS else ():
         quaternions = [item.object(name).quaternion_xyzw for item in demonstrations]
         known = np.array([quaternion for quaternion in quaternions if quaternion is not None])
         if len(known) < len(quaternions):
@@ -146,7 +146,9 @@ def objects_order_findings(demonstrations: Sequence[Demonstration]) -> Iterator[
 
 def _is_inclined(tilts_deg: Array) -> npt.NDArray[np.bool_]:
     """Return (N,) bool: tilted, but neither lying on a side nor upside down."""
-    inclined: npt.NDArray[np.bool_] = (tilts_deg > OFF_UPRIGHT_DEG) & (np.abs((tilts_deg + 45) % 90 - 45) > ALIKE_DEG)
+    inclined: npt.NDArray[np.bool_] = (tilts_deg > OFF_UPRIGHT_DEG) & (
+        np.abs((tilts_deg + 45) % 90 - 45) > ONE_TILT_DEG
+    )
     return inclined
 
 

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import stretches
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
 from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
+from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from roboprompt_client.types.arrays import Array, positions_array
 

@@ -7,9 +7,9 @@ and a test holds the two together.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.pipeline.findings import SEVERITIES, Finding, Severity
-from app.pipeline.plans.rows import BEYOND_NOISE_M
-from app.pipeline.representation.anchors import TURNED_M
+from app.pipeline.findings import Finding
+from app.pipeline.thresholds import BEYOND_NOISE_M, TURNED_M
+from roboprompt_client.types.severity import SEVERITIES, Severity
 
 ALWAYS = 0.0
 MEASURED = "thresholds: docs/results/safety.md; no danger in 1056 right scenes of 22 tasks"

@@ -28,7 +28,6 @@ from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import (
-    M_PER_RAD,
     MIN_TURNED,
     MIXED_FRAMES,
     TURNED_SHARE,
@@ -38,6 +37,7 @@ from app.pipeline.representation.anchors import (
     much_less,
     scatters_m,
 )
+from app.pipeline.thresholds import M_PER_RAD
 
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
 CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.findings import SEVERITIES, Finding, rules, worst_severity
+from app.pipeline.findings import Finding, rules, worst_severity
 from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
@@ -24,6 +24,7 @@ from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.severity import SEVERITIES
 
 UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings import SEVERITIES, Finding, rules
+from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.quaternion_order import MISREADINGS
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.severity import SEVERITIES
 
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned

@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.pipeline.alike import Alike
-from app.pipeline.alike_instructions import alike_findings
+from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.elsewhere import unlike_findings

@@ -3,7 +3,7 @@
 from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.published import authors, merged, uniform
 from app.pipeline.keyframes.resting import Manner, manner_of
-from app.pipeline.keyframes.rule import RULES, SIMULATION_DELTA_RAD_S, Keyframe, KeyframeRule, Rule
+from app.pipeline.keyframes.rule import RULES, SIMULATION_DELTA_RAD_S, Keyframe, KeyframeRule, RuleName
 from app.pipeline.keyframes.waypoint_choice import waypoints
 from roboprompt_client.errors import InvalidInputError
 
@@ -14,7 +14,7 @@ __all__ = [
     "KeyframeRule",
     "Manner",
     "Motion",
-    "Rule",
+    "RuleName",
     "authors",
     "find_keyframes",
     "manner_of",

@@ -7,9 +7,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.path import TOLERANCE_M, HandPath
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
@@ -22,7 +24,6 @@ SETTLES_WITHIN_M = 0.04
 MUCH_SLOWER = 0.6
 RISE = 1.3  # a speed this much above the least so far ends the search: the hand goes on to something else
 SPEED_NOISE_M_S = 0.01
-M_PER_RAD = 0.06  # 10 degrees of rotation count as 1 cm
 START_REACH_M = 0.01
 OPENING_REACH_M = 0.02  # the same of fingers that open: nothing was grasped before
 
@@ -178,3 +179,10 @@ class Motion:
         start, end = switches[0].frame, switches[1].frame if len(switches) > 1 else len(self) - 1
         positions_m = self.trajectory.positions_m
         return end > start and not np.allclose(positions_m[start], positions_m[end], atol=TOLERANCE_M)
+
+
+def stretches(states: npt.ArrayLike) -> list[tuple[int, int, bool]]:
+    """First frame, frame after the last, and state of each stretch of frames in which a boolean state stays."""
+    frames = np.asarray(states, dtype=bool)
+    edges = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(frames)]
+    return [(first, end, bool(frames[first])) for first, end in pairwise(edges)]

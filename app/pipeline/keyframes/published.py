@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from app.pipeline.episode import stretches
-from app.pipeline.keyframes.motion import Motion
+from app.pipeline.keyframes.motion import Motion, stretches
 from app.pipeline.keyframes.rule import SIMULATION_DELTA_RAD_S
 
 FINAL_FRAME_MARGIN = 3  # frames before the last within which a keyframe stands for it

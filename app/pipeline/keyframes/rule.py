@@ -8,8 +8,8 @@ import numpy as np
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from roboprompt_client.errors import InvalidInputError
 
-Rule = Literal["auto", "waypoints", "merged", "authors", "uniform"]
-RULES: tuple[Rule, ...] = ("auto", "waypoints", "merged", "authors", "uniform")
+RuleName = Literal["auto", "waypoints", "merged", "authors", "uniform"]
+RULES: tuple[RuleName, ...] = ("auto", "waypoints", "merged", "authors", "uniform")
 SIMULATION_DELTA_RAD_S = 0.1  # paper, section IV-A; 0.01 on a real robot
 MAX_KEYFRAMES = 25  # paper, section IV-B: the steps that an episode may take
 
@@ -35,7 +35,7 @@ class KeyframeRule:
             neighboring keyframes.
     """
 
-    rule: Rule = "auto"
+    rule: RuleName = "auto"
     delta_rad_s: float = SIMULATION_DELTA_RAD_S
     interval: int = 5
     tolerance_m: float = TOLERANCE_M

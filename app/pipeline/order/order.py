@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
+FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
@@ -88,6 +89,10 @@ class Order:
     def objects(self) -> tuple[str, ...]:
         """The names of the objects that it mentions, by their first mention."""
         return clause_of(self.text, self.names).objects
+
+    def placeholder(self, name: str) -> str:
+        """Return what stands for the object in `form`, as `<0>`; its name if it is not mentioned."""
+        return f"<{self.objects.index(name)}>" if name in self.objects else name
 
     def to_json(self) -> dict[str, Any]:
         """Return the order as it is stored."""

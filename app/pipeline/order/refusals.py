@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, Unmatched
-from app.pipeline.order.order import clause_of
+from app.pipeline.order.order import FIELD, clause_of
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.order.words import Word
 
-FIELD = "instruction"
 MAX_LISTED = 12  # instructions that a refusal repeats
 
 
@@ -31,7 +30,7 @@ def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) 
         message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
         return UnfamiliarInstructionError(FIELD, message, valid)
     what = "says what not to do in a way that is not understood"
-    if not forbids(words):
+    if not vocabulary.forbids(words):
         what = "is no order in a form that was taught: another place, direction, number, role or sequence, or a report"
     return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
@@ -44,7 +43,7 @@ def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Seq
             forbids something: the object acted on would be arbitrary.
     """
     valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
-    if forbids(words):
+    if vocabulary.forbids(words):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
     if (missed := _missed(phrases)) is not None:
         raise _ungrounded(phrases, missed, valid)
@@ -55,13 +54,6 @@ def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Seq
     if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
     return text, found
-
-
-def forbids(words: Sequence[Word]) -> bool:
-    """Return whether some words forbid an action ("not", "skip", "instead of")."""
-    texts = [word.text for word in words]
-    tables = (vocabulary.NOT, vocabulary.SKIP, vocabulary.RATHER)
-    return any(table.end_at(texts, k) is not None for table in tables for k in range(len(texts)))
 
 
 def _longest(phrases: NounPhrases) -> list[NounPhrase]:

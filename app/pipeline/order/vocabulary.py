@@ -1,11 +1,13 @@
 """The closed classes of English that instructions are made of: function words, polite phrases, places, and colors."""
 
+from collections.abc import Sequence
+
 from app.pipeline.order.space import Pick, extreme, in_the_middle, on_side
-from app.pipeline.order.words import NUMBERS, Phrase, PhraseTable
+from app.pipeline.order.words import NUMBERS, Phrase, PhraseTable, Word
 from app.pipeline.order.words import phrases as _phrases
 
 DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
-SOME = DETERMINERS | {"some"}  # before what is no object: "pour some water"
+SOME = DETERMINERS | {"some"}  # before a noun that names no object: "pour some water"
 RETURNING = frozenset({"away", "back"})  # with a destination they say nothing more: "put it back on the shelf"
 GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])
 # Nouns that may stand for each other where something else tells the objects apart.
@@ -181,6 +183,13 @@ FUNCTION_WORDS = (
     frozenset(word for table in _TABLES for phrase in table for word in phrase)
     | {*DETERMINERS, *COLORED, *ORDINALS, *REACHES, *MARKS, *_ALONE}
 )  # fmt: skip
+
+
+def forbids(words: Sequence[Word]) -> bool:
+    """Return whether some words forbid an action ("not", "skip", "instead of")."""
+    texts = [word.text for word in words]
+    tables = (NOT, SKIP, RATHER)
+    return any(table.end_at(texts, k) is not None for table in tables for k in range(len(texts)))
 
 
 def look_alike(one: str, other: str) -> bool:

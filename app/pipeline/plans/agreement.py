@@ -12,15 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans.rows import BEYOND_NOISE_M, PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import (
-    M_PER_RAD,
-    NOT_TURNED,
-    Anchor,
-    anchor_pose,
-    relative_action,
-    tilted_objects,
-)
+from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
+from app.pipeline.representation.anchors import NOT_TURNED, Anchor, anchor_pose, relative_action, tilted_objects
+from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -34,7 +28,7 @@ EXPLAINED = 0.5  # of the residual: where the scene leaves less of it, the row d
 NEGLIGIBLE_M = 0.02  # scatter that needs no explanation
 FEWEST_OF_A_LONE = 4  # demonstrations; of three, two may agree by chance
 LONE_DEG = 60.0  # a rotation that is farther from all others is an outlier,
-ALIKE_DEG = 20.0  # if the others are within this of their mean
+AGREE_DEG = 20.0  # if the others are within this of their mean
 FAR_APART_M = 0.03  # two demonstrations that differ by more may be two ways
 
 
@@ -177,7 +171,7 @@ def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int])
     others = [demonstration for k, demonstration in enumerate(group) if k != place]
     rows, tilted = plan_rows(others), tilted_objects(group)
     return any(
-        float(rows[k].off_deg.max()) <= ALIKE_DEG and _turned_deg(group[place], k, rows[k], tilted) > LONE_DEG
+        float(rows[k].off_deg.max()) <= AGREE_DEG and _turned_deg(group[place], k, rows[k], tilted) > LONE_DEG
         for k in acting
     )
 

@@ -23,7 +23,7 @@ from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.keyframe_choice import choose, off_one, off_rows
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import M_PER_RAD
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
 PATH_KEPT_SHARE = 0.8  # of the demonstrations: their paths need no more keyframes than a phase gets

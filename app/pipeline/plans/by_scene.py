@@ -14,15 +14,15 @@ from itertools import combinations
 import numpy as np
 
 from app.pipeline.episode import Demonstration, rotation_of
-from app.pipeline.plans import by_plan
 from app.pipeline.plans.rows import plan_rows
+from app.pipeline.plans.usual import by_plan
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 PARTED_SHARE = 0.8  # the share of demonstrations that must lie in the interval of their plan
 COMPARED = 3  # demonstrations of each plan whose actions are compared
-ALIKE_M, ALIKE_DEG = 0.04, 20.0  # largest deviation from the mean of grasps and releases that are the same
+SAME_ACT_M, SAME_ACT_DEG = 0.04, 20.0  # largest deviation from the mean of grasps and releases that are the same
 CHANCE = 0.05  # significance level of one quantity, over all quantities that are tried
 CHANCE_OF_ALL = 0.01  # of all positions together: five of ten recordings in a wrong frame must not pass
 SHUFFLES = 1000  # permutations of the test
@@ -147,7 +147,7 @@ def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
     if len({tuple(action.gripper_open for action in shown.actions) for shown in acting}) > 1:
         return False
     rows = plan_rows(acting)
-    return bool(rows) and all(row.off_deg.max() <= ALIKE_DEG and row.off_m.max() <= ALIKE_M for row in rows)
+    return bool(rows) and all(row.off_deg.max() <= SAME_ACT_DEG and row.off_m.max() <= SAME_ACT_M for row in rows)
 
 
 def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Parting | None:

@@ -10,7 +10,8 @@ from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.waypoint_choice import at_frames, at_tips, best_waypoints
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow
-from app.pipeline.representation.anchors import M_PER_RAD, anchor_pose, tilted_objects
+from app.pipeline.representation.anchors import anchor_pose, tilted_objects
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
 TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path

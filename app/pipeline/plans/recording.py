@@ -11,10 +11,10 @@ from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_
 from app.pipeline.keyframes.motion import Phase
 from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
+from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.poses import EndEffectorAction
 
-GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
-CLEARLY = 2.0  # if all others are so many times as far
+CLEARLY = 2.0  # an object is grasped if all others are so many times as far
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans.recording import GRASPED_M
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import M_PER_RAD, Anchors, relative_action, tilted_objects
+from app.pipeline.representation.anchors import Anchors, relative_action, tilted_objects
+from app.pipeline.thresholds import GRASPED_M, M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 
@@ -23,9 +23,7 @@ PRECISE_M = 0.002
 TOLERANCE_SHARE = 0.9  # the share of the demonstrations that lie within a row's tolerance
 MARGIN_M = 0.03  # beyond the farthest demonstration, within which an action is supported
 MARGIN_DEG = 20.0
-BEYOND_NOISE_M = 0.08  # twice the scatter of rows under twice the paper's noise of poses
 CLOSER = 0.5  # share of a row's scatter below which a later row is clearly more consistent
-WAY_SHARE = 1 / 3  # a larger share of the demonstrations is another way, not outliers
 LOW_M = 0.03  # a path with a smaller range of heights has no lowest row
 LOWEST_M = 0.01  # rows within this of the lowest count as lowest
 TURNS_BACK = -0.5  # cosine of the angle between coming and going

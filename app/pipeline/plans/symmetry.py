@@ -21,9 +21,10 @@ from app.pipeline.findings.rules import SYMMETRY_SHOWN
 from app.pipeline.geometry import canonical_pose, yaw_rad
 from app.pipeline.groups import grouped
 from app.pipeline.plans.alignment import aligned
-from app.pipeline.plans.recording import CLEARLY, GRASPED_M, Recording
+from app.pipeline.plans.recording import CLEARLY, Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import tilted_objects
+from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 

@@ -8,14 +8,10 @@ from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCode
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.parts import PartsCodec
+from app.pipeline.representation.style import KAT_FORMAT, SUMS_FORMAT, check_style
 from app.pipeline.representation.sums import SumsCodec
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
-
-PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
-KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
-SUMS_FORMAT = "sums"  # of absolute rows only, for small models
-REPRESENTATIONS = ("absolute", "object_frame", "action_tokens", "parts")
 
 
 def fit_codec(
@@ -48,28 +44,3 @@ def fit_codec(
     if prompt_format == KAT_FORMAT:
         codec = KatCodec
     return codec(workspace, tuple(demonstrations), with_instruction)
-
-
-def formats_of(representation: str) -> tuple[str, ...]:
-    """The prompt formats that a representation has."""
-    own = {"absolute": (SUMS_FORMAT,), "action_tokens": (KAT_FORMAT,)}
-    return (*PROMPT_FORMATS, *own.get(representation, ()))
-
-
-def usual_format(representation: str, preferred: str) -> str:
-    """The format that is preferred where the representation has it, else the paper's."""
-    return preferred if preferred in formats_of(representation) else "paper"
-
-
-def check_style(representation: str, prompt_format: str) -> None:
-    """Refuse what cannot be written.
-
-    Raises:
-        InvalidInputError: for an unknown name, or a format that the representation does not have.
-    """
-    if representation not in REPRESENTATIONS:
-        raise InvalidInputError("representation", f"is {representation!r}", ", ".join(REPRESENTATIONS))
-    if prompt_format not in (formats := formats_of(representation)):
-        message = f"is {prompt_format!r} with the representation {representation!r}"
-        others = f"{KAT_FORMAT} with the representation action_tokens; {SUMS_FORMAT} with absolute"
-        raise InvalidInputError("prompt_format", message, f"{', '.join(formats)}; {others}")

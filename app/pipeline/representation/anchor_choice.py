@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchors import (
-    M_PER_RAD,
     OBJECT_FRAMES,
     START,
     WORLD,
@@ -21,6 +20,7 @@ from app.pipeline.representation.anchors import (
 )
 from app.pipeline.representation.axis_choice import WORLD_REACH_M, by_axis
 from app.pipeline.representation.between import between
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
 APPROACH_M = 0.06  # horizontal distance from a grasp within which the hand hovers or lifts

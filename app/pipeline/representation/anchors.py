@@ -16,6 +16,7 @@ from scipy.special import betaincinv
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.order.order import Order
+from app.pipeline.thresholds import M_PER_RAD, TURNED_M
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -24,11 +25,9 @@ Frame = Literal["w", "o", "ow", "wo", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
 MIXED_FRAMES: tuple[Frame, ...] = ("ow", "wo")
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
-M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 MANY_TURNED = 8  # from this number of demonstrations on, the farthest are left out as outliers:
 DECIDING_SHARE = 0.8  # this share is kept; of fewer, the one turned unlike the others may decide
 MIN_TURNED = 3  # demonstrations that show what turns with an object
-TURNED_M = 0.006  # least scatter (rms) along the wrong axes that counts; 6 degrees for rotations
 TURNED_SHARE = 0.6  # largest share of it that remains along the right axes; less for few, see `mixed_frames`
 SERVES_M = 0.02  # largest scatter along the right axes: rows on the way that scatter more have none
 CHANCE = 0.01  # significance level of the F test in `mixed_frames`

@@ -7,15 +7,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
-
-GRASPED_M = 0.08  # a hand that closes within this of an object's position holds it
 
 Objects = tuple[ObjectPose, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class SceneState:
     """A scene between two actions.
 
     Attributes:
@@ -31,14 +30,14 @@ class Scene:
     held: tuple[ObjectPose, EndEffectorAction] | None = None
     put_down: ObjectPose | None = None
 
-    def after(self, action: EndEffectorAction) -> "Scene":
+    def after(self, action: EndEffectorAction) -> "SceneState":
         """Return the scene after a further action."""
         was_open = self.hand is not None and self.hand.gripper_open
         if was_open and not action.gripper_open:
             objects = self._with_put_down()
-            return Scene(objects, action, _grasped(objects, action))
+            return SceneState(objects, action, _grasped(objects, action))
         if self.held is not None and action.gripper_open:
-            return Scene(self.objects, action, put_down=_moved(*self.held, action))
+            return SceneState(self.objects, action, put_down=_moved(*self.held, action))
         return replace(self, hand=action)
 
     def _with_put_down(self) -> Objects:
@@ -46,9 +45,9 @@ class Scene:
         return self.objects if moved is None else tuple(moved if o.name == moved.name else o for o in self.objects)
 
 
-def scenes_before(demonstration: Demonstration) -> list[Scene]:
+def scenes_before(demonstration: Demonstration) -> list[SceneState]:
     """Return the scene before each action."""
-    return list(accumulate(demonstration.actions[:-1], Scene.after, initial=Scene(demonstration.objects)))
+    return list(accumulate(demonstration.actions[:-1], SceneState.after, initial=SceneState(demonstration.objects)))
 
 
 def _grasped(objects: Objects, hand: EndEffectorAction) -> tuple[ObjectPose, EndEffectorAction] | None:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Query
 from app.pipeline.order.lexicon import noun_of, phrase_of
 from app.pipeline.representation.anchors import Anchor, Frame, anchor_pose
-from app.pipeline.representation.carried import Scene
+from app.pipeline.representation.carried import SceneState
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -66,7 +66,7 @@ class Part:
         return f"{self.words} where {object_name} was" if was else f"{self.words} {object_name}"
 
     def placed(
-        self, object_name: str, scene: Scene, observed: Query, tilted: frozenset[str]
+        self, object_name: str, scene: SceneState, observed: Query, tilted: frozenset[str]
     ) -> Iterator[EndEffectorAction]:
         """Yield its actions at an object.
 

@@ -28,7 +28,7 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order, mentions_in
 from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
-from app.pipeline.representation.carried import Scene
+from app.pipeline.representation.carried import SceneState
 from app.pipeline.representation.common_parts import CommonParts, find_parts
 from app.pipeline.representation.part import Part, kind_of
 from roboprompt_client.errors import InvalidInputError
@@ -121,7 +121,7 @@ class _Placer:
 
     def __init__(self, codec: PartsCodec, query: Query) -> None:
         self._tilted, self._observed, self._steps = codec.tilted, query, codec.steps(query)
-        self._scenes = [Scene(query.objects)]  # before each step that was read, and after the last
+        self._scenes = [SceneState(query.objects)]  # before each step that was read, and after the last
 
     def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         actions: list[EndEffectorAction] = []
@@ -131,7 +131,7 @@ class _Placer:
             if scene.hand is None and part.actions[0].spot.keeps:
                 raise ReplyParseError(f"step {index} is {row[:80]!r}, but the hand holds nothing before", row)
             placed = list(part.placed(name, scene, self._observed, self._tilted))
-            self._scenes.append(reduce(Scene.after, placed, scene))
+            self._scenes.append(reduce(SceneState.after, placed, scene))
             actions += placed
         return actions
 

@@ -15,10 +15,10 @@ from app.pipeline.findings.scene import strangers
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.frames import Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
-from app.pipeline.order.order import Order, clause_of
+from app.pipeline.order.order import FIELD, Order, clause_of
 from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.reading import FilledFrame, closest
-from app.pipeline.order.refusals import FIELD, refusal
+from app.pipeline.order.refusals import refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.sequence import is_placed_after_moving, needs_full_hand
 from app.pipeline.order.space import Layout
@@ -32,7 +32,7 @@ CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in 
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 
 
-class Step(NamedTuple):
+class PlanStep(NamedTuple):
     """The instruction of one task, in the words that it was taught."""
 
     task: str
@@ -52,7 +52,7 @@ class Skill:
         alone = {frame.text for frame in self.taught.frames if frame.may_stand_alone}
         return tuple(text for text in self.taught.instructions if text not in alone)
 
-    def steps(self, clause: ParsedClause) -> Iterator[tuple[FilledFrame, Step]]:
+    def steps(self, clause: ParsedClause) -> Iterator[tuple[FilledFrame, PlanStep]]:
         """Yield what the task may do for a clause, with objects or kinds of objects that were taught in these roles."""
         names, asked = self.taught.names, {phrase.name for phrase in clause.phrases}
         for frame in self.taught.frames if asked <= set(names) else ():
@@ -60,7 +60,7 @@ class Skill:
             filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
             text = None if filled is None else frame.text_for(filled, names)
             if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
-                yield FilledFrame(frame, filled, clause), Step(self.task, text.rstrip(". "))
+                yield FilledFrame(frame, filled, clause), PlanStep(self.task, text.rstrip(". "))
 
 
 class TasksOfScene(TaughtWords):
@@ -84,7 +84,7 @@ class TasksOfScene(TaughtWords):
         return tuple(frame for skill in self.skills for frame in skill.taught.frames)
 
 
-def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, others: str = "") -> tuple[Step, ...]:
+def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, others: str = "") -> tuple[PlanStep, ...]:
     """Return the steps that the instruction asks for, in their order.
 
     Args:
@@ -95,8 +95,8 @@ def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, oth
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; they name the part.
     """
     said = instruction.strip().rstrip(".").lower()
-    found: list[tuple[Step, ...]] = [
-        (Step(skill.task, text),)
+    found: list[tuple[PlanStep, ...]] = [
+        (PlanStep(skill.task, text),)
         for skill in scene.skills
         for text in skill.wholes
         if text.strip().rstrip(".").lower() == said
@@ -120,14 +120,14 @@ class _Reader:
     def __init__(self, scene: TasksOfScene, phrases: NounPhrases) -> None:
         self._scene = scene
         self._phrases = phrases
-        self._known: dict[ParsedClause, list[tuple[Step, ...]]] = {}
+        self._known: dict[ParsedClause, list[tuple[PlanStep, ...]]] = {}
         self._missed = (-1, "")  # the number of parts before the one that is not understood, and why it is not
 
-    def read(self) -> list[tuple[Step, ...]]:
+    def read(self) -> list[tuple[PlanStep, ...]]:
         """Return the meanings, each a sequence of steps; at most `MAX_LISTED`."""
         fixed = self._scene.fixed_words | several.TIMES_WORDS
         sentences = Sentences(self._phrases, fixed, self._scene.verbs, of_steps=True)
-        found: dict[tuple[Step, ...], None] = {}
+        found: dict[tuple[PlanStep, ...], None] = {}
         try:
             for steps in (steps for units in sentences.units() for steps in self._of_units(units)):
                 found[steps] = None
@@ -137,7 +137,7 @@ class _Reader:
             return []
         return list(found)
 
-    def refusal(self, found: Sequence[tuple[Step, ...]]) -> InstructionError:
+    def refusal(self, found: Sequence[tuple[PlanStep, ...]]) -> InstructionError:
         """Return the error for a sentence with no meaning or several."""
         if found:
             meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found[:MAX_LISTED]]
@@ -151,7 +151,7 @@ class _Reader:
         part = self._phrases.text_of(unit.start, unit.end)
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
-    def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
+    def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:
         """Yield the sequences of steps that one parse of the sentence may mean."""
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
@@ -170,7 +170,7 @@ class _Reader:
             every = (tuple(chain.from_iterable(parts)) for parts in product(*(choices[place] for place in order)))
             yield from (steps for steps in every if left_out.isdisjoint(steps))
 
-    def _choices_of(self, done: Sequence[Unit], clauses: Sequence[ParsedClause]) -> list[list[tuple[Step, ...]]]:
+    def _choices_of(self, done: Sequence[Unit], clauses: Sequence[ParsedClause]) -> list[list[tuple[PlanStep, ...]]]:
         """Return the choices of each clause; empty if a clause has none."""
         choices = [self._choices(clause) for clause in clauses]
         for place in several.picked_up_to_put(done, clauses):
@@ -223,13 +223,13 @@ class _Reader:
             found = {at: same}
         return tuple(found.values()) if len(found) == 1 else ()
 
-    def _choices(self, clause: ParsedClause) -> list[tuple[Step, ...]]:
+    def _choices(self, clause: ParsedClause) -> list[tuple[PlanStep, ...]]:
         """Return the alternatives of steps that a clause may ask for; none if no task does it."""
         if clause not in self._known:
             self._known[clause] = self._chosen(clause)
         return self._known[clause]
 
-    def _chosen(self, clause: ParsedClause) -> list[tuple[Step, ...]]:
+    def _chosen(self, clause: ParsedClause) -> list[tuple[PlanStep, ...]]:
         if clause.verb is None and len(clause.roles) < 2:
             return []  # "the red button" does not say what to do
         if whole := self._whole(clause):
@@ -247,7 +247,7 @@ class _Reader:
         ]
         return list(product(*map(self._whole, each)))
 
-    def _whole(self, clause: ParsedClause) -> list[Step]:
+    def _whole(self, clause: ParsedClause) -> list[PlanStep]:
         """Return the single steps that a clause may ask for, preferring the taught verb to others of its family."""
         every = {filled: step for skill in self._scene.skills for filled, step in skill.steps(clause)}
         return list(dict.fromkeys(every[filled] for filled in closest(list(every))))

@@ -13,12 +13,11 @@ from app.pipeline.errors import SceneOutOfBoundsError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import GRIPPER_TURNED
-from app.pipeline.plans.support import PlacedPlan
+from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned_plan
 from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.evidence import previewed
 from app.services.predict.known import Known
-from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
@@ -31,14 +30,14 @@ Plans = Mapping[str, tuple[PlacedPlan, ...] | None]  # by instruction of a part;
 
 
 def place_plans(
-    known: Known, prefix: Prefix, parts: Sequence[Query], options: PredictOptions
+    known: Known, support: Support, parts: Sequence[Query], options: PredictOptions
 ) -> tuple[Plans, list[Finding]]:
     """Return the demonstrated rows of each part of the instruction, and a finding if the hand is turned in them.
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
     """
-    placed = {part.instruction: prefix.support.placed(part) for part in parts}
+    placed = {part.instruction: support.placed(part) for part in parts}
     if options.unsupported == "refuse":
         _require_within_workspace(placed.values(), known.settings.limits_of_motion())
     return _turned_plans(placed, known.taught, known.settings, known.end_effector)
@@ -113,13 +112,13 @@ def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pos
     return sum(not item.reachable for plan in plans for item in previewed([row.action for row in plan], settings, hand))
 
 
-def actions_allowed(prefix: Prefix, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
+def actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
     """Return how many actions the answer may have: as asked for, else what the plans of the parts need, 25 at least.
 
     Raises:
         InvalidInputError: if several parts take more, before an LLM writes them in vain.
     """
-    counts = [_row_counts(prefix, part, plans.get(part.instruction)) for part in parts]
+    counts = [_row_counts(support, part, plans.get(part.instruction)) for part in parts]
     fewest, most = sum(map(min, counts)), sum(map(max, counts))
     allowed = asked or min(max(most, USUAL_ACTIONS), MAX_ACTIONS)
     if len(parts) > 1 and fewest > allowed:
@@ -128,10 +127,8 @@ def actions_allowed(prefix: Prefix, parts: Sequence[Query], plans: Plans, asked:
     return allowed
 
 
-def _row_counts(prefix: Prefix, part: Query, placed: Sequence[PlacedPlan] | None) -> Sequence[int]:
+def _row_counts(support: Support, part: Query, placed: Sequence[PlacedPlan] | None) -> Sequence[int]:
     """Return the number of rows of each plan; of unknown plans what demonstrations with other clauses suggest."""
     if placed is None:
-        return row_count_bounds(
-            [shown for group, _ in prefix.support.plans for shown in group], part.order, MAX_ACTIONS
-        )
+        return row_count_bounds([shown for group, _ in support.plans for shown in group], part.order, MAX_ACTIONS)
     return [len(plan) for plan in placed] or [1]

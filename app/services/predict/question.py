@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.pipeline.alike_instructions import alike_findings
+from app.pipeline.alike import alike_findings
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
@@ -83,8 +83,8 @@ def write_question(
     start = _start(known.end_effector) if known.style.from_start else None
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned = place_plans(known, prefix, parts, request.options)
-    max_actions = actions_allowed(prefix, parts, plans, request.options.max_actions)
+    plans, turned = place_plans(known, prefix.support, parts, request.options)
+    max_actions = actions_allowed(prefix.support, parts, plans, request.options.max_actions)
     prompt = template.ask(parts[0], max_actions)
     request = request.without_frames()
     question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))

@@ -11,7 +11,7 @@ from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
 from app.pipeline.names import check_object_names
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
-from app.pipeline.steps.reading import Skill, Step, TasksOfScene, read_steps
+from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps
 from app.services.cache import Cache
 from app.services.english import is_english
 from app.services.predict.instruction import MAX_TASKS, taught_of
@@ -48,7 +48,9 @@ class ReadSteps:
         self._known: Cache[TaskState, _PlacedSkill] = Cache(MAX_TASKS)
         self._scenes: Cache[tuple[tuple[str, ...], tuple[Skill, ...]], TasksOfScene] = Cache(MAX_SCENES)
 
-    def __call__(self, instruction: str, objects: Sequence[ObjectQuery], *, exactly: bool = False) -> tuple[Step, ...]:
+    def __call__(
+        self, instruction: str, objects: Sequence[ObjectQuery], *, exactly: bool = False
+    ) -> tuple[PlanStep, ...]:
         """Return the steps that the instruction asks for, each in the words of its task.
 
         Args:

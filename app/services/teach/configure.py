@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_all_again
-from app.services.teach.workspace import NUM_FIRST, Shown, spanned, widened
+from app.services.teach.workspace import NUM_FIRST, Extent, spanned, widened
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord
@@ -58,7 +58,7 @@ class ConfigureTask:
         with self._store.read() as connection:
             records = episodes.all_of(connection, name) if "workspace" in changes or new.reads_unlike(old) else ()
         extractions = extract_all_again(self._store, records, new) if new.reads_unlike(old) else []
-        read: Sequence[Shown] = extractions or records
+        read: Sequence[Extent] = extractions or records
         if len(read) < len(records):
             raise ConflictError(f"an episode of task {name!r} was deleted meanwhile: read it again and repeat")
         shown = [item for item, record in zip(read, records, strict=True) if not record.left_out]
@@ -125,7 +125,7 @@ class ConfigureTask:
         return task
 
 
-def with_workspace(settings: TaskSettings, episodes: Sequence[Shown], changes: Mapping[str, Any]) -> TaskSettings:
+def with_workspace(settings: TaskSettings, episodes: Sequence[Extent], changes: Mapping[str, Any]) -> TaskSettings:
     """Changed settings with a workspace for the task's episodes, where it follows from them.
 
     Episodes that reach far beyond the others widen it only if the change names the workspace.

@@ -11,7 +11,7 @@ from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.learn import LabeledView, learn
+from app.perception.registered.learn import LabeledView, Learned, learn
 from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
@@ -152,18 +152,24 @@ def learn_from_labels(
         )
     views = [_view(store, record) for record in records]
     learned = learn(name, views, symmetry_deg, needs_yaw=not yaw_may_be_unknown)
-    model = RegisteredModel(
-        store.blobs.put(learned.template.to_bytes()),
-        symmetric if symmetric in ("none", "yaw") else float(symmetric),
-        yaw_may_be_unknown,
-        views=tuple(records[number].id for number in learned.merged),
-        scores=tuple(round(score, 3) for score in learned.template.scores),
-        left_out=tuple(LeftOutView(records[number].id, reason) for number, reason in learned.refused.items()),
-        num_points=len(learned.template),
-    ).as_json()
+    template = store.blobs.put(learned.template.to_bytes())
+    symmetry = symmetric if symmetric in ("none", "yaw") else float(symmetric)
+    ids = [record.id for record in records]
+    model = _with_views(RegisteredModel(template, symmetry, yaw_may_be_unknown), learned, ids).as_json()
     if not dry_run:
         configure_task(task, {}, learned={name: model})
     return model
+
+
+def _with_views(model: RegisteredModel, learned: Learned, ids: Sequence[str]) -> RegisteredModel:
+    """Return the model with what is known of its views, whose labels have these ids."""
+    return replace(
+        model,
+        views=tuple(ids[number] for number in learned.merged),
+        scores=tuple(round(score, 3) for score in learned.template.scores),
+        left_out=tuple(LeftOutView(ids[number], reason) for number, reason in learned.refused.items()),
+        num_points=len(learned.template),
+    )
 
 
 def _view(store: Store, record: LabelRecord) -> LabeledView:

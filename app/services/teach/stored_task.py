@@ -15,7 +15,7 @@ from app.pipeline.alike import Alike
 from app.pipeline.alike_instructions import with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
-from app.pipeline.findings.arrangement import FEWEST
+from app.pipeline.findings.arrangement import MIN_AGREEING
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
@@ -23,7 +23,7 @@ from app.pipeline.names import check_object_names
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
 from app.pipeline.plans import Recording
-from app.pipeline.plans.recording import GRASPED_M
+from app.pipeline.thresholds import GRASPED_M
 from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.task_settings import TaskSettings
@@ -143,7 +143,7 @@ def check_objects(
     named = frozenset(Order(instruction, tuple(dict.fromkeys((*names, *sent)))).objects)
     taught = Taught(Demonstrations.of(task.recordings).only(names).recorded)
     # Two demonstrations do not show which objects rows follow; but no row can follow an object that an episode lacks.
-    many = len(task.recordings) >= FEWEST
+    many = len(task.recordings) >= MIN_AGREEING
     check_object_names(sent, names, named | (taught.needed if many else taught.decisive))
     new = [name for name in sent if name not in names]
     matter = {name for name in new if name in named or _is_acted_on(name, given, motion)}

@@ -158,7 +158,8 @@ class UploadEpisode:
                     return answer
                 _check_links(connection, upload)
                 task = StoredTask.read(connection, upload.task, upload.objects)
-            if (answer := self._commit(upload, task, self._extracted(upload, task), respond)) is not None:
+            extracted = self._extracted(upload, task)
+            if (answer := self._commit(upload, task, extracted, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
@@ -174,9 +175,11 @@ class UploadEpisode:
         names = list(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
         settings.check_models(names)
         queries = settings.with_models(upload.objects)
-        draft = upload.draft(instruction, *extract(motion, queries, episode.frames, settings, names, blobs))
+        keyframes, objects = extract(motion, queries, episode.frames, settings, names, blobs)
+        draft = upload.draft(instruction, keyframes, objects)
+        new = draft.demonstration()
         findings = upload_findings(
-            new := draft.demonstration(),
+            new,
             motion,
             settings.keyframes.keyframe_rule(),
             tracked=upload.object_names,

@@ -22,7 +22,7 @@ NUM_FIRST = 3  # demonstrations that say how large the task is; fewer say little
 MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span
 
 
-class Shown(Protocol):
+class Extent(Protocol):
     """The positions of hand and objects in an episode."""
 
     @property
@@ -32,7 +32,7 @@ class Shown(Protocol):
     def objects(self) -> Sequence[ObjectRecord]: ...
 
 
-def spanned(box: WorkspaceSettings, episodes: Iterable[Shown]) -> WorkspaceSettings:
+def spanned(box: WorkspaceSettings, episodes: Iterable[Extent]) -> WorkspaceSettings:
     """The workspace that these episodes span, one after the other; one that does not follow from them stays."""
     if box.preset != "auto":
         return box
@@ -42,12 +42,12 @@ def spanned(box: WorkspaceSettings, episodes: Iterable[Shown]) -> WorkspaceSetti
     return box
 
 
-def remaining(box: WorkspaceSettings, episodes: Iterable[Shown]) -> WorkspaceSettings:
+def remaining(box: WorkspaceSettings, episodes: Iterable[Extent]) -> WorkspaceSettings:
     """The workspace after a deletion; episodes that did not move it still do not."""
     return spanned(box, [episode for episode in episodes if _holds(box, episode)])
 
 
-def widened(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> WorkspaceSettings:
+def widened(box: WorkspaceSettings, episode: Extent, first: Sequence[Extent]) -> WorkspaceSettings:
     """The workspace with room for one more episode; unchanged where it reaches too far beyond the others.
 
     Args:
@@ -61,7 +61,7 @@ def widened(box: WorkspaceSettings, episode: Shown, first: Sequence[Shown]) -> W
 
 
 def uploaded(
-    box: WorkspaceSettings, episode: Shown, first: Sequence[DemonstrationRecord], *, stays: bool = False
+    box: WorkspaceSettings, episode: Extent, first: Sequence[DemonstrationRecord], *, stays: bool = False
 ) -> tuple[WorkspaceSettings, list[Finding]]:
     """The workspace after an upload, and which episodes lie outside of it and were not allowed to widen it.
 
@@ -75,7 +75,7 @@ def uploaded(
     elif not stays:
         box = widened(box, episode, first)
     earlier = [(f"Episode {item.id}", item) for item in first] if tells else []
-    named: list[tuple[str, Shown]] = [("The recording", episode), *earlier]
+    named: list[tuple[str, Extent]] = [("The recording", episode), *earlier]
     beyond = [] if box.preset != "auto" else [(name, shown) for name, shown in named if not _holds(box, shown)]
     return box, [_beyond(box, name, shown) for name, shown in beyond]
 
@@ -92,7 +92,7 @@ def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
     return WorkspaceSettings(preset="auto", min=tuple(held.min_m.tolist()), max=tuple(held.max_m.tolist()))
 
 
-def _beyond(box: WorkspaceSettings, name: str, shown: Shown) -> Finding:
+def _beyond(box: WorkspaceSettings, name: str, shown: Extent) -> Finding:
     wanted = grown(box, _places_m(shown))
     message = (
         f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {NUM_FIRST}"
@@ -103,7 +103,7 @@ def _beyond(box: WorkspaceSettings, name: str, shown: Shown) -> Finding:
     return Finding("beyond-workspace", "warning", message, "workspace", numbers)
 
 
-def _without_odd_one(shown: Sequence[Shown]) -> Sequence[Shown]:
+def _without_odd_one(shown: Sequence[Extent]) -> Sequence[Extent]:
     """Without the one that alone makes an edge more than `MAX_GROWTH` times as long; all, unless there is just one."""
     any_box = WorkspaceSettings(preset="auto")
     all_m = _edges_m(spanned(any_box, shown))
@@ -112,12 +112,12 @@ def _without_odd_one(shown: Sequence[Shown]) -> Sequence[Shown]:
     return near[0] if len(near) == 1 else shown
 
 
-def _places_m(episode: Shown) -> Array:
+def _places_m(episode: Extent) -> Array:
     """(N, 3) of the hand at its keyframes and of the objects."""
     return np.array([item.position_m for items in (episode.keyframes, episode.objects) for item in items])
 
 
-def _holds(box: WorkspaceSettings, episode: Shown) -> bool:
+def _holds(box: WorkspaceSettings, episode: Extent) -> bool:
     places_m = _places_m(episode)
     return bool(((places_m >= box.min) & (places_m <= box.max)).all())
 

@@ -15,8 +15,8 @@ from app.api.documents import episode_document
 from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.keyframes import Motion, Rule
-from app.pipeline.representation import usual_format
+from app.pipeline.keyframes import Motion, RuleName
+from app.pipeline.representation.style import usual_format
 from app.services.container import Services
 from app.services.scene_images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
@@ -35,7 +35,7 @@ from app.web.scene import scene
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
 MAX_TRIED = 100  # episodes in which a page looks for an object, the newest
-ABOUT_RULES: dict[Rule, str] = {
+ABOUT_RULES: dict[RuleName, str] = {
     "auto": "rests where the robot rests, else where its path bends",
     "waypoints": "gripper changes and where the path bends",
     "merged": "rest or gripper change (paper)",

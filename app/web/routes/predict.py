@@ -17,8 +17,8 @@ from starlette.responses import Response
 
 from app.api.body import read_body
 from app.api.image_work import image_work
+from app.api.question_body import questioned
 from app.api.routes import Wired
-from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.spans import prompt_spans
 from app.services.predict.question import Question

@@ -38,7 +38,7 @@ SCRIPT = (
 )
 
 
-class Found(NamedTuple):
+class SeenObject(NamedTuple):
     """The result of looking for an object: its pose, or None and the problem."""
 
     name: str
@@ -52,7 +52,7 @@ class Sight:
 
     frames: tuple[RgbdFrame, ...]
     tables: tuple[FlatSurface | None, ...]
-    objects: tuple[Found, ...]
+    objects: tuple[SeenObject, ...]
 
     @classmethod
     def of(
@@ -92,12 +92,14 @@ class Sight:
         return [OBJECT_COLUMNS, *map(_object_row, self.objects)]
 
 
-def _find(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> Found:
+def _find(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> SeenObject:
     try:
         (pose,) = client.find_poses(frames, {name: model})
     except ServiceProblemError as error:
-        return Found(name, None, f"{error.problem.get('detail') or error}{_color_hint(client, frames, name, model)}")
-    return Found(name, pose, "")
+        return SeenObject(
+            name, None, f"{error.problem.get('detail') or error}{_color_hint(client, frames, name, model)}"
+        )
+    return SeenObject(name, pose, "")
 
 
 def _color_hint(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> str:
@@ -121,7 +123,7 @@ def _camera_row(frame: RgbdFrame, table: FlatSurface | None) -> tuple[str, ...]:
     return frame.camera.name, size, known, middle, level
 
 
-def _object_row(found: Found) -> tuple[str, ...]:
+def _object_row(found: SeenObject) -> tuple[str, ...]:
     pose = found.pose
     if pose is None:
         return found.name, "NOT FOUND", found.problem

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
@@ -47,28 +47,11 @@ def show_nothing(*_: object) -> None:
     """Do nothing: the preview of a run without a person."""
 
 
-def run_task(
-    client: RoboPromptClient,
-    robot: Robot,
-    task: str,
-    instruction: str,
-    *,
-    pinned: MotionLimits | None = None,
-    confirm: Confirm | None = None,
-    stream: bool = False,
-    look_again: bool = False,
-    leading: Leading | None = None,
-    on_danger: OnDanger | None = None,
-    preview: Preview = show_nothing,
-    watch: Watch = watch_nothing,
-    on_outcome: OnOutcome | None = None,
-    **options: Any,  # noqa: ANN401
-) -> PredictedActions:
-    """Let the robot carry out one instruction; return the prediction.
+@dataclass(frozen=True)
+class RunOptions:
+    """How a robot carries out an instruction.
 
-    After any error, also Ctrl-C, the robot is stopped before the error is raised.
-
-    Args:
+    Attributes:
         pinned: limits of the robot's own, which hold beside the task's: the service cannot widen them.
         confirm: asked before each action, with its index; the run ends if it returns False.
         stream: start to move while the LLM still writes; otherwise nothing moves until all actions are checked.
@@ -84,10 +67,46 @@ def run_task(
             id, if known. `partial(Live, client, robot)` lets people watch and stop the robot on the service's page.
         on_outcome: called with the prediction that was carried out; the outcome that it returns is recorded at the
             service. A failure to record is only logged.
-        options: as of `RoboPromptClient.predict`.
 
     Raises:
-        InvalidInputError: if arguments contradict each other, limits are invalid or leave no room, or steps are
+        InvalidInputError: if they contradict each other.
+    """
+
+    pinned: MotionLimits | None = None
+    confirm: Confirm | None = None
+    stream: bool = False
+    look_again: bool = False
+    leading: Leading | None = None
+    on_danger: OnDanger | None = None
+    preview: Preview = show_nothing
+    watch: Watch = watch_nothing
+    on_outcome: OnOutcome | None = None
+
+    def __post_init__(self) -> None:
+        checked_on_danger(self.on_danger, self.confirm)
+        if self.leading is not None and not self.look_again:
+            raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
+        if self.look_again and self.stream:
+            message = "cannot be combined with stream, which moves before all actions are known"
+            raise InvalidInputError("look_again", message, "one of the two")
+
+
+def run_task(
+    client: RoboPromptClient,
+    robot: Robot,
+    task: str,
+    instruction: str,
+    **options: Any,  # noqa: ANN401
+) -> PredictedActions:
+    """Let the robot carry out one instruction; return the prediction.
+
+    After any error, also Ctrl-C, the robot is stopped before the error is raised.
+
+    Args:
+        options: those of `RunOptions`, and those of `RoboPromptClient.predict`.
+
+    Raises:
+        InvalidInputError: if options contradict each other, limits are invalid or leave no room, or steps are
             bounded and the observation lacks `end_effector`; nothing was moved.
         ServiceProblemError, ServiceUnreachableError: without `stream` nothing was moved.
         InvalidAnswerError: if the findings are missing or malformed; nothing was moved.
@@ -97,29 +116,32 @@ def run_task(
         DangerError: if a finding is a danger and `on_danger` is `refuse`; nothing was moved.
         ObjectLostError: if an object is not seen again; with `leading` also if it changed its height or is too fast.
     """
+    own = {field.name for field in fields(RunOptions)}
     try:
-        danger = checked_on_danger(on_danger, confirm)
-        if leading is not None and not look_again:
-            raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
-        if look_again and stream:
-            message = "cannot be combined with stream, which moves before all actions are known"
-            raise InvalidInputError("look_again", message, "one of the two")
-        if look_again:
+        how = RunOptions(**{name: option for name, option in options.items() if name in own})
+        if how.look_again:
             _require_still_cameras(robot)
         of_task = client.motion_limits(task)
-        allowed = of_task if pinned is None else of_task.intersection(pinned)
-        with watch(task, instruction) as carrying_out:
-            run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
-            predicted = run.streamed() if stream else run.whole(look_again, leading)
+        allowed = of_task if how.pinned is None else of_task.intersection(how.pinned)
+        asked = {name: option for name, option in options.items() if name not in own}
+        with how.watch(task, instruction) as carrying_out:
+            run = _Run(client, robot, task, instruction, allowed, how, carrying_out, asked)
+            predicted = run.streamed() if how.stream else run.whole()
     except BaseException:
         stop_after_error(robot)
         raise
-    if on_outcome is not None and predicted.actions and (outcome := on_outcome(predicted)) is not None:
-        try:
-            client.record_outcome(predicted.id, *outcome)
-        except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
-            log.warning("the outcome was not recorded: %s", error)
+    _record(client, predicted, how.on_outcome)
     return predicted
+
+
+def _record(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome | None) -> None:
+    """Record what `on_outcome` says of actions that were carried out."""
+    if on_outcome is None or not predicted.actions or (outcome := on_outcome(predicted)) is None:
+        return
+    try:
+        client.record_outcome(predicted.id, *outcome)
+    except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
+        log.warning("the outcome was not recorded: %s", error)
 
 
 @dataclass(frozen=True)
@@ -131,20 +153,19 @@ class _Run:
     task: str
     instruction: str
     allowed: MotionLimits
-    on_danger: OnDanger
-    confirm: Confirm | None
-    preview: Preview
+    how: RunOptions
     carrying_out: CarryingOut
-    options: Mapping[str, Any]
+    asked: Mapping[str, Any]
 
-    def whole(self, look_again: bool, leading: Leading | None) -> PredictedActions:
+    def whole(self) -> PredictedActions:
         """Carry out the actions after all of them were checked; return the prediction."""
+        leading = self.how.leading
         looked_s = 0.0 if leading is None else leading.clock()
         observation = self.robot.observe()
         self.guard(observation)  # refuse a missing start pose before the service is asked
-        finder = ObjectFinder(self.client, self.robot, self.task, observation) if look_again else None
-        predicted = self.client.predict(self.task, self.instruction, observation, **self.options)
-        self.preview(predicted.actions, self.allowed, predicted.id)
+        finder = ObjectFinder(self.client, self.robot, self.task, observation) if self.how.look_again else None
+        predicted = self.client.predict(self.task, self.instruction, observation, **self.asked)
+        self.how.preview(predicted.actions, self.allowed, predicted.id)
         check = partial(self._check_all, observation)
         check(predicted.actions)
         self.require_allowed(predicted.findings, predicted.actions)
@@ -166,11 +187,11 @@ class _Run:
         guard = self.guard(observation)
         findings: list[Sequence[Finding]] = []  # of the event before the first action
         for index, item in enumerate(
-            self.client.stream(self.task, self.instruction, observation, on_findings=findings.append, **self.options)
+            self.client.stream(self.task, self.instruction, observation, on_findings=findings.append, **self.asked)
         ):
             if isinstance(item, PredictedActions):
                 return item
-            self.preview((item,), self.allowed, None)
+            self.how.preview((item,), self.allowed, None)
             guard.check(item)
             if not findings:
                 raise InvalidAnswerError("findings", "did not come before the first action", "a first event `findings`")
@@ -182,7 +203,7 @@ class _Run:
     def guard(self, observation: Observation) -> MotionGuard:
         """For actions that begin where the robot is in `observation`."""
         self.allowed.require_start(observation.end_effector)
-        return MotionGuard(self.allowed, int(self.options.get("max_actions") or MAX_ACTIONS), observation.end_effector)
+        return MotionGuard(self.allowed, int(self.asked.get("max_actions") or MAX_ACTIONS), observation.end_effector)
 
     def _check_all(self, observation: Observation, actions: Sequence[EndEffectorAction]) -> None:
         guard = self.guard(observation)
@@ -191,11 +212,12 @@ class _Run:
 
     def require_allowed(self, findings: Sequence[Finding], actions: Sequence[EndEffectorAction]) -> None:
         """Raise DangerError or NotConfirmedError for a danger that is not allowed."""
-        require_allowed(findings, actions, self.on_danger, self.confirm)
+        danger = checked_on_danger(self.how.on_danger, self.how.confirm)
+        require_allowed(findings, actions, danger, self.how.confirm)
 
     def execute(self, index: int, action: EndEffectorAction, prediction_id: str | None = None) -> None:
         """Carry out an action if `confirm` allows it."""
-        if self.confirm is not None and not self.confirm(index, action):
+        if self.how.confirm is not None and not self.how.confirm(index, action):
             raise NotConfirmedError(f"action {index + 1} was not allowed")
         with self.carrying_out(index, action, prediction_id):
             self.robot.execute(action)

@@ -8,7 +8,7 @@ from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.pipeline.steps.reading import Skill, Step, TasksOfScene, read_steps
+from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps
 from app.services.english import is_english
 
 TASKS = {
@@ -104,7 +104,7 @@ def test_every_step_is_said_in_the_words_of_its_task(said, steps):
 
 
 def test_it_names_the_task_of_each_step():
-    assert plan("shake the tin and press the left button") == (Step("shake", SHAKE), Step("buttons", LEFT))
+    assert plan("shake the tin and press the left button") == (PlanStep("shake", SHAKE), PlanStep("buttons", LEFT))
 
 
 NOT_CERTAIN = [
@@ -182,7 +182,7 @@ def test_what_takes_too_many_steps_to_read_is_refused():
 def test_of_two_tasks_the_one_with_the_very_words_is_meant_and_of_two_with_equal_words_none():
     mug = ("mug",)
     skills = (skill("pick", mug, ("pick up the mug",)), skill("lift", mug, ("lift the mug",)))
-    assert plan("lift the mug", skills, mug) == (Step("lift", "lift the mug"),)
+    assert plan("lift the mug", skills, mug) == (PlanStep("lift", "lift the mug"),)
     with pytest.raises(InstructionError, match=r"'pick up the mug' \(pick\) or 'lift the mug' \(lift\)"):
         plan("grasp the mug", skills, mug)
 

@@ -71,7 +71,7 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
 def test_a_failure_without_findings_says_where_to_look(page, http):
     page.goto(f"/ui/predictions/{ask(http, success=False, model='nearest')}")
     found = page.get_by_role("region", name="Findings")
-    assert "what the service was not told" in found.inner_text()
+    assert "something that the service does not know" in found.inner_text()
     found.get_by_role("link", name="its pose").click()
     expect(page.locator("#part-objects")).to_be_in_viewport()
 
