@@ -77,8 +77,7 @@ class Recorder:
         cameras: Iterable[MountedCamera] = (),
         film_hz: float = FILM_HZ,
     ) -> None:
-        if not 0 <= film_hz <= MAX_FILM_HZ:
-            raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
+        checked_film_hz(film_hz)
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / checked_rate_hz(rate_hz)
@@ -157,6 +156,13 @@ def checked_rate_hz(rate_hz: float) -> float:
     if MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
         return rate_hz
     raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}")
+
+
+def checked_film_hz(film_hz: float) -> float:
+    """Return a film's pictures a second; raises InvalidInputError if they are out of range."""
+    if 0 <= film_hz <= MAX_FILM_HZ:
+        return film_hz
+    raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:
