@@ -24,6 +24,7 @@ RATE_HZ = 50.0
 MIN_RATE_HZ, MAX_RATE_HZ = 20.0, 1000.0
 MAX_FILM_HZ = 60.0
 FLUSH_S = 1.0
+WRITABLE = "a new file in a folder of this user's, on a disk with space"
 OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
 _FIXED_COLUMNS = 10  # time, position, quaternion, width, open; joint positions, joint velocities and wrench follow
 WRENCH = 6
@@ -125,7 +126,7 @@ class Recorder:
         except MotionError as error:
             self._error = error
         except OSError as error:
-            self._error = InvalidInputError("journal", f"cannot be written: {error}", "a file of its own")
+            self._error = InvalidInputError("journal", f"cannot be written: {error}", WRITABLE)
 
     def _sample(self) -> None:
         began_s, state = self._read()

@@ -8,6 +8,7 @@ import json
 import logging
 import os
 import re
+import shutil
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +21,7 @@ from roboprompt_client.errors import InvalidInputError, ServiceProblemError, Ser
 from roboprompt_client.http.encoding import Part, images_of, npy_part, npz_part, scene_json
 from roboprompt_client.recording.filming import film_files
 from roboprompt_client.recording.private import create_private
-from roboprompt_client.recording.recorder import films_from_journal, trajectory_from_journal
+from roboprompt_client.recording.recorder import WRITABLE, films_from_journal, trajectory_from_journal
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.film import Film, npz_from_film
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
@@ -61,15 +62,22 @@ class Spool:
 
         Args:
             corrects: id of the failed prediction that the recording corrects, if it does.
+
+        Raises:
+            InvalidInputError: if it cannot be written, such as on a full disk; nothing is left of it.
         """
         folder = self._folder / uuid4().hex
-        folder.mkdir(mode=0o700)
-        for frame in observation.frames:
-            for name, image in images_of(frame):
-                file, data, _ = npy_part(name, image, frame)
-                _write(folder / file, data)
         scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation, None)}
-        _write(folder / SCENE, json.dumps(scene).encode())
+        try:
+            folder.mkdir(mode=0o700)
+            for frame in observation.frames:
+                for name, image in images_of(frame):
+                    file, data, _ = npy_part(name, image, frame)
+                    _write(folder / file, data)
+            _write(folder / SCENE, json.dumps(scene).encode())
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise InvalidInputError("spool", f"{folder} cannot be written: {error}", WRITABLE) from error
         return folder
 
     def waiting(self) -> Iterator[Path]:
@@ -92,9 +100,7 @@ class Spool:
 
     def discard(self, folder: Path) -> None:
         """Delete a recording."""
-        for file in folder.iterdir():
-            file.unlink()
-        folder.rmdir()
+        shutil.rmtree(folder)
 
     def send(self, client: RoboPromptClient, folder: Path, sleep: Callable[[float], None] = time.sleep) -> Sent:
         """Upload a recording, with retries while the service does not answer.
@@ -123,10 +129,10 @@ class Spool:
                     continue
                 if error.status >= 500 or error.status in NOT_THE_RECORDINGS_FAULT:
                     raise ServiceUnreachableError(str(error)) from error
-                _write(folder / REFUSED, json.dumps(dict(error.problem)).encode())
+                _note(folder / REFUSED, error.problem)
                 return Sent(folder, False, error.problem)
             else:
-                _write(folder / SENT, json.dumps({"id": answer["id"]}).encode())
+                _note(folder / SENT, {"id": answer["id"]})
                 return Sent(folder, True, answer)
 
 
@@ -160,6 +166,14 @@ def _read(path: Path) -> bytes:
 def _write(path: Path, data: bytes) -> None:
     with create_private(path) as file:
         file.write(data)
+
+
+def _note(path: Path, answer: Mapping[str, Any]) -> None:
+    """Write that the service has answered; without it the recording is sent again, and stored only once."""
+    try:
+        _write(path, json.dumps(dict(answer)).encode())
+    except OSError as error:
+        log.warning("the answer is not noted: %s cannot be written: %s", path, error)
 
 
 def _require_own(path: Path, is_kind: Callable[[int], bool]) -> None:
