@@ -93,20 +93,18 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
         spool = Spool(arguments.spool)
     except OSError as error:
         raise InvalidInputError("--spool", str(error), "a folder of this user's that can be written") from error
-    failed = 0
     if arguments.send_only:
         spool.finish_all()
-    else:
-        for name in ("robot", "task", "instruction"):
-            if getattr(arguments, name) is None:
-                raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
-        checked_name("--task", arguments.task)
-        checked_instruction("--instruction", arguments.instruction)
-        if arguments.objects is not None:
-            observation_from_file("--objects", arguments.objects)  # report its faults before the recording
-        with asking_robot(arguments.robot) as robot:
-            failed = _record_all(client, robot, spool, arguments)
-    return failed | _send_all(client, spool)
+        return _send_all(client, spool)
+    for name in ("robot", "task", "instruction"):
+        if getattr(arguments, name) is None:
+            raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+    checked_name("--task", arguments.task)
+    checked_instruction("--instruction", arguments.instruction)
+    if arguments.objects is not None:
+        observation_from_file("--objects", arguments.objects)  # report its faults before the recording
+    with asking_robot(arguments.robot) as robot:
+        return _record_all(client, robot, spool, arguments)
 
 
 def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:
