@@ -67,7 +67,7 @@ class Spool:
             InvalidInputError: if it cannot be written, such as on a full disk; nothing is left of it.
         """
         folder = self._folder / uuid4().hex
-        scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation, None)}
+        scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation)}
         try:
             folder.mkdir(mode=0o700)
             for frame in observation.frames:
