@@ -60,8 +60,8 @@ def learned_models(
     client.configure_task(school, yaw_symmetry_deg=dict(yaw_symmetry_deg))
     episodes = []
     for item in labeled:
-        seen = Observation(item.scene.objects, item.scene.frames)
-        document = _upload(client, school, item, seen, mask_ids=item.scene.mask_ids)
+        seen = Observation(item.scene.objects, item.scene.frames, mask_ids=item.scene.mask_ids)
+        document = _upload(client, school, item, seen)
         episodes.append((str(document["id"]), item.scene))
     learned = client.learn_object_models(school, episodes=len(labeled))
     models = dict(learned["object_models"])
@@ -246,14 +246,7 @@ def _taught(
         raise NotLearnedError(f"{len(refused)} of {len(shown)} demonstrations show too little: {refused[0]}")
 
 
-def _upload(
-    client: RoboPromptClient,
-    name: str,
-    recorded: RecordedDemonstration,
-    seen: Observation,
-    *,
-    mask_ids: Mapping[str, Sequence[int]] | None = None,
-) -> dict[str, Any]:
+def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, seen: Observation) -> dict[str, Any]:
     trajectory = replace(recorded.trajectory, object_positions_m=None, object_quaternions_xyzw=None)
     return client.upload(
         name,
@@ -261,6 +254,5 @@ def _upload(
         trajectory,
         seen,
         control_frequency_hz=recorded.control_frequency_hz,
-        mask_ids=mask_ids,
         extra={"seed": recorded.scene.seed, "simulator": "mujoco"},
     )

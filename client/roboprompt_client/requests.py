@@ -72,7 +72,6 @@ class Requests:
         instruction: str,
         observation: Observation,
         *,
-        mask_ids: Mapping[str, Sequence[int]] | None = None,
         timeout_s: float | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Request[PredictedActions]:
@@ -80,7 +79,6 @@ class Requests:
 
         Args:
             task: None lets the service choose the task by instruction and objects; `response["task"]` names it.
-            mask_ids: by object name, the ids of its pixels in the frames' masks.
             timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
             options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
 
@@ -89,7 +87,7 @@ class Requests:
             UnsafeActionError: if an action of the answer has a number that is not finite, no unit quaternion ...
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
-        body = prediction_request(task, instruction, observation, mask_ids, asked)
+        body = prediction_request(task, instruction, observation, asked)
         wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which nothing may come
         return ask("POST", "/predict", timeout=wait_s, **body).then(PredictedActions.from_json)
 
@@ -141,7 +139,6 @@ class Requests:
         observation: Observation,
         *,
         control_frequency_hz: float = 20.0,
-        mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
         films: Iterable[Film] = (),
@@ -151,7 +148,6 @@ class Requests:
 
         Args:
             observation: what the robot saw at the first frame.
-            mask_ids: by object name, the ids of its pixels in the frames' masks; instead of a pose or beside it.
             prediction_id: of the prediction that the robot carried out successfully in this episode.
             films: what cameras took during the motion, such as `Recorder.films`.
             corrects: id of the prediction that failed, and in whose scene the episode shows how it is done.
@@ -159,7 +155,7 @@ class Requests:
         metadata = {
             "task": task,
             "instruction": instruction,
-            **scene_json(observation, mask_ids),
+            **scene_json(observation),
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
             "prediction_id": prediction_id,

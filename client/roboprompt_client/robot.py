@@ -25,7 +25,7 @@ class Observation:
         objects, frames: given as one or several, kept as tuples.
         to_find: names of objects that the service shall find in the images, with the task's object models.
         end_effector: the pose before the first action; needed where the task bounds steps.
-        mask_ids: by object name, the ids of its pixels in the frames' masks.
+        mask_ids: by object name, the ids of its pixels in the frames' masks; instead of a pose or beside it.
     """
 
     objects: tuple[ObjectPose, ...]

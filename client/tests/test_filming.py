@@ -17,7 +17,7 @@ from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.recording.filming import MARK
 from roboprompt_client.recording.recorder import Recorder, films_from_journal
-from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Spool
+from roboprompt_client.recording.spool import JOURNAL, REFUSED, UNFINISHED, Spool
 from roboprompt_client.types.film import MAX_PICTURE_PIXELS, Film, npz_from_film
 
 INTRINSICS = Intrinsics(500, 500, 320, 240, 640, 480)
@@ -159,6 +159,30 @@ def test_a_spooled_film_is_uploaded_with_its_recording(tmp_path):
     assert npz_from_film(film) in sent[0]
     assert json.loads((folder / "sent.json").read_text()) == {"id": "e1"}
     spool.discard(folder)
+
+
+def test_films_that_are_too_large_for_the_service_are_thinned_until_it_takes_the_recording(tmp_path, caplog):
+    spool = Spool(tmp_path / "spool")
+    folder = spool.new("pick", "pick up the cube", SCENE)
+    _, (film,) = record(folder / JOURNAL, Camera(shape=(480, 640)), film_hz=40)
+    sizes = []
+
+    def takes(most):
+        def answer(request):
+            sizes.append(len(request.content))
+            too_large = {"title": "The request is too large", "detail": f"at most {most} bytes"}
+            return httpx.Response(413, json=too_large) if sizes[-1] > most else httpx.Response(201, json={"id": "e1"})
+
+        return client_of(answer)
+
+    assert not spool.send(takes(1000), folder).stored  # too large without its films, too
+    smallest = sizes[-1]
+    assert smallest > len(film.pictures[0])
+    (folder / REFUSED).unlink()
+    assert spool.send(takes(smallest + 3 * len(film.pictures[0])), folder).stored
+    assert smallest < sizes[-1] <= smallest + 3 * len(film.pictures[0])
+    assert "at most" in caplog.records[-1].getMessage()
+    assert "again with one of 4 pictures of each film" in caplog.text
 
 
 def test_a_link_in_the_place_of_a_film_is_not_uploaded(tmp_path):

@@ -88,6 +88,12 @@ def test_corners_without_room_are_asked_for_again(body, monkeypatch, tmp_path, c
     assert "every side must be at least 0.05 m" in capsys.readouterr().out
 
 
+def test_a_space_that_cannot_be_measured_is_left_out(body, monkeypatch, tmp_path):
+    path = tmp_path / "cell.json"
+    assert run(monkeypatch, path, ["xarm", "a", "", "", "", "y", "", "q", "n"]) == 0
+    assert "limits" not in json.loads(path.read_text())
+
+
 def test_nothing_is_overwritten(body, monkeypatch, tmp_path, capsys):
     path = tmp_path / "cell.json"
     path.write_text("mine")

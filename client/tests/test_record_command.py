@@ -147,6 +147,14 @@ def test_what_cannot_be_led_so_is_not_recorded(service, monkeypatch, tmp_path, c
     assert list((tmp_path / "spool").iterdir()) == []
 
 
+@pytest.mark.parametrize(("option", "valid"), [("--rate-hz", "20 to 1000"), ("--film-hz", "0 (no film) to 60")])
+def test_a_rate_out_of_range_is_refused_before_the_arm_is_opened(service, monkeypatch, tmp_path, capsys, option, valid):
+    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", None)
+    with pytest.raises(SystemExit, match="2"):
+        run(monkeypatch, tmp_path, option, "1e4")
+    assert f"{option[2:].replace('-', '_')}: is 10000 (valid: {valid})" in capsys.readouterr().err
+
+
 def test_a_refused_recording_ends_with_1(service, monkeypatch, tmp_path, capsys):
     service.refuses = True
     assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 1

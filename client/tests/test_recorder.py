@@ -1,5 +1,6 @@
 """A recording survives what happens to it."""
 
+import errno
 import io
 import json
 import os
@@ -182,6 +183,33 @@ def test_what_was_seen_is_uploaded_with_it(spooled):
     stream = io.BytesIO()
     np.save(stream, FRONT.depth_m)
     assert stream.getvalue() in service.body
+
+
+@pytest.fixture
+def full(monkeypatch):
+    def create(path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def fill():
+        monkeypatch.setattr("roboprompt_client.recording.spool.create_private", create)
+
+    return fill
+
+
+def test_a_full_disk_leaves_nothing_half_written(full, tmp_path):
+    spool = Spool(tmp_path)
+    full()
+    with pytest.raises(InvalidInputError, match=r"No space left on device \(valid: .* on a disk with space"):
+        spool.new("pick", "pick up the cube", SCENE)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_fills_up_loses_no_answer(full, spooled, caplog):
+    spool, folder = spooled
+    full()
+    assert spool.send(Service(httpx.Response(201, json={"id": "e1"})).client(), folder).stored
+    assert "the answer is not noted" in caplog.text
+    assert list(spool.waiting()) == [folder]  # and goes again with the same key
 
 
 def test_recordings_are_for_their_user_alone(tmp_path):

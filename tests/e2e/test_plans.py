@@ -56,7 +56,7 @@ def test_a_prediction_without_a_task_says_whose_it_is(client):
     assert client.get(f"/predictions/{answer['id']}")["task"] == "open_crate"
     named = client.predict("open_crate", "open up the crate", Observation(CRATE), model="nearest").response
     assert named["actions"] == answer["actions"]
-    asked = {"instruction": OPEN, **scene_json(Observation(CRATE), None), "dry_run": True}
+    asked = {"instruction": OPEN, **scene_json(Observation(CRATE)), "dry_run": True}
     assert client.post("/predict", asked)["task"] == "open_crate"
 
 

@@ -34,7 +34,7 @@ OPTIONS = 'Its options, a JSON object such as {"address": "192.168.0.2"} [Enter:
 WITHOUT_CAMERAS = "A file with the objects' poses, such as objects.json [Enter: none, or cameras later] "
 CORNERS = (
     "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
-    "farthest right one. Fingers on the table are the lowest."
+    "farthest right one. Fingers on the table are the lowest. q leaves the space out."
 )
 
 
@@ -134,8 +134,8 @@ def _measured(arm: Arm) -> dict[str, Any]:
     place = state.position_m.round(3).tolist()
     say(f"\nThe arm answers: its hand is at {place} m in the world frame. Compare with a ruler.")
     found: dict[str, Any] = {}
-    if ask_yes("Measure the space that the hand may use, by hand? [y/N] "):
-        found["limits"] = {"workspace": _box(arm)}
+    if ask_yes("Measure the space that the hand may use, by hand? [y/N] ") and (box := _box(arm)) is not None:
+        found["limits"] = {"workspace": box}
     width_m = state.gripper_width_m
     if width_m is not None and ask_yes("May the gripper close and open now? Nothing else moves. [y/N] "):
         arm.set_gripper(is_open=False)
@@ -144,12 +144,17 @@ def _measured(arm: Arm) -> dict[str, Any]:
     return found
 
 
-def _box(arm: Arm) -> dict[str, Any]:
-    """Return the box between two opposite corners to which a person guides the hand."""
+def _box(arm: Arm) -> dict[str, Any] | None:
+    """Return the box between two opposite corners to which a person guides the hand; None if they leave it out."""
     say(CORNERS)
     with led_by_hand(arm):
         while True:
-            corners_m = np.array([_corner(arm, which) for which in ("lowest", "highest")])
+            places_m = []
+            for which in ("lowest", "highest"):
+                if (place_m := _corner(arm, which)) is None:
+                    return None
+                places_m.append(place_m)
+            corners_m = np.array(places_m)
             low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
             if (high_m - low_m).min() >= MIN_SIDE_M:
                 return {"min": (low_m - MARGIN_M).round(3).tolist(), "max": (high_m + MARGIN_M).round(3).tolist()}
@@ -157,9 +162,11 @@ def _box(arm: Arm) -> dict[str, Any]:
             say(f"These corners span {sides_m} m: every side must be at least {MIN_SIDE_M} m. Try again.")
 
 
-def _corner(arm: Arm, which: str) -> Array:
-    if ask(f"At the {which} corner? Enter: ") is None:
+def _corner(arm: Arm, which: str) -> Array | None:
+    if (typed := ask(f"At the {which} corner? Enter: ")) is None:
         raise MotionError("standard input ended before both corners were touched")
+    if typed == "q":
+        return None
     place_m = arm.state().position_m
     say(f"  {place_m.round(3).tolist()} m")
     return place_m

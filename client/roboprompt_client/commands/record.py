@@ -1,6 +1,8 @@
 """`roboprompt-robot record`: record demonstrations while a person moves the arm, and upload them."""
 
 from argparse import ArgumentTypeError, Namespace
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from roboprompt_client.arms.arm import Arm
@@ -16,7 +18,13 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     ServiceUnreachableError,
 )
-from roboprompt_client.recording.recorder import RATE_HZ, HasState, checked_rate_hz, films_from_journal
+from roboprompt_client.recording.recorder import (
+    RATE_HZ,
+    HasState,
+    checked_film_hz,
+    checked_rate_hz,
+    films_from_journal,
+)
 from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.types.film import FILM_HZ
@@ -42,11 +50,14 @@ def add_record(add: AddCommand, robot_help: str) -> None:
         help="folder for recordings that wait for the service (default: %(default)s)",
     )
     record.add_argument(
-        "--rate-hz", type=_rate_hz, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)"
+        "--rate-hz",
+        type=partial(_number, checked_rate_hz),
+        default=RATE_HZ,
+        help="samples a second, at least 20 (default: %(default)g)",
     )
     record.add_argument(
         "--film-hz",
-        type=float,
+        type=partial(_number, checked_film_hz),
         default=FILM_HZ,
         help="pictures a second that each camera of the cell takes meanwhile; 0: none (default: %(default)g)",
     )
@@ -60,9 +71,9 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     record.add_argument("--send-only", action="store_true", help=what)
 
 
-def _rate_hz(text: str) -> float:
+def _number(checked: Callable[[float], float], text: str) -> float:
     try:
-        return checked_rate_hz(float(text))
+        return checked(float(text))
     except ValueError as error:  # an InvalidInputError, too
         raise ArgumentTypeError(str(error)) from error
 
@@ -82,20 +93,18 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
         spool = Spool(arguments.spool)
     except OSError as error:
         raise InvalidInputError("--spool", str(error), "a folder of this user's that can be written") from error
-    failed = 0
     if arguments.send_only:
         spool.finish_all()
-    else:
-        for name in ("robot", "task", "instruction"):
-            if getattr(arguments, name) is None:
-                raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
-        checked_name("--task", arguments.task)
-        checked_instruction("--instruction", arguments.instruction)
-        if arguments.objects is not None:
-            observation_from_file("--objects", arguments.objects)  # report its faults before the recording
-        with asking_robot(arguments.robot) as robot:
-            failed = _record_all(client, robot, spool, arguments)
-    return failed | _send_all(client, spool)
+        return _send_all(client, spool)
+    for name in ("robot", "task", "instruction"):
+        if getattr(arguments, name) is None:
+            raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+    checked_name("--task", arguments.task)
+    checked_instruction("--instruction", arguments.instruction)
+    if arguments.objects is not None:
+        observation_from_file("--objects", arguments.objects)  # report its faults before the recording
+    with asking_robot(arguments.robot) as robot:
+        return _record_all(client, robot, spool, arguments)
 
 
 def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:

@@ -71,6 +71,7 @@ def record_live(
         try:
             keep = _until_ended(arm, recorder, read, steer)
         except BaseException:
+            _show("\n")
             with suppress(MotionError, InvalidInputError):
                 recorder.stop()
             raise

@@ -36,11 +36,10 @@ def prediction_request(
     task: str | None,
     instruction: str,
     observation: Observation,
-    mask_ids: Mapping[str, Sequence[int]] | None,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return the body of `POST /predict` as arguments of httpx: JSON, or multipart where there are images."""
-    document = {"task": task, "instruction": instruction, **scene_json(observation, mask_ids), **options}
+    document = {"task": task, "instruction": instruction, **scene_json(observation), **options}
     if (pose := observation.end_effector) is not None:
         document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
     if not observation.frames:
@@ -88,15 +87,11 @@ def jpeg(cv2: Any, rgb: np.ndarray[Any, Any], quality: int = JPEG_QUALITY) -> by
     return bytes(cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
 
 
-def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
-    """Return `objects` (with a pose, with mask ids, or only a name to be found) and `cameras` of a request.
-
-    Args:
-        mask_ids: ids in the frames' masks by object name; they replace the observation's own for these objects.
-    """
+def scene_json(observation: Observation) -> dict[str, Any]:
+    """Return `objects` (with a pose, with mask ids, or only a name to be found) and `cameras` of a request."""
     if not isinstance(observation, Observation):
         raise InvalidInputError("observation", f"is a {type(observation).__name__}", "Observation(poses)")
-    unnamed = {name: list(ids) for name, ids in {**observation.mask_ids, **(mask_ids or {})}.items()}
+    unnamed = {name: list(ids) for name, ids in observation.mask_ids.items()}
     objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
     objects += [{"name": name} for name in observation.to_find]
     for item in objects:

@@ -24,6 +24,7 @@ RATE_HZ = 50.0
 MIN_RATE_HZ, MAX_RATE_HZ = 20.0, 1000.0
 MAX_FILM_HZ = 60.0
 FLUSH_S = 1.0
+WRITABLE = "a new file in a folder of this user's, on a disk with space"
 OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
 _FIXED_COLUMNS = 10  # time, position, quaternion, width, open; joint positions, joint velocities and wrench follow
 WRENCH = 6
@@ -77,8 +78,7 @@ class Recorder:
         cameras: Iterable[MountedCamera] = (),
         film_hz: float = FILM_HZ,
     ) -> None:
-        if not 0 <= film_hz <= MAX_FILM_HZ:
-            raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
+        checked_film_hz(film_hz)
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / checked_rate_hz(rate_hz)
@@ -126,7 +126,7 @@ class Recorder:
         except MotionError as error:
             self._error = error
         except OSError as error:
-            self._error = InvalidInputError("journal", f"cannot be written: {error}", "a file of its own")
+            self._error = InvalidInputError("journal", f"cannot be written: {error}", WRITABLE)
 
     def _sample(self) -> None:
         began_s, state = self._read()
@@ -157,6 +157,13 @@ def checked_rate_hz(rate_hz: float) -> float:
     if MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
         return rate_hz
     raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}")
+
+
+def checked_film_hz(film_hz: float) -> float:
+    """Return a film's pictures a second; raises InvalidInputError if they are out of range."""
+    if 0 <= film_hz <= MAX_FILM_HZ:
+        return film_hz
+    raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:

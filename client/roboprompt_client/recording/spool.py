@@ -8,6 +8,7 @@ import json
 import logging
 import os
 import re
+import shutil
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -20,15 +21,16 @@ from roboprompt_client.errors import InvalidInputError, ServiceProblemError, Ser
 from roboprompt_client.http.encoding import Part, images_of, npy_part, npz_part, scene_json
 from roboprompt_client.recording.filming import film_files
 from roboprompt_client.recording.private import create_private
-from roboprompt_client.recording.recorder import films_from_journal, trajectory_from_journal
+from roboprompt_client.recording.recorder import WRITABLE, films_from_journal, trajectory_from_journal
 from roboprompt_client.robot import Observation
-from roboprompt_client.types.film import npz_from_film
+from roboprompt_client.types.film import Film, npz_from_film
 from roboprompt_client.types.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
 WAITS_S = (1.0, 2.0, 4.0, 8.0)
 # No key or a wrong one, a timeout, too many requests: the service may store the same recording later.
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
+TOO_LARGE = 413
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
 UNFINISHED = "journal.part"  # the journal until the recording has ended as the person wanted
 IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
@@ -60,15 +62,22 @@ class Spool:
 
         Args:
             corrects: id of the failed prediction that the recording corrects, if it does.
+
+        Raises:
+            InvalidInputError: if it cannot be written, such as on a full disk; nothing is left of it.
         """
         folder = self._folder / uuid4().hex
-        folder.mkdir(mode=0o700)
-        for frame in observation.frames:
-            for name, image in images_of(frame):
-                file, data, _ = npy_part(name, image, frame)
-                _write(folder / file, data)
-        scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation, None)}
-        _write(folder / SCENE, json.dumps(scene).encode())
+        scene = {"task": task, "instruction": instruction, "corrects": corrects, **scene_json(observation)}
+        try:
+            folder.mkdir(mode=0o700)
+            for frame in observation.frames:
+                for name, image in images_of(frame):
+                    file, data, _ = npy_part(name, image, frame)
+                    _write(folder / file, data)
+            _write(folder / SCENE, json.dumps(scene).encode())
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise InvalidInputError("spool", f"{folder} cannot be written: {error}", WRITABLE) from error
         return folder
 
     def waiting(self) -> Iterator[Path]:
@@ -91,39 +100,44 @@ class Spool:
 
     def discard(self, folder: Path) -> None:
         """Delete a recording."""
-        for file in folder.iterdir():
-            file.unlink()
-        folder.rmdir()
+        shutil.rmtree(folder)
 
     def send(self, client: RoboPromptClient, folder: Path, sleep: Callable[[float], None] = time.sleep) -> Sent:
         """Upload a recording, with retries while the service does not answer.
+
+        Films that make it too large for the service are thinned: half of their pictures, a quarter, and so on.
 
         Raises:
             ServiceUnreachableError: if no retry is answered, or the refusal is temporary; the recording waits.
             InvalidInputError: if the folder is not a recording, or belongs to another user; it stays.
         """
-        parts = _parts(folder)
-        for wait_s in (*WAITS_S, None):
+        parts, films, every = *_parts(folder), 1
+        waits_s = iter(WAITS_S)
+        while True:
+            filmed = {film.field: npz_part(film.field, npz_from_film(film.thinned(every))) for film in films}
             try:
-                answer = client.upload_parts(parts, folder.name)
+                answer = client.upload_parts({**parts, **filmed}, folder.name)
             except ServiceUnreachableError as error:
-                if wait_s is None:
+                if (wait_s := next(waits_s, None)) is None:
                     raise
                 log.warning("%s: again in %g s", error, wait_s)
                 sleep(wait_s)
             except ServiceProblemError as error:
+                if error.status == TOO_LARGE and any(len(film.pictures) > every for film in films):
+                    every *= 2
+                    log.warning("%s: again with one of %d pictures of each film", error, every)
+                    continue
                 if error.status >= 500 or error.status in NOT_THE_RECORDINGS_FAULT:
                     raise ServiceUnreachableError(str(error)) from error
-                _write(folder / REFUSED, json.dumps(dict(error.problem)).encode())
+                _note(folder / REFUSED, error.problem)
                 return Sent(folder, False, error.problem)
             else:
-                _write(folder / SENT, json.dumps({"id": answer["id"]}).encode())
+                _note(folder / SENT, {"id": answer["id"]})
                 return Sent(folder, True, answer)
-        raise AssertionError("the last attempt returns or raises")
 
 
-def _parts(folder: Path) -> dict[str, Part]:
-    """Return the parts of `POST /episodes`: metadata, images by the names of their files, trajectory and films."""
+def _parts(folder: Path) -> tuple[dict[str, Part], tuple[Film, ...]]:
+    """Return a recording's films, and its other parts: metadata, trajectory, and images by the names of their files."""
     _require_own(folder, stat.S_ISDIR)
     try:
         scene = json.loads(_read(folder / SCENE))
@@ -136,12 +150,12 @@ def _parts(folder: Path) -> dict[str, Part]:
         _require_own(path, stat.S_ISREG)
     trajectory = npz_from_trajectory(trajectory_from_journal(journal))
     images = sorted(path for path in folder.iterdir() if IMAGE.fullmatch(path.name))
-    return {
+    parts = {
         "metadata": ("metadata.json", json.dumps(scene).encode(), "application/json"),
         "trajectory": npz_part("trajectory", trajectory),
-        **{film.field: npz_part(film.field, npz_from_film(film)) for film in films_from_journal(journal)},
         **{path.stem: (path.name, _read(path), "application/octet-stream") for path in images},
     }
+    return parts, films_from_journal(journal)
 
 
 def _read(path: Path) -> bytes:
@@ -152,6 +166,14 @@ def _read(path: Path) -> bytes:
 def _write(path: Path, data: bytes) -> None:
     with create_private(path) as file:
         file.write(data)
+
+
+def _note(path: Path, answer: Mapping[str, Any]) -> None:
+    """Write that the service has answered; without it the recording is sent again, and stored only once."""
+    try:
+        _write(path, json.dumps(dict(answer)).encode())
+    except OSError as error:
+        log.warning("the answer is not noted: %s cannot be written: %s", path, error)
 
 
 def _require_own(path: Path, is_kind: Callable[[int], bool]) -> None:
