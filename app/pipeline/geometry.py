@@ -80,8 +80,8 @@ def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:
     return transform
 
 
-def inverse(transform: Array) -> Array:
-    """The way back."""
+def inverse_transform(transform: Array) -> Array:
+    """From the target frame of a (4, 4) rigid transform back to its source frame."""
     back: Array = np.eye(4)
     back[:3, :3] = transform[:3, :3].T
     back[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]

@@ -14,7 +14,7 @@ from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.remote import RemotePoses
 from app.pipeline.errors import ObjectNotVisibleError
-from app.pipeline.geometry import inverse, rigid
+from app.pipeline.geometry import inverse_transform, rigid
 from roboprompt_client.types.camera import RgbdFrame
 from tests.perception.flat_scene import camera, render
 
@@ -68,7 +68,7 @@ def test_the_guides_server_answers(ids):
 
     def register(model, rgb, depth_m, mask, k):
         given.append((model, rgb, depth_m, mask))
-        return inverse(views[k[0, 0]].camera_to_world) @ TRUTH, 0.8
+        return inverse_transform(views[k[0, 0]].camera_to_world) @ TRUTH, 0.8
 
     pose = ask(register, frames)
     np.testing.assert_allclose(pose.position_m, TRUTH[:3, 3], atol=1e-9)

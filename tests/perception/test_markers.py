@@ -11,7 +11,7 @@ from app.perception.markers.fit import MarkerFit
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, find_markers
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from app.pipeline.geometry import inverse
+from app.pipeline.geometry import inverse_transform
 from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera, RgbdFrame
@@ -86,7 +86,7 @@ def test_small_markers_are_found_in_the_enlarged_image(dictionary):
     (one,) = find_markers(frame.rgb, dictionary, {2})
     assert one.id == 2
     for marker in wanted:
-        x, y, z = inverse(view.camera_to_world)[:3] @ places[marker.id][:, 3]
+        x, y, z = inverse_transform(view.camera_to_world)[:3] @ places[marker.id][:, 3]
         middle_px = view.fx_px * x / z + view.cx_px, view.fy_px * y / z + view.cy_px
         np.testing.assert_allclose(marker.corners_px.mean(axis=0), middle_px, atol=0.3)
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from app.perception.markers.view import MarkerView
-from app.pipeline.geometry import inverse
+from app.pipeline.geometry import inverse_transform
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
@@ -130,7 +130,7 @@ def _starts(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None
     starts: list[Array] = []
     for view in views:
         for marker_to_camera in view.starts(camera):
-            start = marker_to_camera @ inverse(view.marker_to_object)
+            start = marker_to_camera @ inverse_transform(view.marker_to_object)
             if up_camera is not None:
                 start[:3, :3] = _smallest_turn(start[:3, 2], up_camera) @ start[:3, :3]
             if all(_angle_rad(start, other) > RIVAL_RAD for other in starts):
