@@ -94,14 +94,16 @@ def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, oth
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; they name the part.
     """
-    said = instruction.strip().rstrip(".").lower()
-    found: list[tuple[PlanStep, ...]] = [
-        (PlanStep(skill.task, text),)
+    said = _folded(instruction)
+    alike = [
+        (skill, text)
         for skill in scene.skills
-        for text in skill.wholes
-        if text.strip().rstrip(".").lower() == said
-        and clause_of(text, skill.taught.names).objects == clause_of(text, scene.names).objects
+        for text in skill.taught.instructions
+        if _folded(text) == said and clause_of(text, skill.taught.names).objects == clause_of(text, scene.names).objects
     ]
+    # one task says as a whole what another says in a clause: both may be meant
+    whole = any(text in skill.wholes for skill, text in alike)
+    found: list[tuple[PlanStep, ...]] = [(PlanStep(skill.task, text),) for skill, text in alike] if whole else []
     reader = _Reader(scene, NounPhrases(instruction, scene.lexicon, layout))
     found = found or reader.read()
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
@@ -109,6 +111,10 @@ def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, oth
     error = reader.refusal(found)
     valid = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in scene.skills]
     raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
+
+
+def _folded(text: str) -> str:
+    return text.strip().rstrip(".").lower()
 
 
 def _listed(texts: Sequence[str]) -> str:

@@ -217,3 +217,13 @@ def test_words_of_place_are_those_of_the_whole_scene_before_anything_is_moved():
     ):
         with pytest.raises(InstructionError):
             plan(said, skills, names, layout if "tray" in said else None)
+
+
+def test_a_text_that_one_task_knows_as_a_whole_is_that_of_every_task_with_it():
+    names, text = ("red cube", "blue cube"), "pick up the red cube"
+    aliased = skill("aliased", names, (text,), **{"red cube": ("the blue cube",)})
+    assert aliased.wholes == (text,)
+    skills = (aliased, skill("picks", names, (text,)))
+    scene = TasksOfScene(names, shared_aliases([each.taught.aliases for each in skills], names), skills, is_english)
+    with pytest.raises(InstructionError, match=r"aliased.*picks"):
+        read_steps(text, scene, None)
