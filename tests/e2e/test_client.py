@@ -51,14 +51,11 @@ def test_teach_and_ask(client):
 
 
 def test_images_and_masks(client):
-    scene = Observation((), (frame(),))
-    ids = {"cube": [5]}
+    scene = Observation(frames=frame(), mask_ids={"cube": [5]})
     for place_m in PLACES_M[:2]:
-        document = client.upload("client_rgbd", "pick up the cube", pick_trajectory(place_m), scene, mask_ids=ids)
+        document = client.upload("client_rgbd", "pick up the cube", pick_trajectory(place_m), scene)
     np.testing.assert_allclose(document["objects"][0]["position"], [0, 0, 0.78], atol=1e-3)
-    predicted = client.predict(
-        "client_rgbd", "pick up the cube", scene, mask_ids=ids, dry_run=False, model="regression"
-    )
+    predicted = client.predict("client_rgbd", "pick up the cube", scene, dry_run=False, model="regression")
     assert predicted.response["demonstration_ids"]
 
 
