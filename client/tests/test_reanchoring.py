@@ -1,5 +1,7 @@
 """Actions that follow their objects: the same pose relative to where these are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -136,6 +138,18 @@ def test_a_pose_without_rotation_moves_actions_without_turning_them():
     action, anchor = placed(before["cube"], (0, 0, 0.1), "w")
     (moved,) = reanchored([action], [anchor], before, now, {"cube": 90})
     np.testing.assert_allclose(moved.position_m, [0, 0.02, 0.1])
+
+
+def test_what_is_held_by_a_handle_keeps_its_place_at_another_object_as_it_is_turned():
+    mug, coaster = seen("mug", 0, 20), {"coaster": ObjectPose("coaster", np.array([0.3, 0.1, 0.8]))}
+    turned_mug, moved_coaster = seen("mug", 0.02, 50), {"coaster": ObjectPose("coaster", np.array([0.32, 0.1, 0.8]))}
+    along = dict.fromkeys(range(3), "coaster")
+    at_mug, anchor = placed(mug["mug"], (0.06, 0, 0), "o")
+    to_coaster_m = coaster["coaster"].position_m - mug["mug"].position_m
+    action = EndEffectorAction(at_mug.position_m + to_coaster_m, at_mug.quaternion_xyzw, True)
+    (moved,) = reanchored([action], [replace(anchor, along=along)], mug | coaster, turned_mug | moved_coaster, {})
+    expected_m = moved_coaster["coaster"].position_m + turned(50).apply((0.06, 0, 0))
+    np.testing.assert_allclose(moved.position_m, expected_m)
 
 
 def test_a_place_between_two_objects_follows_both_by_its_share():

@@ -42,7 +42,7 @@ class Anchor(NamedTuple):
             place and the world's for its rotation, `wo` the reverse; `world`: the world frame itself; `start`: where
             the end effector was at first, world axes.
         along: axes of the world (0 to 2) along which the hand's place follows something else than the object: the name
-            of another object, or empty for the world. Only the height (2) where the place turns with the object.
+            of another object, or empty for the world; where the place turns with the object the height or all.
         tenths: of the way from the object to the other one, along these axes.
     """
 

@@ -1,12 +1,13 @@
 """Chooses what the hand's place follows along single axes, and what its rotation follows instead of the place's object.
 
 It may be at a height of the world above an object, have x of one object and y of another, or move along a rail. What
-it lets go of at one object may stay turned as it was taken.
+it lets go of at one object may stay turned as it was taken, and be held beside its middle, as by a handle.
 """
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchors import (
@@ -22,11 +23,13 @@ from app.pipeline.representation.anchors import (
     poses_scatter_m,
     relative_poses,
 )
+from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 CONTRADICTED_M = 0.01  # least scatter (rms) along an axis that something else must explain
 EQUAL_M = 0.002  # scatters that differ by less are equal
+AROUND_M = 0.06  # horizontal distance from a place within which the hand comes and goes
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 UNTURNED: Mapping[Frame, Frame] = {"o": "wo", "ow": "w"}
 
@@ -38,7 +41,8 @@ def by_axis(
 
     At least three demonstrations must scatter by `CONTRADICTED_M` or more along the axis seen from the row's own
     origin, and seen from another by a share that is small beyond chance (`certain_share`). All axes must then scatter
-    within `SERVES_M`. A hand that closes does so at the height of what it takes; heights that vary were misread.
+    within `SERVES_M`. A hand that closes does so at the height of what it takes; heights that vary were misread. Rows
+    around one in which a hand lets go of what it holds beside its middle follow the same place.
 
     Args:
         columns: of each object its name in every demonstration.
@@ -60,8 +64,22 @@ def by_axis(
             if _closes(group[0].actions, k):
                 followed[2] = origins.index(_names(anchors))
             anchors = _along(anchors, [origins[place] for place in followed], tilted)
-        found.append(_turned_with(anchors, {names: off_m[k] for names, off_m in turns_m.items()}, share))
+        found.append(_turned_with(group, k, anchors, {names: off_m[k] for names, off_m in turns_m.items()}, tilted))
+    for k in group[0].switches:
+        if found[k][0].frame == "o" and len(found[k][0].along) == len("xyz"):
+            for row in rows_around(hands_m, k):
+                found[row] = found[k]
     return found
+
+
+def rows_around(hands_m: Array, k: int) -> npt.NDArray[np.intp]:
+    """Return the rows in which the hand comes to the place of row `k`, or goes from it, in all demonstrations.
+
+    Args:
+        hands_m: (N, K, 3).
+    """
+    away_m = np.linalg.norm((hands_m - hands_m[:, k : k + 1])[..., :2], axis=2)
+    return np.flatnonzero(away_m.max(axis=0) <= AROUND_M)
 
 
 def _turns_m(group: Sequence[Demonstration], names: Sequence[str], tilted: frozenset[str]) -> Array:
@@ -73,25 +91,50 @@ def _turns_m(group: Sequence[Demonstration], names: Sequence[str], tilted: froze
     return turns_m
 
 
-def _turned_with(anchors: Anchors, turns_m: Mapping[tuple[str, ...], float], share: float) -> Anchors:
+def _turned_with(
+    group: Sequence[Demonstration],
+    k: int,
+    anchors: Anchors,
+    turns_m: Mapping[tuple[str, ...], float],
+    tilted: frozenset[str],
+) -> Anchors:
     """Return the anchors with the hand's rotation relative to another object that it turns with, as what it holds does.
 
-    Demonstrations must contradict the row's own rotations, as they must its own place along an axis.
+    Its place turns about a third one, too, where it holds the object beside its middle, as by a handle. Demonstrations
+    must contradict the row's own rotations and places, as they must its own place along an axis.
 
     Args:
         turns_m: the scatter of the hand's rotations, seen from each object or the world.
     """
-    own = _names(anchors)
+    own, share = _names(anchors), certain_share(len(group), 1)
     own_m = turns_m.get(own if anchors[0].hand_turns else ("",) * len(own), 0.0)
-    best = min((names for names in turns_m if all(names)), key=turns_m.__getitem__, default=own)
-    if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or best == own or own_m < CONTRADICTED_M:
+    objects = [names for names in turns_m if all(names)]
+    best = min(objects, key=turns_m.__getitem__, default=own)
+    if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or own_m < CONTRADICTED_M:
         return anchors
-    if turns_m[best] >= min(share * own_m, SERVES_M):
+    if turns_m.get(best, own_m) >= min(share * own_m, SERVES_M):
         return anchors
-    return tuple(
-        Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
-        for name, anchor in zip(best, anchors, strict=True)
+    if best != own:
+        anchors = tuple(
+            Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
+            for name, anchor in zip(best, anchors, strict=True)
+        )
+    about = (
+        tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(best, names, strict=True))
+        for names in objects
+        if names != best and turns_m[best] < TURNED_M
     )
+    return min([anchors, *about], key=lambda each: _place_off_m(group, k, each, anchors, tilted, share))
+
+
+def _place_off_m(
+    group: Sequence[Demonstration], k: int, each: Anchors, own: Anchors, tilted: frozenset[str], share: float
+) -> float:
+    """Return the scatter of the hand's place in row `k`; infinity where it leaves more of the row's own than noise."""
+    off_m, own_m = (float(_own_scatter_m(group, anchors, tilted)[k].max()) for anchors in (each, own))
+    if each == own or (own_m >= CONTRADICTED_M and off_m < min(share * own_m, TURNED_M)):
+        return off_m
+    return np.inf
 
 
 def _closes(actions: Sequence[EndEffectorAction], k: int) -> bool:

@@ -7,12 +7,12 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchors import Anchor, Anchors, Frame, certain_share, deciding, relative_action
+from app.pipeline.representation.axis_choice import rows_around
 from roboprompt_client.types.arrays import Array
 
 MIN_BETWEEN = 4  # demonstrations, as the tenth is fitted too
 TENTHS = np.arange(1, 10)
 CLOSE_M = 0.01  # largest scatter (rms) of a place that follows two objects
-AROUND_M = 0.06  # horizontal distance from such a place within which the hand comes and goes
 
 
 def between(
@@ -42,8 +42,7 @@ def between(
         pair = _pair(hands_m[:, k], objects_m)
         if _plane_m(_seen_m(hands_m[:, k], objects_m, pair)) > min(CLOSE_M, share * least_m):
             continue
-        near = np.linalg.norm((hands_m - hands_m[:, k : k + 1])[..., :2], axis=2).max(axis=0) <= AROUND_M
-        for row in np.flatnonzero(near):
+        for row in rows_around(hands_m, k):
             found[row] = _anchors(found[row], hands_m[:, row], objects_m, columns, pair)
     return found
 

@@ -86,29 +86,8 @@ def reanchored(
         if anchor is None or name not in before or name not in now:
             followed.append(action)
             continue
-        old, new, symmetry_deg = before[name], now[name], yaw_symmetry_deg.get(name)
-        moved = _moved_along(action, anchor, old, new, symmetry_deg) if has_moved(old, new, symmetry_deg) else action
-        followed.append(_along_axes(action, moved, anchor, before, now))
+        followed.append(_moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)))
     return tuple(followed)
-
-
-def _along_axes(
-    action: EndEffectorAction,
-    moved: EndEffectorAction,
-    anchor: ActionAnchor,
-    before: Mapping[str, ObjectPose],
-    now: Mapping[str, ObjectPose],
-) -> EndEffectorAction:
-    """Return the moved action with the coordinates that do not follow its object as they were, or as others moved."""
-    position_m = moved.position_m.copy()
-    for axis, other in anchor.along.items():
-        position_m[axis] = action.position_m[axis]
-        if other is not None and other in before and other in now:
-            own_m = 0.0 if anchor.share == 1 else moved.position_m[axis] - action.position_m[axis]
-            other_m = now[other].position_m[axis] - before[other].position_m[axis]
-            position_m[axis] += (1 - anchor.share) * own_m + anchor.share * other_m
-    same = np.array_equal(position_m, moved.position_m)
-    return moved if same else EndEffectorAction(position_m, moved.quaternion_xyzw, moved.gripper_open)
 
 
 def has_moved(old: ObjectPose, new: ObjectPose, yaw_symmetry_deg: float | None) -> bool:
@@ -122,12 +101,17 @@ def has_moved(old: ObjectPose, new: ObjectPose, yaw_symmetry_deg: float | None) 
 def _moved_along(
     action: EndEffectorAction,
     anchor: ActionAnchor,
-    old: ObjectPose,
-    new: ObjectPose,
+    before: Mapping[str, ObjectPose],
+    now: Mapping[str, ObjectPose],
     symmetry_deg: float | None,
 ) -> EndEffectorAction:
+    old, new = (objects[str(anchor.object_name)] for objects in (before, now))
+    new = new if has_moved(old, new, symmetry_deg) else old
+    from_m, to_m = _origin_m(anchor, old, before, now), _origin_m(anchor, new, now, before)
+    if new is old and np.array_equal(from_m, to_m):
+        return action
     was, is_ = _axes(old, new, symmetry_deg)
-    offset_m = action.position_m - old.position_m
+    offset_m = action.position_m - from_m
     if _is_upright(action, anchor, offset_m):
         turn = rotations.about_z(rotations.yaw_rad(is_) - rotations.yaw_rad(was))
     else:
@@ -136,7 +120,24 @@ def _moved_along(
         offset_m = rotations.rotated(turn, offset_m)
     hand_turn = turn if anchor.frame in ("o", "wo") else rotations.IDENTITY
     turned = rotations.canonical(_unit(rotations.product(hand_turn, action.quaternion_xyzw)))
-    return EndEffectorAction(new.position_m + offset_m, turned, action.gripper_open)
+    return EndEffectorAction(to_m + offset_m, turned, action.gripper_open)
+
+
+def _origin_m(
+    anchor: ActionAnchor, pose: ObjectPose, objects: Mapping[str, ObjectPose], others: Mapping[str, ObjectPose]
+) -> Array:
+    """Return what positions are relative to, (3,): along some axes another object, or the world where there is none.
+
+    Args:
+        others: those of the other moment; an object that one of both lacks is not followed.
+    """
+    origin_m = pose.position_m.copy()
+    for axis, name in anchor.along.items():
+        if name is not None and name in objects and name in others:
+            origin_m[axis] += anchor.share * (objects[name].position_m[axis] - origin_m[axis])
+        else:
+            origin_m[axis] = 0.0
+    return origin_m
 
 
 def _is_upright(action: EndEffectorAction, anchor: ActionAnchor, offset_m: Array) -> bool:

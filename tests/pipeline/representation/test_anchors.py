@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.representation.anchor_choice import choose_anchors
@@ -331,3 +332,13 @@ def test_what_is_let_go_of_as_it_was_taken_stays_turned():
     assert release[0] == Anchor(LID, "wo", ((0, PLATE), (1, PLATE), (2, PLATE)))
     *_, release = choose_anchors(upright(placed(10, 10)), LEVEL, beyond_objects=True)
     assert release[0] == Anchor(PLATE, "w")
+
+
+def test_what_is_held_beside_its_middle_is_let_go_of_as_it_was_taken():
+    def by_handle(shown):
+        aside = Rotation.from_quat(shown.object(LID).quaternion_xyzw).apply((0.06, 0, 0))
+        rows = (replace(each, position_m=each.position_m + aside) for each in shown.actions)
+        return replace(shown, actions=tuple(rows))
+
+    *_, release = choose_anchors([by_handle(each) for each in placed(10, 10)], LEVEL, beyond_objects=True)
+    assert release[0] == Anchor(LID, "o", ((0, PLATE), (1, PLATE), (2, PLATE)))
