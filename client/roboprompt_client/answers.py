@@ -26,6 +26,7 @@ Finding = Mapping[str, Any]
 OnFindings = Callable[[Sequence[Finding]], None]
 Confirm = Callable[[int, EndEffectorAction], bool]
 OnDanger = Literal["confirm", "refuse", "go"]
+SYMMETRY_SHOWN = "symmetry-shown"
 log = logging.getLogger(__name__)
 
 
@@ -62,6 +63,12 @@ class PredictedActions:
     def findings(self) -> tuple[Finding, ...]:
         """The findings: `code`, `severity` (info, warning, danger), `message`, `where`; raises as `findings_in`."""
         return findings_in(self.response)
+
+    @property
+    def shown_symmetry_deg(self) -> Mapping[str, float]:
+        """By object name, the turn after which demonstrations take it alike; the answer counts on it."""
+        shown = [finding for finding in self.findings if finding.get("code") == SYMMETRY_SHOWN]
+        return {finding["where"].removeprefix("objects[")[:-1]: float(finding["symmetry_deg"]) for finding in shown}
 
     @property
     def grounding(self) -> tuple[Mapping[str, Any], ...]:

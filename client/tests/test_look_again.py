@@ -1,5 +1,7 @@
 """A robot that looks again: which actions follow what, and what ends the run."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
+from roboprompt_client.runs.look_again import Follower
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.reanchoring import ActionAnchor
 from roboprompt_client.types.camera import Camera, RgbdFrame
@@ -224,3 +227,16 @@ def test_an_object_that_the_service_does_not_find_is_lost():
 def test_images_without_an_estimator_for_an_object_are_refused_at_once(models, said):
     with pytest.raises(InvalidInputError, match=said):
         run(Arm(frames=(frame(),)), service=Service(answer(objects=WENT_BY), {"object_models": models}))
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_side_that_looks_alike_by_the_demonstrations_turns_no_hand(shown):
+    """The pose of the answer has another of a cube's equal sides in front than the one that is seen then."""
+    quarter = np.array([0, 0, np.sin(np.pi / 4), np.cos(np.pi / 4)])
+    finding = {"code": "symmetry-shown", "severity": "info", "where": "objects[cube]", "symmetry_deg": 90.0}
+    (first, *_), at_cube = PICK_AND_PLACE, ActionAnchor("cube", "o", np.array([0, 0, 0.1]), DOWN)
+    predicted = PredictedActions("p", (first[1],), {"findings": [finding] * shown}, (at_cube,))
+
+    finder = SimpleNamespace(yaw_symmetry_deg={}, look_for=lambda name: {name: ObjectPose(name, CUBE, quarter)})
+    follower = Follower(finder, predicted, Observation(ObjectPose("cube", CUBE, np.array([0, 0, 0, 1.0]))), print)
+    assert (follower.before(0) is first[1]) is shown

@@ -119,22 +119,21 @@ def _turned_with(
             Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
             for name, anchor in zip(best, anchors, strict=True)
         )
+    off_m = _off_m(group, k, anchors, tilted)
+    if turns_m[best] >= TURNED_M or off_m < CONTRADICTED_M:
+        return anchors
     about = (
         tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(best, names, strict=True))
         for names in objects
-        if names != best and turns_m[best] < TURNED_M
+        if names != best
     )
-    return min([anchors, *about], key=lambda each: _place_off_m(group, k, each, anchors, tilted, share))
+    aside = min(about, key=lambda each: _off_m(group, k, each, tilted), default=anchors)
+    return aside if _off_m(group, k, aside, tilted) < min(share * off_m, TURNED_M) else anchors
 
 
-def _place_off_m(
-    group: Sequence[Demonstration], k: int, each: Anchors, own: Anchors, tilted: frozenset[str], share: float
-) -> float:
-    """Return the scatter of the hand's place in row `k`; infinity where it leaves more of the row's own than noise."""
-    off_m, own_m = (float(_own_scatter_m(group, anchors, tilted)[k].max()) for anchors in (each, own))
-    if each == own or (own_m >= CONTRADICTED_M and off_m < min(share * own_m, TURNED_M)):
-        return off_m
-    return np.inf
+def _off_m(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]) -> float:
+    """Return the largest scatter of the hand's place in row `k` along an axis."""
+    return float(_own_scatter_m(group, anchors, tilted)[k].max())
 
 
 def _closes(actions: Sequence[EndEffectorAction], k: int) -> bool:

@@ -101,6 +101,7 @@ class Follower:
         self._anchors = predicted.anchors
         self._names = [None if anchor is None else anchor.object_name for anchor in predicted.anchors]
         self._known = {pose.name: pose for pose in first.objects or predicted.objects}
+        self._symmetry_deg = {**predicted.shown_symmetry_deg, **finder.yaw_symmetry_deg}
         self._finder, self._check, self._leading = finder, check, leading
         self._touched: set[str] = set()
         self._visits: Counter[str] = Counter()
@@ -149,13 +150,12 @@ class Follower:
 
     def _follow(self, index: int, seen: Poses) -> None:
         now = {name: pose for name, pose in seen.items() if name not in self._touched}
-        symmetry_deg = self._finder.yaw_symmetry_deg
         done, ahead = self.actions[:index], self.actions[index:]
-        followed = reanchored(ahead, self._anchors[index:], self._known, now, symmetry_deg)
+        followed = reanchored(ahead, self._anchors[index:], self._known, now, self._symmetry_deg)
         if any(new is not old for new, old in zip(followed, ahead, strict=True)):
             self._check((*done, *followed))
         self.actions = (*done, *followed)
         for name, pose in now.items():
             known = self._known.get(name)
-            if known is None or has_moved(known, pose, symmetry_deg.get(name)):
+            if known is None or has_moved(known, pose, self._symmetry_deg.get(name)):
                 self._known[name] = pose
