@@ -5,6 +5,7 @@ the picture of one camera.
 """
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,29 +27,32 @@ def shown(example: dict[str, Any]) -> ConfigDict:
 
 _DOWN = [1.0, 0.0, 0.0, 0.0]  # gripper pointing down
 _AT_REST = [0.0] * 7
-_MOVING = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+_MOVING = [0.0, 0.4, 0.0, 0.3, 0.0, 0.1, 0.0]
 
-# The gripper moves over a red button at (0.10, 0.20, 0.80), presses it and rises.
+# The gripper moves over a red button at (0.10, 0.20, 0.80), rests, presses it, rests, rises and rests.
+_PATH_M = [
+    [0.16, 0.14, 0.96],
+    [0.14, 0.16, 0.94],
+    [0.12, 0.18, 0.92],
+    [0.10, 0.20, 0.90],
+    *[[0.10, 0.20, z_m] for z_m in (0.90, 0.88, 0.86, 0.84, 0.82)],
+    *[[0.10, 0.20, z_m] for z_m in (0.82, 0.84, 0.86, 0.88, 0.90)],
+    *[[0.10, 0.20, 0.90]] * 2,
+]
 EPISODE: dict[str, Any] = {
     "metadata": {
         "task": "press",
         "instruction": "press the red button",
         "objects": [{"name": "red button", "position": [0.10, 0.20, 0.80], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}],
-        "control_frequency_hz": 20,
+        "control_frequency_hz": 10,
     },
     "trajectory": {
-        "joint_velocities": [_AT_REST, _MOVING, _AT_REST, _MOVING, _AT_REST, _MOVING, _AT_REST],
-        "end_effector_positions": [
-            [0.12, 0.00, 1.10],
-            [0.11, 0.10, 1.00],
-            [0.10, 0.20, 0.90],
-            [0.10, 0.20, 0.86],
-            [0.10, 0.20, 0.82],
-            [0.10, 0.20, 0.86],
-            [0.10, 0.20, 0.90],
+        "joint_velocities": [
+            _AT_REST if before == here else _MOVING for before, here in pairwise([_PATH_M[0], *_PATH_M])
         ],
-        "end_effector_quaternions_xyzw": [_DOWN] * 7,
-        "gripper_open": [0, 0, 0, 0, 0, 0, 0],
+        "end_effector_positions": _PATH_M,
+        "end_effector_quaternions_xyzw": [_DOWN] * len(_PATH_M),
+        "gripper_open": [0] * len(_PATH_M),
     },
 }
 
