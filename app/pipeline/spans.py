@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from app.pipeline.representation.style import KAT_FORMAT, SUMS_FORMAT
+from app.pipeline.representation.base import KAT_FORMAT, SUMS_FORMAT
 
 Kind = Literal["object", "action", "instruction", "separator", "plain"]
 

@@ -8,7 +8,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import fit_codec
 from app.pipeline.representation.anchors import Frame
-from app.pipeline.representation.style import PROMPT_FORMATS, REPRESENTATIONS, formats_of
+from app.pipeline.representation.base import PROMPT_FORMATS, REPRESENTATIONS, formats_of
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose

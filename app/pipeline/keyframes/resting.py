@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, off_line_m
-from app.pipeline.keyframes.published import merged
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S
+from app.pipeline.keyframes.rules import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, merged
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 

@@ -9,12 +9,11 @@ from dataclasses import replace
 from operator import attrgetter
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.groups import made_by_group
+from app.pipeline.groups import Group, made_by_group
 from app.pipeline.plans.agreement import agreed
 from app.pipeline.plans.alignment import aligned
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.plans.usual import Group
 
 __all__ = [
     "Demonstration",

@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from app.pipeline.episode import Demonstration, rotation_of
+from app.pipeline.groups import by_plan
 from app.pipeline.plans.rows import plan_rows
-from app.pipeline.plans.usual import by_plan
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose

@@ -17,9 +17,8 @@ from app.pipeline.findings.rules import (
     SCENE_BETWEEN,
     SCENE_BEYOND,
 )
-from app.pipeline.groups import grouped
+from app.pipeline.groups import grouped, shown_together
 from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
-from app.pipeline.plans.usual import shown_together
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_WARMED = 4  # plans whose prompts a model reads ahead

@@ -4,6 +4,7 @@ import re
 import string
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, relative_action
+from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, Frame, relative_action
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -39,6 +40,43 @@ class Row:
     def turned_as(self, other: "Row | None") -> bool:
         """Whether it has the rotation numbers of the other row."""
         return other is not None and self.numbers[3:] == other.numbers[3:]
+
+
+class Step(NamedTuple):
+    """What a row does at an object, in whichever scene and whatever the object's name.
+
+    Attributes:
+        form: of the instruction.
+        role: place of the object in the instruction, or the name of one that it does not mention.
+        along: the same of what the row follows along other axes.
+        tenths: of the way there.
+        numbers: of the row, relative to the object in `frame`.
+    """
+
+    form: str
+    role: int | str
+    frame: Frame
+    along: tuple[tuple[int, int | str], ...]
+    tenths: int
+    numbers: tuple[int, ...]
+
+    @classmethod
+    def of(cls, demonstration: Demonstration, row: Row) -> "Step":
+        """The step of a demonstration's row."""
+        order, anchor = demonstration.order, row.anchor
+        roles = {name: place for place, name in enumerate(order.objects)}
+        along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
+        role = roles.get(anchor.object_name, anchor.object_name)
+        return cls(order.form, role, anchor.frame, along, anchor.tenths, row.numbers)
+
+    def anchor(self, order: Order) -> Anchor:
+        """What it is relative to where `order`, which has its form, is carried out."""
+        name, *others = (
+            order.objects[role] if isinstance(role, int) else role
+            for role in (self.role, *(role for _, role in self.along))
+        )
+        axes = (axis for axis, _ in self.along)
+        return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)
 
 
 def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[Row, ...]]:

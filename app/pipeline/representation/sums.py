@@ -29,8 +29,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_inte
 from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import AXES, Row, actions_at, letter
-from app.pipeline.representation.step import Step
+from app.pipeline.representation.object_rows import AXES, Row, Step, actions_at, letter
 from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
