@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, relative_action, tilted_objects
+from app.pipeline.representation.anchors import Anchor, relative_row, tilted_objects
 from roboprompt_client.types.poses import ObjectPose
 
 
@@ -75,13 +75,13 @@ def _deviation(
     predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]
 ) -> ActionDeviation:
     own = _own_anchor(predicted, shown, row.anchors[0])
-    offset_m, rotation = relative_action(predicted, k, own, tilted)
+    (offset_m,), rotation = relative_row([predicted], k, (own,), tilted)
     center_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
         own.object_name,
         float(np.linalg.norm(offset_m - center_m)),
         float(np.linalg.norm(row.offsets_m - center_m, axis=1).max()),
-        float(np.degrees((mean.inv() * rotation).magnitude())),
+        float(np.degrees((mean.inv() * rotation[0]).magnitude())),
         float(np.degrees((mean.inv() * row.rotations).magnitude().max())),
         predicted.actions[k].gripper_open in row.grippers,
     )

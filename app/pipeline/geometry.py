@@ -31,17 +31,6 @@ def transform_points(source_to_target: Array, points: Array) -> Array:
     return moved
 
 
-def yaw_rad(rotation: Rotation) -> float:
-    """The rotation's angle about the vertical: the heading of its x axis in the horizontal plane."""
-    x_axis = rotation.apply([1.0, 0.0, 0.0])
-    return math.atan2(x_axis[1], x_axis[0])
-
-
-def tilt_rad(rotation: Rotation) -> float:
-    """The angle between the rotation's z axis and the vertical."""
-    return math.acos(float(np.clip(rotation.apply([0.0, 0.0, 1.0])[2], -1.0, 1.0)))
-
-
 def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None, toward_rad: float = 0.0) -> ObjectPose:
     """The same pose with the object turned about its own z axis to the representative nearest a yaw.
 

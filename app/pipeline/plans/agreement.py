@@ -13,7 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import NOT_TURNED, Anchor, anchor_pose, relative_action, tilted_objects
+from app.pipeline.representation.anchors import (
+    NOT_TURNED,
+    Anchor,
+    anchor_pose,
+    anchor_poses,
+    relative_row,
+    tilted_objects,
+)
 from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -59,11 +66,8 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
 
 def _at_center(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
     """Return the center of a row, placed in each demonstration's scene."""
-    actions = []
-    for demonstration, anchor in zip(group, row.anchors, strict=True):
-        position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.center_m, row.mean_rotation)
-        actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
-    return actions
+    positions_m, hands = anchor_poses(row.anchors, group, tilted).placed(row.center_m, row.mean_rotation)
+    return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), [row.gripper_open] * len(group))
 
 
 def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
@@ -178,5 +182,5 @@ def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int])
 
 def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]) -> float:
     """Return the angle between its hand in row `k` and the mean rotation of the row."""
-    _, hand = relative_action(demonstration, k, row.anchors[0], tilted)
-    return float(np.degrees((row.mean_rotation.inv() * hand).magnitude()))
+    _, hands = relative_row([demonstration], k, row.anchors[:1], tilted)
+    return float(np.degrees((row.mean_rotation.inv() * hands[0]).magnitude()))

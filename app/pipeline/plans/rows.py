@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchors, relative_action, tilted_objects
+from app.pipeline.representation.anchors import Anchors, relative_row, tilted_objects
 from app.pipeline.thresholds import GRASPED_M, M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -57,12 +57,6 @@ class PlanRow:
     grippers: frozenset[bool]
     positions_m: Array
     hands: Rotation
-
-    @cached_property
-    def mean_xyzw(self) -> Array:
-        """(4,) the mean rotation as a quaternion."""
-        mean: Array = self.mean_rotation.as_quat(canonical=True)
-        return mean
 
     @cached_property
     def off_m(self) -> Array:
@@ -127,14 +121,13 @@ def plan_rows(
 
 
 def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]) -> PlanRow:
-    relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
-    offsets_m = np.array([offset_m for offset_m, _ in relative])
-    rotations = Rotation.concatenate([rotation for _, rotation in relative])
+    actions = [demonstration.actions[k] for demonstration in group]
+    offsets_m, rotations = relative_row(group, k, anchors, tilted)
     center_m, mean = robust_center(offsets_m, rotations)
-    states = [demonstration.actions[k].gripper_open for demonstration in group]
+    states = [action.gripper_open for action in actions]
+    positions_m = np.array([action.position_m for action in actions])
+    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     is_open = 2 * sum(states) >= len(states)
-    positions_m = np.array([demonstration.actions[k].position_m for demonstration in group])
-    hands = Rotation.from_quat([demonstration.actions[k].quaternion_xyzw for demonstration in group])
     return PlanRow(anchors, offsets_m, rotations, center_m, mean, is_open, frozenset(states), positions_m, hands)
 
 

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, rotation_of
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import SYMMETRY_SHOWN
-from app.pipeline.geometry import canonical_pose, yaw_rad
+from app.pipeline.geometry import canonical_pose
 from app.pipeline.groups import grouped
 from app.pipeline.plans.alignment import aligned
 from app.pipeline.plans.recording import CLEARLY, Recording
@@ -27,6 +27,7 @@ from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.quaternions import yaw_rad
 
 TURNS_DEG = (180.0, 90.0)  # the coarser first, because it implies the finer
 MIN_GRASPS = 5
@@ -52,7 +53,7 @@ class Symmetry(NamedTuple):
 
     def folded(self, pose: ObjectPose, hand: Rotation | None = None) -> ObjectPose:
         """Return the pose with the object turned to the side that the hand took; None: that it would take."""
-        toward_rad = self.toward_rad if hand is None else yaw_rad(hand * self.grasp.inv())
+        toward_rad = self.toward_rad if hand is None else yaw_rad((hand * self.grasp.inv()).as_quat())
         return canonical_pose(pose, self.turn_deg, toward_rad)
 
 
@@ -140,7 +141,7 @@ def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
     turned = (taking * taking[0].inv()).as_rotvec(degrees=True)
     if np.linalg.norm(turned[:, :2], axis=1).max() > ALIKE_DEG:
         return None
-    yaws_deg = np.degrees([yaw_rad(Rotation.from_quat(quaternion)) for _, quaternion in known])
+    yaws_deg = np.degrees([yaw_rad(quaternion) for _, quaternion in known])
     for turn_deg in TURNS_DEG:
         left_deg, sides = sides_of(turned[:, 2] - yaws_deg, turn_deg)
         if np.abs(left_deg).max() <= ALIKE_DEG and _nearest_taken(turned[:, 2], sides, turn_deg):
@@ -194,8 +195,7 @@ def _side_matters(name: str, group: Sequence[Recording], given: Sequence[Recordi
 
 
 def _yaw_deg(recording: Recording, name: str) -> float:
-    quaternion = recording.demonstration.object(name).quaternion_xyzw
-    return math.degrees(yaw_rad(Rotation.from_quat(quaternion)))
+    return math.degrees(yaw_rad(rotation_of(recording.demonstration.object(name))))
 
 
 def _seen(row: PlanRow, demonstrations: Sequence[Demonstration]) -> Iterator[tuple[Array, float]]:

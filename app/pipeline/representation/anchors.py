@@ -6,7 +6,7 @@ its position turns with the mug; one that turns with a valve but stays on the ro
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,9 +18,9 @@ from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-Frame = Literal["w", "o", "ow", "wo", "world", "start"]
-OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
-MIXED_FRAMES: tuple[Frame, ...] = ("ow", "wo")
+AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
+OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
+MIXED_FRAMES: tuple[AnchorFrame, ...] = ("ow", "wo")
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
 
 
@@ -38,7 +38,7 @@ class Anchor(NamedTuple):
     """
 
     object_name: str
-    frame: Frame
+    frame: AnchorFrame
     along: tuple[tuple[int, str], ...] = ()
     tenths: int = 10
 
@@ -70,7 +70,7 @@ def names_of(anchors: Anchors) -> tuple[str, ...]:
     return tuple(anchor.object_name for anchor in anchors)
 
 
-def in_frame(anchors: Anchors, frame: Frame) -> Anchors:
+def in_frame(anchors: Anchors, frame: AnchorFrame) -> Anchors:
     """Return the anchors at the same objects in another frame."""
     return tuple(anchor._replace(frame=frame) for anchor in anchors)
 
@@ -95,10 +95,10 @@ def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rot
 
 
 class AnchorPose(NamedTuple):
-    """An anchor in a scene, in the world frame.
+    """An anchor in a scene, in the world frame; or N anchors, each with an origin and axes of its own.
 
     Attributes:
-        origin_m: (3,).
+        origin_m: (3,) or (N, 3).
         place_axes: along which positions are measured.
         hand_axes: relative to which the hand's rotations are.
     """
@@ -107,8 +107,17 @@ class AnchorPose(NamedTuple):
     place_axes: Rotation
     hand_axes: Rotation
 
+    @classmethod
+    def stacked(cls, poses: Iterable["AnchorPose"]) -> "AnchorPose":
+        """Return N anchors as one."""
+        origins_m, place_axes, hand_axes = zip(*poses, strict=True)
+        return cls(np.array(origins_m), Rotation.concatenate(place_axes), Rotation.concatenate(hand_axes))
+
     def seen(self, positions_m: Array, hands: Rotation) -> tuple[Array, Rotation]:
-        """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor."""
+        """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor.
+
+        K poses of one anchor, or one pose of each of K anchors.
+        """
         offsets_m: Array = self.place_axes.inv().apply(positions_m - self.origin_m)
         return offsets_m, self.hand_axes.inv() * hands
 
@@ -137,6 +146,11 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     return AnchorPose(origin_m, place_axes, hand_axes)
 
 
+def anchor_poses(anchors: Anchors, scenes: Sequence[Query], tilted: frozenset[str]) -> AnchorPose:
+    """Return the poses of anchors, each in its scene."""
+    return AnchorPose.stacked(anchor_pose(at, scene, tilted) for at, scene in zip(anchors, scenes, strict=True))
+
+
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
     """Return the anchor for another order: the objects that are mentioned in the same places."""
     along = tuple((axis, _asked_name(name, shown, asked)) for axis, name in anchor.along)
@@ -148,13 +162,14 @@ def _asked_name(name: str, shown: Order, asked: Order) -> str:
     return asked.objects[place] if place < len(asked.objects) else name
 
 
-def relative_action(
-    demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
+def relative_row(
+    group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
-    """Return action `k` relative to the anchor: offset (3,) in meters along the anchor's axes, and rotation."""
-    action = demonstration.actions[k]
-    hand = Rotation.from_quat(action.quaternion_xyzw)
-    return anchor_pose(anchor, demonstration, tilted).seen(action.position_m, hand)
+    """Return action `k` of each demonstration relative to its anchor: offsets (N, 3) in meters, and N rotations."""
+    actions = [demonstration.actions[k] for demonstration in group]
+    positions_m = np.array([action.position_m for action in actions])
+    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
+    return anchor_poses(anchors, group, tilted).seen(positions_m, hands)
 
 
 def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:

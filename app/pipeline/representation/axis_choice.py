@@ -20,7 +20,7 @@ from app.pipeline.representation.anchor_scatter import (
     offsets_scatter_m,
     poses_scatter_m,
 )
-from app.pipeline.representation.anchors import START, WORLD, Anchor, Anchors, Frame, names_of, relative_action
+from app.pipeline.representation.anchors import START, WORLD, Anchor, AnchorFrame, Anchors, names_of, relative_row
 from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 
@@ -30,7 +30,7 @@ AROUND_M = 0.06  # horizontal distance from a place within which the hand comes 
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 MIN_BETWEEN = 4  # demonstrations of a place between two objects, as the tenth is fitted too
 TENTHS = range(1, 10)
-UNTURNED: Mapping[Frame, Frame] = {"o": "wo", "ow": "w"}
+UNTURNED: Mapping[AnchorFrame, AnchorFrame] = {"o": "wo", "ow": "w"}
 
 
 def along_axes(
@@ -203,8 +203,7 @@ class _Rows:
         """
         share = certain_share(len(self.group) - 1, 1)
         for k in self.group[0].switches:
-            seen = zip(self.group, found[k], strict=True)
-            own_m = np.array([relative_action(shown, k, anchor, self.tilted)[0] for shown, anchor in seen])
+            own_m, _ = relative_row(self.group, k, found[k], self.tilted)
             from_origins_m = np.moveaxis(self.hands_m[:, k] - self.origins_m, 1, 0)  # (N, M, 3)
             single_m = float(np.linalg.norm(offsets_scatter_m(from_origins_m).min(axis=0)[:2]))
             least_m = min(_plane_m(own_m), single_m)
@@ -230,7 +229,7 @@ class _Rows:
         names = names_of(own)
         if own[0].hand_turns and names == self.origins[other]:
             one, other, tenths = other, one, 10 - tenths
-        frame: Frame = "wo" if own[0].hand_turns and names == self.origins[one] else "w"
+        frame: AnchorFrame = "wo" if own[0].hand_turns and names == self.origins[one] else "w"
         if own[0].hand_turns and frame == "w":
             return own
         between_m = offsets_scatter_m(self._from_between_m(k, one, other, tenths))[2]

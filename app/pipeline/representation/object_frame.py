@@ -14,17 +14,15 @@ observed pose, so that the object's own binning costs nothing.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.geometry import yaw_rad
 from app.pipeline.groups import made_by_group, places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
@@ -33,8 +31,8 @@ from app.pipeline.representation.anchors import (
     START,
     WORLD,
     Anchor,
+    AnchorFrame,
     AnchorPose,
-    Frame,
     anchor_pose,
     asked_anchor,
     tilted_objects,
@@ -42,7 +40,7 @@ from app.pipeline.representation.anchors import (
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
-    Row,
+    TextRow,
     actions_at,
     anchor_text,
     fit_rows,
@@ -51,7 +49,8 @@ from app.pipeline.representation.object_rows import (
     row_text,
     shortened,
 )
-from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, yaw_bin
+from app.pipeline.workspace import ROTATION_BINS, Workspace, object_bins, yaw_bin
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
@@ -80,7 +79,7 @@ class ObjectFrameCodec(Codec):
     demonstrations: tuple[Demonstration, ...]
     with_instruction: bool
     tilted: frozenset[str]
-    table: tuple[tuple[Row, ...], ...]
+    table: tuple[tuple[TextRow, ...], ...]
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
     joint: ClassVar[str] = " "
@@ -105,10 +104,10 @@ class ObjectFrameCodec(Codec):
         return "; ".join(parts) + " >"
 
     def _object_text(self, pose: ObjectPose) -> str:
-        numbers: tuple[int, ...] = position_bins(pose.position_m, self.workspace)
+        numbers = object_bins(replace(pose, quaternion_xyzw=None), self.workspace)
         if pose.quaternion_xyzw is not None:
-            rotation = Rotation.from_quat(pose.quaternion_xyzw)
-            numbers += rotation_bins(rotation) if pose.name in self.tilted else (yaw_bin(yaw_rad(rotation)),)
+            yaw = yaw_bin(quaternions.yaw_rad(pose.quaternion_xyzw))
+            numbers = object_bins(pose, self.workspace) if pose.name in self.tilted else (*numbers, yaw)
         return " ".join([pose.name, *map(str, numbers)])
 
     def actions_text(self, demonstration: Demonstration) -> str:
@@ -162,7 +161,7 @@ class ObjectFrameCodec(Codec):
         return frozenset((item.order, row.anchor) for item, rows in pairs for row in rows if row.anchor.along)
 
     @cached_property
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[AnchorFrame, ...]:
         """Those that a row may have at an object; of the mixed ones those that demonstrations call for."""
         shown = {anchor.frame for anchor in self._shown}
         return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))

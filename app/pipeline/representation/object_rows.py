@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, Frame, relative_action
+from app.pipeline.representation.anchors import WORLD, Anchor, AnchorFrame, AnchorPose, relative_row
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -30,14 +29,14 @@ _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
 
 
 @dataclass(frozen=True)
-class Row:
+class TextRow:
     """One action in integers: the anchor, six numbers (offset in units, rotation bins) and the gripper."""
 
     anchor: Anchor
     numbers: tuple[int, ...]
     gripper_open: bool
 
-    def turned_as(self, other: "Row | None") -> bool:
+    def turned_as(self, other: "TextRow | None") -> bool:
         """Whether it has the rotation numbers of the other row."""
         return other is not None and self.numbers[3:] == other.numbers[3:]
 
@@ -55,13 +54,13 @@ class Step(NamedTuple):
 
     form: str
     role: int | str
-    frame: Frame
+    frame: AnchorFrame
     along: tuple[tuple[int, int | str], ...]
     tenths: int
     numbers: tuple[int, ...]
 
     @classmethod
-    def of(cls, demonstration: Demonstration, row: Row) -> "Step":
+    def of(cls, demonstration: Demonstration, row: TextRow) -> "Step":
         """The step of a demonstration's row."""
         order, anchor = demonstration.order, row.anchor
         roles = {name: place for place, name in enumerate(order.objects)}
@@ -79,29 +78,32 @@ class Step(NamedTuple):
         return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)
 
 
-def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[Row, ...]]:
+def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[TextRow, ...]]:
     """The rows of each demonstration of a group that asks for the same thing in the same number of actions."""
-    fitted: list[list[Row]] = [[] for _ in group]
     planned = all(demonstration.plan is not None for demonstration in group)
-    for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned)):
-        numbers = np.array([_integers(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)])
-        for rows, demonstration, anchor, values in zip(fitted, group, anchors, _calmed(numbers), strict=True):
-            rows.append(Row(anchor, tuple(values.tolist()), demonstration.actions[k].gripper_open))
-    return [tuple(rows) for rows in fitted]
+    rows = [
+        _fit_row(group, k, anchors, tilted)
+        for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned))
+    ]
+    return [tuple(own[place] for own in rows) for place in range(len(group))]
 
 
-def _integers(demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]) -> tuple[int, ...]:
-    offset_m, rotation = relative_action(demonstration, k, anchor, tilted)
-    return (*np.rint(offset_m / OFFSET_UNIT_M).astype(int).tolist(), *rotation_bins(rotation))
+def _fit_row(
+    group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]
+) -> list[TextRow]:
+    """TextRow `k` of each demonstration, relative to these anchors."""
+    offsets_m, rotations = relative_row(group, k, tuple(anchors), tilted)
+    offsets = np.rint(offsets_m / OFFSET_UNIT_M).astype(int)
+    numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1)).tolist()
+    states = [demonstration.actions[k].gripper_open for demonstration in group]
+    return [TextRow(anchor, tuple(own), is_open) for anchor, own, is_open in zip(anchors, numbers, states, strict=True)]
 
 
 def actions_at(anchored: Sequence[AnchorPose], numbers: Integers, grippers: Sequence[bool]) -> list[EndEffectorAction]:
     """The actions of rows in a scene: of each what it is relative to, and (N, 6) its numbers."""
-    origins_m, place_axes, hand_axes = zip(*anchored, strict=True)
-    every = AnchorPose(np.array(origins_m), Rotation.concatenate(place_axes), Rotation.concatenate(hand_axes))
     offsets_m = OFFSET_UNIT_M * numbers[:, :3].astype(float)
-    positions_m, rotations = every.placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
-    return EndEffectorAction.many(positions_m, rotations.as_quat(canonical=True), grippers)
+    positions_m, hands = AnchorPose.stacked(anchored).placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
+    return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), grippers)
 
 
 def _calmed(numbers: Integers) -> Integers:
@@ -118,7 +120,7 @@ def _calmed(numbers: Integers) -> Integers:
     return calmed
 
 
-def row_text(number: int, anchor: str, row: Row) -> str:
+def row_text(number: int, anchor: str, row: TextRow) -> str:
     """The row with all its numbers."""
     offset = " ".join(f"{value:+d}" for value in row.numbers[:3])
     rotation = " ".join(map(str, row.numbers[3:]))

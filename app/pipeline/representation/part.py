@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.lexicon import noun_of, phrase_of
-from app.pipeline.representation.anchors import Anchor, Frame, anchor_pose
+from app.pipeline.representation.anchors import Anchor, AnchorFrame, anchor_pose
 from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -83,7 +83,7 @@ class Spot(NamedTuple):
 
     object_name: str
     was: bool
-    frame: Frame
+    frame: AnchorFrame
     keeps: bool
 
 

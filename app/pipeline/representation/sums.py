@@ -29,7 +29,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_inte
 from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import AXES, Row, Step, actions_at, letter
+from app.pipeline.representation.object_rows import AXES, Step, TextRow, actions_at, letter
 from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
@@ -77,7 +77,7 @@ class SumsCodec(Codec):
         return cls(workspace, ObjectFrameCodec.fit(demonstrations, workspace, with_instruction=True))
 
     @cached_property
-    def _rows(self) -> list[tuple[Demonstration, Row]]:
+    def _rows(self) -> list[tuple[Demonstration, TextRow]]:
         """All rows, each with its demonstration."""
         table = zip(self.fitted.demonstrations, self.fitted.table, strict=True)
         return [(demonstration, row) for demonstration, rows in table for row in rows]
@@ -152,7 +152,7 @@ class SumsCodec(Codec):
         texts = [f"{number} {self._row_text(demonstration, row)}" for number, row in enumerate(rows, start=1)]
         return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
-    def _row_text(self, demonstration: Demonstration, row: Row) -> str:
+    def _row_text(self, demonstration: Demonstration, row: TextRow) -> str:
         origin = self._origin(demonstration, row.anchor)
         differences = self._differences(demonstration, row.anchor, row.numbers)
         placed = self._placed(demonstration, row.anchor, row.numbers)
