@@ -1,4 +1,4 @@
-"""How far a prediction is from what its demonstrations did, relative to the objects as they did it."""
+"""Distances of a predicted scene and its actions from the demonstrations, relative to the objects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,13 +14,12 @@ from roboprompt_client.types.poses import ObjectPose
 
 @dataclass(frozen=True)
 class ObjectReach:
-    """Where an object lies, seen from where the demonstrations have it.
+    """The distance of an object from its places in the demonstrations.
 
     Attributes:
         nearest_m: to its place in the nearest demonstration.
-        nearest_deg: the least turn to its rotation in a demonstration; None where a rotation is not known.
-        beyond_m: how far it lies outside the box that holds its places in all demonstrations, along the axis on which
-            that is farthest; 0 inside.
+        nearest_deg: the least angle to its rotation in a demonstration; None if a rotation is unknown.
+        beyond_m: outside the box that holds its places in all demonstrations, along the farthest axis; 0 inside.
     """
 
     nearest_m: float
@@ -30,7 +29,7 @@ class ObjectReach:
 
 @dataclass(frozen=True)
 class ActionDeviation:
-    """How an action differs from the same action of the demonstrations, relative to the object it has to do with.
+    """The difference of an action from the same action of the demonstrations, relative to the object that it follows.
 
     Attributes:
         offset_m: from the demonstrations' median place.
@@ -48,7 +47,7 @@ class ActionDeviation:
 
 
 def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> ObjectReach:
-    """Where the object lies compared with at least one demonstration, each of which has it."""
+    """The distance of an object from its places in demonstrations, at least one, all of which have it."""
     shown = [demonstration.object(pose.name) for demonstration in demonstrations]
     places_m = np.array([item.position_m for item in shown])
     beyond_m = np.maximum(pose.position_m - places_m.max(axis=0), places_m.min(axis=0) - pose.position_m)
@@ -59,10 +58,7 @@ def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> O
 
 
 def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonstration]) -> tuple[ActionDeviation, ...]:
-    """Each action of `predicted` against the demonstrations that do the same thing in as many actions.
-
-    Empty if there is none of that kind.
-    """
+    """The deviation of each action of `predicted` from demonstrations of the same form with as many actions, if any."""
     asked = predicted.order.form, len(predicted.actions)
     group = [shown for shown in demonstrations if (shown.order.form, len(shown.actions)) == asked]
     if not group or not predicted.actions:

@@ -43,12 +43,12 @@ def made_by_group(
 
 
 def by_plan(demonstrations: Sequence[Demonstration]) -> list[Group]:
-    """The demonstrations of each instruction and plan."""
+    """The demonstrations of each form of instruction and plan."""
     return [tuple(group) for group in grouped(demonstrations, attrgetter("kind")).values()]
 
 
 def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
-    """Those that a prompt shows: of each instruction the usual plan, and others that are not rare.
+    """The demonstrations that a prompt shows: of each instruction the usual plan, and others that are not rare.
 
     A rare plan (a second try after a slip) would only be copied by mistake, unless the scene calls for it (then scenes
     near to each other have the same plan) or the instruction (then all that name the same objects have).
@@ -64,13 +64,13 @@ def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
 
 
 def is_decided(group: Sequence[Demonstration]) -> bool:
-    """Whether scene or words tell which of several plans demonstrations of like instructions follow."""
+    """Whether scene or words decide between several plans of demonstrations of one form of instruction."""
     several = len({demonstration.kind for demonstration in group}) > 1
     return several and (_scene_decides(group) or words_decide(group))
 
 
 def usual_ways(group: Sequence[Demonstration]) -> list[Group]:
-    """Of demonstrations of like instructions those of each plan that is not rare.
+    """The demonstrations of each plan that is not rare, of those of one form of instruction.
 
     Keyframes that were not aligned have no plan; there the gripper's switches tell.
     """

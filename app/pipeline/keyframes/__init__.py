@@ -1,4 +1,4 @@
-"""Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
+"""Keyframes of a trajectory: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
 from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.resting import Manner, manner_of

@@ -1,4 +1,4 @@
-"""Decides whether a recording rests at its keyframes, as scripts do, hesitates, as people do, or flows.
+"""Whether a recording rests at its keyframes, as scripts do, hesitates, as people do, or flows.
 
 Also measures how far straight motion between actions leaves the recorded path, which may lift over or avoid things.
 """

@@ -70,7 +70,7 @@ class KeyframeRule:
 
 
 def merged(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple[int, ...]:
-    """The paper's equation, each maximal run of frames with ||S_t|| < delta merged into one keyframe.
+    """The frames by the paper's equation (section III-B), each maximal run with ||S_t|| < delta merged into one.
 
     A run's keyframe is its last gripper change, or its last frame where the gripper does not change. A gripper change
     outside every run is a keyframe of its own; so is the final frame, unless a keyframe lies within 3 frames of it.
@@ -87,9 +87,9 @@ def merged(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple
 
 
 def authors(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple[int, ...]:
-    """What the authors' published code does, without its wrap-around of frames before the first.
+    """The frames by the authors' published code, without its wrap-around of frames before the first.
 
-    It fires again every 5 frames of a dwell; kept for comparison and for RLBench's recordings.
+    During a dwell it finds one every 5 frames; it is for comparison and for RLBench's recordings.
     """
     is_open = motion.trajectory.gripper_open
     rests = np.abs(motion.trajectory.joint_velocities_rad_s).max(axis=1) <= delta_rad_s
@@ -196,7 +196,7 @@ def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -
 
 
 def at_frames(phase: Phase, frames: Sequence[int]) -> list[Keyframe]:
-    """Keyframes of a phase: the last has what the gripper does there."""
+    """The keyframes at these frames of a phase; the gripper acts at the last one."""
     return [Keyframe(frame, phase.ends_open if frame == phase.last else phase.gripper_open) for frame in frames]
 
 

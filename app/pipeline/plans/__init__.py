@@ -28,17 +28,17 @@ __all__ = [
 
 
 def demonstrated(recordings: Sequence[Recording]) -> Group:
-    """The demonstrations as prompts write them, before rows are made to agree."""
+    """The demonstrations with aligned rows, as recorded; unaligned if the keyframe rule does not align."""
     if recordings and recordings[0].rule.aligned:
         return aligned_by_plan(recordings)
     return tuple(replace(recording.demonstration, start=None) for recording in recordings)
 
 
 def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
-    """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
+    """The recordings' demonstrations, those of one plan with equally many actions."""
     return made_by_group(recordings, lambda recording: recording.demonstration.order.form, aligned)
 
 
 def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
-    """The demonstrations with each row as those of its plan agree on it."""
+    """The demonstrations with each row at the robust mean of its plan, where the demonstrations agree on one."""
     return made_by_group(demonstrations, attrgetter("kind"), agreed)

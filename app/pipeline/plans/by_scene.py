@@ -1,4 +1,4 @@
-"""Chooses between several demonstrated plans by the scene: the plan whose demonstrated scenes are most similar to it.
+"""Chooses between several demonstrated plans: the plan whose demonstrated scenes are most similar to the scene.
 
 Scenes are compared by the quantity that separates the plans: one coordinate or the yaw of an object, absolute or
 relative to another object, if each plan has an interval of its own; or the positions of all objects, if the most

@@ -42,14 +42,14 @@ class Recording:
 
     @cached_property
     def manner(self) -> Manner:
-        """How the recording moves."""
+        """Whether the recording rests at its keyframes, hesitates or flows."""
         if self.rule.rule == "waypoints":
             return "flows"
         return manner_of(self.motion, self.rule.delta_rad_s)
 
     @cached_property
     def keyframes(self) -> tuple[Keyframe, ...]:
-        """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
+        """The keyframes by its rule; waypoints where the rule skips one of several switches in a rest."""
         found = (*find_keyframes(self.motion, self.rule), *self._last)
         if len(self._counts_of(found)) == len(self.phases):
             return found
@@ -57,7 +57,7 @@ class Recording:
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """Those of the motion, with the one that is added."""
+        """The phases of the motion, with the one that is added."""
         return (*self.motion.phases, *(Phase(frame, frame, is_open, is_open) for frame, is_open in self._last))
 
     @property
@@ -71,13 +71,13 @@ class Recording:
 
     @cached_property
     def paths(self) -> tuple[HandPath, ...]:
-        """Of each phase."""
+        """The hand's path in each phase."""
         tolerances = (self.rule.tolerance_m, self.rule.tolerance_deg)
         return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.phases)
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
+        """The number of its own keyframes in each phase; the last of a phase is where the gripper switches."""
         by_switches = self._counts_of(self.keyframes)
         if len(by_switches) == len(self.phases):
             return by_switches
@@ -96,21 +96,21 @@ class Recording:
 
     @cached_property
     def counts_on_path(self) -> tuple[int, ...]:
-        """As many keyframes in each phase as its path needs, whether it rests or not."""
+        """The number of keyframes that its path needs in each phase, whether it rests or not."""
         return self._counts_of(self._waypoints)
 
     def left_m(self, actions: Sequence[EndEffectorAction]) -> float:
-        """How far the way through these actions leaves its path where that matters."""
+        """The largest distance by which motion through these actions leaves its path where that matters."""
         return path_left_m(self.motion, self.manner, actions)
 
     @property
     def signature(self) -> tuple[bool, ...]:
-        """What the gripper does, in order."""
+        """The states of the gripper (open or not), in order."""
         return (self.phases[0].gripper_open, *(phase.ends_open for phase in self.phases))
 
     @cached_property
     def grasped(self) -> tuple[int | None, ...]:
-        """Of each grasp the object that the hand closes on, by its place in the order of mention; None: not clear.
+        """The object that the hand closes on at each grasp, by its index in the order of mention; None: not clear.
 
         Where objects stand is known before the first action: one that was moved is found by no later grasp.
         """

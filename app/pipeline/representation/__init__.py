@@ -1,4 +1,4 @@
-"""Actions <-> rows of text: one representation a file, chosen by name."""
+"""Representations, actions <-> rows of text (paper, section III-C): one a file, chosen by name."""
 
 from collections.abc import Sequence
 

@@ -75,12 +75,12 @@ class Codec(Protocol):
         ...
 
     def decoder(self, query: Query) -> Decoder:
-        """What reads the rows of a reply to the query, many at once: numpy takes as long for one as for ten."""
+        """A function that reads rows of a reply to the query, many at once: numpy takes as long for one as for ten."""
         ...
 
 
 def row_count_bounds(demonstrations: Sequence[Demonstration], order: Order, max_actions: int) -> tuple[int, int]:
-    """The fewest and most rows a reply may have: those a clause has in the demonstrations, times the clauses asked."""
+    """The fewest and most rows of a reply: those of a clause in the demonstrations, times the clauses asked for."""
     asked = len(order.clauses)
     counts = [(asked * len(d.actions), len(d.order.clauses)) for d in demonstrations]
     fewest, most = min(rows // shown for rows, shown in counts), max(-(-rows // shown) for rows, shown in counts)
@@ -88,7 +88,7 @@ def row_count_bounds(demonstrations: Sequence[Demonstration], order: Order, max_
 
 
 def clause_by_clause(demonstrations: Sequence[Demonstration], order: Order) -> tuple[str, ...]:
-    """The clauses of an order where every demonstration carries out a single one: small models do not compose."""
+    """The clauses of an order one by one if every demonstration has a single clause: small models do not compose."""
     single = all(len(d.order.clauses) == 1 for d in demonstrations)
     return tuple(clause.text for clause in order.clauses) if single else (order.text,)
 
@@ -105,7 +105,7 @@ def usual_format(representation: str, preferred: str) -> str:
 
 
 def check_style(representation: str, prompt_format: str) -> None:
-    """Refuse what cannot be written.
+    """Check that there is such a representation, and that it has the prompt format.
 
     Raises:
         InvalidInputError: for an unknown name, or a format that the representation does not have.

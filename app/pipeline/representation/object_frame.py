@@ -117,7 +117,7 @@ class ObjectFrameCodec(Codec):
         return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
     def needed(self) -> tuple[Demonstration, ...]:
-        """Of demonstrations that ask for the same thing and have the same rows, the last few.
+        """The last few of the demonstrations that ask for the same thing and have the same rows.
 
         Where rows differ, all are needed: they show how often each variant occurs, and in which scenes.
         """
@@ -162,7 +162,7 @@ class ObjectFrameCodec(Codec):
 
     @cached_property
     def frames(self) -> tuple[AnchorFrame, ...]:
-        """Those that a row may have at an object; of the mixed ones those that demonstrations call for."""
+        """The frames that a row may have at an object; mixed ones only if some demonstration has them."""
         shown = {anchor.frame for anchor in self._shown}
         return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))
 
@@ -174,7 +174,7 @@ class ObjectFrameCodec(Codec):
         return actions_at([origin for origin, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
 
     def _anchored(self, query: Query) -> dict[str, AnchorPose]:
-        """Everything that a row may be relative to, as rows write it."""
+        """The pose of each anchor that a row may have, by its text in rows."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
             f"{letter(place)} {frame}": Anchor(pose.name, frame)
@@ -191,7 +191,7 @@ class ObjectFrameCodec(Codec):
         return {text: anchor_pose(anchor, query, self.tilted) for text, anchor in anchors.items()}
 
     def _read_row(self, index: int, row: str, anchored: Mapping[str, AnchorPose]) -> tuple[AnchorPose, tuple[int, ...]]:
-        """What a row is relative to, and its seven numbers."""
+        """The pose of a row's anchor, and the row's seven numbers."""
         match = _ROW.fullmatch(row)
         if not match:
             expected = f"'{index + 1} A w: +x +y +z roll pitch yaw gripper'"

@@ -1,4 +1,4 @@
-"""What replies of `object_frame` may say, as a grammar in GBNF.
+"""The grammar of replies of `object_frame`, in GBNF.
 
 It has for each row of a plan its anchor, and a range for every number. The ranges are what the demonstrations show,
 with a margin; a single demonstration leaves none, so that it is copied.
@@ -68,7 +68,7 @@ Table = Sequence[Sequence[TextRow]]  # [demonstration][row]
 
 
 def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order) -> list[PlanPattern] | None:
-    """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
+    """The patterns of each plan's rows; None where the rows of several demonstrations must be strung together.
 
     Plans of demonstrations that ask for the same as the order, or where none does of those with as many clauses.
     """
@@ -86,7 +86,7 @@ def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order
 
 
 def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> list[RowPattern]:
-    """Of each row of the plan that these demonstrations share."""
+    """A pattern for each row of the plan that these demonstrations share."""
     by_row = list(zip(*table, strict=True))
     patterns = []
     for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):

@@ -42,7 +42,7 @@ class TextRow:
 
 
 class Step(NamedTuple):
-    """What a row does at an object, in whichever scene and whatever the object's name.
+    """What a row of a plan does at an object, in whichever scene and whatever the object's name.
 
     Attributes:
         form: of the instruction.
@@ -68,14 +68,15 @@ class Step(NamedTuple):
         role = roles.get(anchor.object_name, anchor.object_name)
         return cls(order.form, role, anchor.frame, along, anchor.tenths, row.numbers)
 
-    def anchor(self, order: Order) -> Anchor:
-        """What it is relative to where `order`, which has its form, is carried out."""
+    def row(self, order: Order) -> TextRow:
+        """The row, with the gripper open, where `order`, which has its form, is carried out."""
         name, *others = (
             order.objects[role] if isinstance(role, int) else role
             for role in (self.role, *(role for _, role in self.along))
         )
         axes = (axis for axis, _ in self.along)
-        return Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)
+        anchor = Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)
+        return TextRow(anchor, self.numbers, gripper_open=True)
 
 
 def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[TextRow, ...]]:
@@ -160,6 +161,6 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
 
 
 def letter(place: int) -> str:
-    """A to Z, then AA, AB, ..."""
+    """The letter of an object, by its index: A to Z, then AA, AB, ..."""
     first, last = divmod(place, len(LETTERS))
     return (LETTERS[first - 1] if first else "") + LETTERS[last]
