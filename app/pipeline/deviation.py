@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, relative_row, tilted_objects
+from app.pipeline.representation.anchors import asked_anchor, relative_row, tilted_objects
 from roboprompt_client.types.poses import ObjectPose
 
 
@@ -70,7 +70,9 @@ def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonst
 def _deviation(
     predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]
 ) -> ActionDeviation:
-    own = _own_anchor(predicted, shown, row.anchors[0])
+    own = asked_anchor(row.anchors[0], shown.order, predicted.order)
+    if predicted.object(own.object_name).quaternion_xyzw is None:
+        own = own._replace(frame="w")
     (offset_m,), rotation = relative_row([predicted], k, (own,), tilted)
     center_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
@@ -81,13 +83,6 @@ def _deviation(
         float(np.degrees((mean.inv() * row.rotations).magnitude().max())),
         predicted.actions[k].gripper_open in row.grippers,
     )
-
-
-def _own_anchor(predicted: Demonstration, shown: Demonstration, anchor: Anchor) -> Anchor:
-    """The anchor at the same place in the order of mention; the frame `w` where the object's rotation is not known."""
-    names = [pose.name for pose in shown.ordered_objects]
-    pose = predicted.ordered_objects[names.index(anchor.object_name)]
-    return Anchor(pose.name, anchor.frame if pose.quaternion_xyzw is not None else "w")
 
 
 def _turn_deg(one: ObjectPose, other: ObjectPose) -> float | None:

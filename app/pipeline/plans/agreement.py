@@ -15,8 +15,6 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
 from app.pipeline.representation.anchors import (
     NOT_TURNED,
-    Anchor,
-    anchor_pose,
     anchor_poses,
     relative_row,
     tilted_objects,
@@ -121,18 +119,13 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
     if row.scatter_m < NEGLIGIBLE_M or len(group) < 6:
         return False
     constant_m = _left_out_m(np.zeros((len(group), 0)), row.offsets_m)
+    poses = anchor_poses(row.anchors, group, tilted_objects(group))
     for place in range(len(group[0].objects)):
-        seen_m = np.array([_seen_m(d, anchor, place) for d, anchor in zip(group, row.anchors, strict=True)])
+        places_m = np.array([demonstration.ordered_objects[place].position_m for demonstration in group])
+        seen_m, _ = poses.seen(places_m, NOT_TURNED)
         if seen_m.std(axis=0).max() > NEGLIGIBLE_M and _left_out_m(seen_m, row.offsets_m) < EXPLAINED * constant_m:
             return True
     return False
-
-
-def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
-    """Return an object's position (3,) relative to an anchor; `place` is its index in the order of mention."""
-    origin = anchor_pose(anchor, demonstration, tilted_objects([demonstration]))
-    seen_m, _ = origin.seen(demonstration.ordered_objects[place].position_m, NOT_TURNED)
-    return seen_m
 
 
 def _left_out_m(inputs: Array, offsets_m: Array) -> float:

@@ -153,34 +153,41 @@ class _Rows:
         return best
 
     def turned_with(self, k: int, anchors: Anchors) -> Anchors:
-        """Return the anchors of row `k` with the hand's rotation relative to another object that it turns with.
+        """Return the anchors of row `k`, with the hand's rotation relative to another object that it turns with.
 
-        What the hand holds turns with it so. Its place turns about a third object, too, where it holds the object
-        beside its middle, as by a handle. Demonstrations must contradict the row's own rotations and places.
+        What the hand lets go of at one object may so keep the rotation of the other one, at which it was taken.
+        Demonstrations must contradict the row's own rotation.
         """
+        if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START:
+            return anchors
         own = names_of(anchors)
         own_m = self._turn_m(k, own if anchors[0].hand_turns else self.origins[0])
         best = min(self.origins[1:], key=lambda names: self._turn_m(k, names), default=own)
         best_m = self._turn_m(k, best)
-        if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or own_m < CONTRADICTED_M:
-            return anchors
-        if best_m >= min(self.share * own_m, SERVES_M):
+        if own_m < CONTRADICTED_M or best_m >= min(self.share * own_m, SERVES_M):
             return anchors
         if best != own:
             anchors = tuple(
                 Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
                 for name, anchor in zip(best, anchors, strict=True)
             )
+        return self._beside_middle(k, anchors, best) if best_m < TURNED_M else anchors
+
+    def _beside_middle(self, k: int, anchors: Anchors, taken: tuple[str, ...]) -> Anchors:
+        """Return the anchors of a hand that holds an object beside its middle, as by a handle.
+
+        Its place then turns with the object at which it was taken, about a third one. Demonstrations must contradict
+        the row's own place.
+        """
         off_m = self._off_m(k, anchors)
-        if best_m >= TURNED_M or off_m < CONTRADICTED_M:
-            return anchors
         about = [
-            tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(best, names, strict=True))
+            tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(taken, names, strict=True))
             for names in self.origins[1:]
-            if names != best
+            if names != taken
         ]
         aside = min(about, key=lambda each: self._off_m(k, each), default=anchors)
-        return aside if self._off_m(k, aside) < min(self.share * off_m, TURNED_M) else anchors
+        explains = off_m >= CONTRADICTED_M and self._off_m(k, aside) < min(self.share * off_m, TURNED_M)
+        return aside if explains else anchors
 
     def _turn_m(self, k: int, names: tuple[str, ...]) -> float:
         return float(self.turns_m[names][k])

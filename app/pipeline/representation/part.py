@@ -42,15 +42,12 @@ class SceneState:
         """Return the scene after a further action."""
         was_open = self.hand is not None and self.hand.gripper_open
         if was_open and not action.gripper_open:
-            objects = self._with_put_down()
+            moved = {} if self.put_down is None else {self.put_down.name: self.put_down}
+            objects = tuple(moved.get(pose.name, pose) for pose in self.objects)
             return SceneState(objects, action, _grasped(objects, action))
         if self.held is not None and action.gripper_open:
             return SceneState(self.objects, action, put_down=_moved(*self.held, action))
         return replace(self, hand=action)
-
-    def _with_put_down(self) -> Objects:
-        moved = self.put_down
-        return self.objects if moved is None else tuple(moved if o.name == moved.name else o for o in self.objects)
 
 
 def scenes_before(demonstration: Demonstration) -> list[SceneState]:
