@@ -247,18 +247,3 @@ def _quantities(demonstrations: Sequence[Demonstration]) -> list[Quantity]:
 def _varies(quantity: Quantity, demonstrations: Sequence[Demonstration]) -> bool:
     values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
     return bool(quantity.apart(values, values[0]).max() > VARIES[quantity.unit])
-
-
-def said(value: float, unit: str) -> str:
-    """Return a value with its unit, for messages."""
-    return f"{value:.0f} degrees" if unit == "deg" else f"{100 * value:.1f} cm"
-
-
-def range_text(values_deg_or_m: Array, unit: str) -> str:
-    """Return the range of values (N, 1) for messages; of angles the shorter way around the circle."""
-    values = values_deg_or_m[:, 0]
-    if unit == "deg":
-        middle = math.degrees(np.angle(np.exp(1j * np.radians(values)).mean()))
-        values = middle + (values - middle + 180) % 360 - 180
-    low, high = values.min(), values.max()
-    return said(low, unit) if math.isclose(low, high) else f"{said(low, unit)} .. {said(high, unit)}"

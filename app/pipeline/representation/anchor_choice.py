@@ -8,8 +8,10 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
     MIN_TURNED,
+    around,
     certain_share,
     farthest_m,
+    hands_at,
     much_less,
     scatters_m,
 )
@@ -24,7 +26,7 @@ from app.pipeline.representation.anchors import (
     in_frame,
     names_of,
 )
-from app.pipeline.representation.axis_choice import WORLD_REACH_M, along_axes, around, aside_m, hands_at
+from app.pipeline.representation.axis_choice import WORLD_REACH_M, along_axes
 
 ONE_YAW_RAD = math.radians(5)  # objects that are turned by less do not tell their two frames apart
 NO_YAW_RAD = 1e-6  # rounding: no pose that was measured is as equal
@@ -159,7 +161,7 @@ def _unite_approaches(
     """
     for grasp, _ in _held(group[0]):
         names = names_of(chosen[grasp])
-        near = around(aside_m(hands_at(group), grasp))
+        near = around(hands_at(group), grasp)
         rows = _stretch(grasp, [is_near and names_of(chosen[k]) == names for k, is_near in enumerate(near)])
         _, own = frames = [in_frame(chosen[grasp], frame) for frame in OBJECT_FRAMES]
         if "" in names or any(frame not in spreads_m for frame in frames):

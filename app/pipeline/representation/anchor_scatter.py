@@ -26,6 +26,7 @@ TURNED_SHARE = 0.6  # largest share of a scatter that the right anchor leaves; l
 SERVES_M = 0.02  # largest scatter relative to the right anchor: rows on the way that scatter more have none
 MANY_DEMONSTRATIONS = 5  # from this number on a quantile replaces the maximum, so that one outlier does not decide
 DECIDING_SHARE = 0.8  # that quantile
+AROUND_M = 0.06  # horizontal distance from a place within which the hand comes and goes
 # Of a single demonstration: a hand that is aligned with an object's axes acts at it rather than at a nearer object
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
 MAX_OBLIQUE_RAD = math.radians(20)  # beyond this angle it is not aligned
@@ -106,6 +107,18 @@ def farthest_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     many = len(group) >= MANY_DEMONSTRATIONS
     farthest: list[float] = (np.quantile(off_m, DECIDING_SHARE, axis=0) if many else off_m.max(axis=0)).tolist()
     return farthest
+
+
+def hands_at(group: Sequence[Demonstration]) -> Array:
+    """Return the hand's positions (N, K, 3) in the world frame, in meters."""
+    return np.array([[action.position_m for action in demonstration.actions] for demonstration in group])
+
+
+def around(hands_m: Array, k: int) -> list[bool]:
+    """Return for each row whether the hand is there near its place in row `k`, in all demonstrations (N, K, 3)."""
+    aside_m = np.linalg.norm((hands_m - hands_m[:, k : k + 1])[..., :2], axis=2).max(axis=0)
+    near: list[bool] = (aside_m <= AROUND_M).tolist()
+    return near
 
 
 def _relative(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:

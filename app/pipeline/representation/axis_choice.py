@@ -15,8 +15,10 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
     MIN_TURNED,
     SERVES_M,
+    around,
     axes_scatter_m,
     certain_share,
+    hands_at,
     offsets_scatter_m,
     poses_scatter_m,
 )
@@ -26,7 +28,6 @@ from roboprompt_client.types.arrays import Array
 
 CONTRADICTED_M = 0.01  # least scatter (rms) of a place that something else must explain, and largest between objects
 EQUAL_M = 0.002  # scatters that differ by less are equal
-AROUND_M = 0.06  # horizontal distance from a place within which the hand comes and goes
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 MIN_BETWEEN = 4  # demonstrations of a place between two objects, as the tenth is fitted too
 TENTHS = range(1, 10)
@@ -60,23 +61,6 @@ def along_axes(
     if len(group) >= MIN_BETWEEN and len(columns) > 1:
         rows.put_between(found)
     return found
-
-
-def hands_at(group: Sequence[Demonstration]) -> Array:
-    """Return the hand's positions (N, K, 3) in the world frame, in meters."""
-    return np.array([[action.position_m for action in demonstration.actions] for demonstration in group])
-
-
-def aside_m(hands_m: Array, k: int) -> Array:
-    """Return the largest horizontal distance (K,) of each row from row `k`, over demonstrations (N, K, 3)."""
-    farthest_m: Array = np.linalg.norm((hands_m - hands_m[:, k : k + 1])[..., :2], axis=2).max(axis=0)
-    return farthest_m
-
-
-def around(far_m: Array) -> list[bool]:
-    """Return for each row whether the hand comes to a place there or goes from it, by its distance (K,)."""
-    near: list[bool] = (far_m <= AROUND_M).tolist()
-    return near
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +101,7 @@ class _Rows:
 
     def around(self, k: int) -> list[int]:
         """Return the rows in which the hand comes to the place of row `k`, or goes from it, in all demonstrations."""
-        return np.flatnonzero(around(aside_m(self.hands_m, k))).tolist()
+        return np.flatnonzero(around(self.hands_m, k)).tolist()
 
     def followed(self, k: int, anchors: Anchors) -> Anchors:
         """Return the anchors of row `k`, with other origins along the axes that contradict the row's own."""
