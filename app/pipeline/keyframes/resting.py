@@ -34,7 +34,7 @@ LEFT_M = 0.03  # farther from the recorded path the hand may hit what the demons
 OFTEN_SHARE = 1 / 3  # of a plan's recordings
 
 
-class _Way(NamedTuple):
+class _Leg(NamedTuple):
     """The motion from one keyframe to the next.
 
     Attributes:
@@ -62,7 +62,7 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
     started = int(np.argmin(rests))
     switches_s = motion.times_s[[switch.frame for switch in motion.acting_switches]]
     ways = [
-        _Way(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()), _grasped(motion, first))
+        _Leg(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()), _grasped(motion, first))
         for first, last in pairwise([0, *merged(motion, delta_rad_s)])
     ]
     on_the_way = sum(
@@ -91,7 +91,7 @@ def _grasped(motion: Motion, frame: int) -> bool:
     return any(float(np.linalg.norm(way_m, axis=1).max()) <= TOLERANCE_M for way_m in ways_m)
 
 
-def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> bool:
+def _bends(motion: Motion, way: _Leg, most: float, most_in_joints: float) -> bool:
     """Return whether a motion consists of several: it bends in space and in joint space.
 
     So does one that turns a held object by half a turn or more.
@@ -100,7 +100,7 @@ def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> boo
     return path.turns_round or (path.bend > most and _bend_in_joints(motion, way) > most_in_joints)
 
 
-def _bend_in_joints(motion: Motion, way: _Way) -> float:
+def _bend_in_joints(motion: Motion, way: _Leg) -> float:
     """Return the deviation of the joints from a straight line in joint space, as a share of its length."""
     moved = slice(way.first + 1, way.last + 1)
     steps_s = np.diff(motion.times_s[way.first : way.last + 1])[:, None]

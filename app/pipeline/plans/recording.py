@@ -14,7 +14,7 @@ from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.keyframes.rules import at_frames, at_tips, best_waypoints
 from app.pipeline.plans.rows import PlanRow
-from app.pipeline.representation.anchors import anchor_pose, tilted_objects
+from app.pipeline.representation.anchors import anchor_pose
 from app.pipeline.thresholds import GRASPED_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -152,12 +152,13 @@ def choose(recording: Recording, numbers: Sequence[int], distances: Distances | 
     return found
 
 
-def off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: HandPath, k: int) -> Array:
+def off_rows(
+    recording: Recording, rows: Sequence[PlanRow], place: int, tilted: frozenset[str], path: HandPath, k: int
+) -> Array:
     """Return `Distances` from the centers of rows, in which the recording has index `place`."""
-    demonstration, row = recording.demonstration, rows[k]
-    origin = anchor_pose(row.anchors[place], demonstration, tilted_objects([demonstration]))
-    trajectory = recording.motion.trajectory
+    row, trajectory = rows[k], recording.motion.trajectory
     hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
+    origin = anchor_pose(row.anchors[place], recording.demonstration, tilted)
     offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
     off_m = np.linalg.norm(offsets_m - row.center_m, axis=1)
     off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()

@@ -70,6 +70,11 @@ class PlanRow:
         return float(np.median(self.off_m))
 
     @cached_property
+    def height_m(self) -> float:
+        """The median height of the hand in the world frame."""
+        return float(np.median(self.positions_m[:, 2]))
+
+    @cached_property
     def way_off_m(self) -> float:
         """The distance from the center that more than a third of the demonstrations exceed, as in two ways."""
         return of_a_way(self.off_m)
@@ -183,8 +188,8 @@ def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
         held = [k for k in range(grasp + 1, release or len(plan)) if _aside_m(plan[k], plan[grasp]) > ASIDE_M]
         found.update(k for k in held if k + 1 < len(plan) and (_strikes(plan, k) or _tilts(plan, k)))
         if release is None and held:
-            lowest_m = min(_height_m(plan[k]) for k in held)
-            found.update(k for k in held if _height_m(plan[k]) <= min(lowest_m + LOWEST_M, _height_m(plan[-1]) - LOW_M))
+            lowest_m = min(plan[k].height_m for k in held)
+            found.update(k for k in held if plan[k].height_m <= min(lowest_m + LOWEST_M, plan[-1].height_m - LOW_M))
     return sorted(found)
 
 
@@ -203,13 +208,9 @@ def _aside_m(one: PlanRow, other: PlanRow) -> float:
     return float(np.median(np.linalg.norm((one.positions_m - other.positions_m)[:, :2], axis=1)))
 
 
-def _height_m(row: PlanRow) -> float:
-    return float(np.median(row.positions_m[:, 2]))
-
-
 def _strikes(plan: Sequence[PlanRow], k: int) -> bool:
     """Return whether the hand reverses in row `k`, and is not merely lifted."""
-    return _goes_back(plan, k) and _height_m(plan[k]) < max(_height_m(plan[j]) for j in (k - 1, k + 1)) + LOW_M
+    return _goes_back(plan, k) and plan[k].height_m < max(plan[j].height_m for j in (k - 1, k + 1)) + LOW_M
 
 
 def _tilts(plan: Sequence[PlanRow], k: int) -> bool:
@@ -256,7 +257,7 @@ def _tips(plan: Sequence[PlanRow]) -> list[int]:
     """
     if not plan:
         return []
-    heights_m = np.array([_height_m(row) for row in plan])
+    heights_m = np.array([row.height_m for row in plan])
     level = np.ptp(heights_m) < LOW_M
     lowest = [] if level else np.flatnonzero(heights_m <= heights_m.min() + LOWEST_M).tolist()
     turns = [k for k in range(1, len(plan) - 1) if _goes_back(plan, k)]
