@@ -31,7 +31,7 @@ ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
 AGREES_M = 0.01  # the scatter of a row whose keyframes certainly belong together
 KEEPS_M = 0.002  # farther from the paths it must not leave them
 STARTS = 4  # demonstrations that the alignment is initialized with where rows scatter
-CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
+BETTER_SHARE = 0.8  # of the scatter: below it the other initialization is better
 MOST = 2.0  # times as many recordings go on after the release with which one ends
 
 
@@ -115,7 +115,7 @@ def _without_vague(found: "_Alignment") -> list[Demonstration]:
         most_m = found.left_m() + KEEPS_M
         others = (other for other in _after_one(found, STARTS) if other.left_m() < most_m)
     other = min(others, key=_Alignment.sum_m, default=found)
-    found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
+    found = other if other.sum_m() < BETTER_SHARE * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
     return replace(found, keyframes=keyframes).demonstrations
 

@@ -25,8 +25,8 @@ from roboprompt_client.types.poses import ObjectPose
 PARTED_SHARE = 0.8  # the share of demonstrations that must lie in the interval of their plan
 COMPARED = 3  # demonstrations of each plan whose actions are compared
 SAME_ACT_M, SAME_ACT_DEG = 0.04, 20.0  # largest deviation from the mean of grasps and releases that are the same
-CHANCE = 0.05  # significance level of one quantity, over all quantities that are tried
-CHANCE_OF_ALL = 0.01  # of all positions together: five of ten recordings in a wrong frame must not pass
+SIGNIFICANCE = 0.05  # significance level of one quantity, over all quantities that are tried
+SIGNIFICANCE_OF_ALL = 0.01  # of all positions together: five of ten recordings in a wrong frame must not pass
 SHUFFLES = 1000  # permutations of the test
 VARIES = {"m": 0.02, "deg": 10.0}  # quantities that vary by less separate nothing
 NEAR = {"m": 0.03, "deg": 15.0}  # a scene within this distance of a demonstration counts as demonstrated
@@ -166,10 +166,10 @@ def _separation(
     values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
     between = quantity.apart(values[:, None], values[None])
     np.fill_diagonal(between, np.inf)
-    shares, level = partial(_shares_of_nearest, nearest=between.argmin(axis=1)), CHANCE_OF_ALL
+    shares, level = partial(_shares_of_nearest, nearest=between.argmin(axis=1)), SIGNIFICANCE_OF_ALL
     if quantity.axis is not None:
         order = np.argsort(values[:, 0], kind="stable")
-        shares, level = partial(_shares_in_intervals, order=order, is_circle=quantity.axis == 3), CHANCE
+        shares, level = partial(_shares_in_intervals, order=order, is_circle=quantity.axis == 3), SIGNIFICANCE
     share = float(shares(ways))
     if share < PARTED_SHARE:
         return None

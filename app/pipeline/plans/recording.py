@@ -17,7 +17,7 @@ from app.pipeline.plans.rows import PlanRow
 from app.pipeline.representation.anchors import anchor_pose
 from app.pipeline.thresholds import GRASPED_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 CLEARLY = 2.0  # an object is grasped if all others are so many times as far
 TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
@@ -115,19 +115,27 @@ class Recording:
         Where objects stand is known before the first action: one that was moved is found by no later grasp.
         """
         objects, positions_m = self.demonstration.ordered_objects, self.motion.trajectory.positions_m
-        grasps = [phase.last for phase in self.phases if phase.gripper_open and not phase.ends_open]
         found: list[int | None] = []
-        for frame in grasps if objects else ():
-            off_m = [float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in objects]
-            nearest, *others = sorted(range(len(objects)), key=off_m.__getitem__)
-            clear = off_m[nearest] <= GRASPED_M and all(off_m[k] >= CLEARLY * off_m[nearest] for k in others)
-            found.append(nearest if clear and nearest not in found else None)
+        for phase in self.phases:
+            if phase.gripper_open and not phase.ends_open:
+                place = clearly_nearest(objects, positions_m[phase.last])
+                found.append(None if place in found else place)
         return tuple(found)
 
     def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
         """The demonstration with the actions of these keyframes."""
         actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
         return replace(self.demonstration, actions=actions)
+
+
+def clearly_nearest(objects: Sequence[ObjectPose], position_m: Array) -> int | None:
+    """Return the index of the object that a hand at a position (3,) grasps; None if it is not clear."""
+    off_m = np.array([np.linalg.norm(pose.position_m - position_m) for pose in objects])
+    order = np.argsort(off_m, kind="stable").tolist()
+    if not order or off_m[order[0]] > GRASPED_M:
+        return None
+    clear = len(order) == 1 or off_m[order[1]] >= CLEARLY * off_m[order[0]]
+    return order[0] if clear else None
 
 
 def choose(recording: Recording, numbers: Sequence[int], distances: Distances | None) -> list[Keyframe]:

@@ -21,10 +21,9 @@ from app.pipeline.findings.rules import SYMMETRY_SHOWN
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.groups import grouped
 from app.pipeline.plans.alignment import aligned
-from app.pipeline.plans.recording import CLEARLY, Recording
+from app.pipeline.plans.recording import Recording, clearly_nearest
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import tilted_objects
-from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.quaternions import yaw_rad
@@ -112,13 +111,11 @@ def _folded(recording: Recording, symmetries: Symmetries) -> Demonstration:
 def touched(recording: Recording) -> dict[str, Rotation]:
     """Return the hand's rotation where it clearly grasps an object, or lets go of another one at it, by its name."""
     found: dict[str, Rotation] = {}
-    positions_m, hands_xyzw = recording.motion.trajectory.positions_m, recording.motion.trajectory.quaternions_xyzw
+    trajectory = recording.motion.trajectory
     for frame in (phase.last for phase in recording.phases if phase.gripper_open != phase.ends_open):
         left = [pose for pose in recording.demonstration.objects if pose.name not in found]
-        off_m = {pose.name: float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in left}
-        nearest, *others = [*sorted(off_m, key=off_m.__getitem__), ""]
-        if nearest and off_m[nearest] <= GRASPED_M and CLEARLY * off_m[nearest] <= off_m.get(others[0], math.inf):
-            found[nearest] = Rotation.from_quat(hands_xyzw[frame])
+        if (place := clearly_nearest(left, trajectory.positions_m[frame])) is not None:
+            found[left[place].name] = Rotation.from_quat(trajectory.quaternions_xyzw[frame])
     return found
 
 

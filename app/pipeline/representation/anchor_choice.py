@@ -30,7 +30,7 @@ from app.pipeline.representation.axis_choice import WORLD_REACH_M, along_axes
 
 ONE_YAW_RAD = math.radians(5)  # objects that are turned by less do not tell their two frames apart
 NO_YAW_RAD = 1e-6  # rounding: no pose that was measured is as equal
-CONTRADICTED_M = 0.03  # a row that scatters by this much more in one frame than in the other does not have it
+MUCH_MORE_M = 0.03  # a row that scatters by this much more in one frame than in the other does not have it
 EQUAL_SPREAD_M = 0.002  # anchors this close to the best count as equal: then the previous row's anchor is kept
 CLEARLY_LESS = 0.6  # share of the best object's scatter below which the world or the start is chosen instead
 
@@ -172,7 +172,7 @@ def _unite_approaches(
             best = own
         elif len({chosen[k] for k in rows}) == 1:
             continue
-        if all(spreads_m[best][k] - spreads_m[chosen[k]][k] <= CONTRADICTED_M for k in rows):
+        if all(spreads_m[best][k] - spreads_m[chosen[k]][k] <= MUCH_MORE_M for k in rows):
             chosen[rows.start : rows.stop] = [best] * len(rows)
 
 

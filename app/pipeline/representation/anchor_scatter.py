@@ -19,13 +19,13 @@ from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 
 MIN_TURNED = 3  # demonstrations that show what a row follows by their scatter
-CHANCE = 0.01  # significance level of the F test
+SIGNIFICANCE = 0.01  # significance level of the F test
 MANY_TURNED = 8  # from this number of demonstrations on, the farthest are left out as outliers:
 KEPT_SHARE = 0.8  # this share is kept; of fewer, the one unlike the others may decide
 TURNED_SHARE = 0.6  # largest share of a scatter that the right anchor leaves; less for few demonstrations
 SERVES_M = 0.02  # largest scatter relative to the right anchor: rows on the way that scatter more have none
-MANY_DEMONSTRATIONS = 5  # from this number on a quantile replaces the maximum, so that one outlier does not decide
-DECIDING_SHARE = 0.8  # that quantile
+MIN_FOR_QUANTILE = 5  # from this number on a quantile replaces the maximum, so that one outlier does not decide
+QUANTILE = 0.8  # that quantile
 AROUND_M = 0.06  # horizontal distance from a place within which the hand comes and goes
 # Of a single demonstration: a hand that is aligned with an object's axes acts at it rather than at a nearer object
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
@@ -44,7 +44,7 @@ def certain_share(number: int, dimensions: int) -> float:
         number: of demonstrations, `MIN_TURNED` or more.
     """
     half_freedom = dimensions * (_num_kept(number) - 2) / 2
-    quantile = float(betaincinv(half_freedom, half_freedom, CHANCE))
+    quantile = float(betaincinv(half_freedom, half_freedom, SIGNIFICANCE))
     return min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
 
 
@@ -93,7 +93,7 @@ def offsets_scatter_m(offsets_m: Array) -> Array:
 def farthest_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> list[float]:
     """Return of each action how far the demonstrations are from their center; rotations count by `M_PER_RAD`.
 
-    The farthest one counts, of many demonstrations the quantile `DECIDING_SHARE`. A single demonstration has its
+    The farthest one counts, of many demonstrations the quantile `QUANTILE`. A single demonstration has its
     distance from the anchor instead, and more where the hand is not aligned with the anchor's axes.
     """
     offsets_m, hands = _relative(group, anchors, tilted)
@@ -104,8 +104,8 @@ def farthest_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozens
     for k in range(off_m.shape[1]):
         rotations = Rotation.from_quat(hands[:, k])
         off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
-    many = len(group) >= MANY_DEMONSTRATIONS
-    farthest: list[float] = (np.quantile(off_m, DECIDING_SHARE, axis=0) if many else off_m.max(axis=0)).tolist()
+    many = len(group) >= MIN_FOR_QUANTILE
+    farthest: list[float] = (np.quantile(off_m, QUANTILE, axis=0) if many else off_m.max(axis=0)).tolist()
     return farthest
 
 
