@@ -4,12 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.groups import Group
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, AnchorPose, anchor_pose, asked_anchor, tilted_objects
@@ -61,16 +63,27 @@ class PlacedRow:
 PlacedPlan = tuple[PlacedRow, ...]
 
 
+class DemonstratedPlan(NamedTuple):
+    """Demonstrations of one form of instruction and one plan, as they were recorded, with their rows."""
+
+    demonstrations: Group
+    rows: tuple[PlanRow, ...]
+
+    @property
+    def order(self) -> Order:
+        """The instruction of the first demonstration."""
+        return self.demonstrations[0].order
+
+
 @dataclass(frozen=True, eq=False)
 class Support:
     """The plans of one prompt's demonstrations, as they were recorded.
 
     Attributes:
-        plans: demonstrations of one instruction and plan each, with their rows.
         tilted: as the representation has them.
     """
 
-    plans: tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]
+    plans: tuple[DemonstratedPlan, ...]
     tilted: frozenset[str]
 
     @classmethod
@@ -85,8 +98,8 @@ class Support:
         """
         everything = [demonstration for group in groups for demonstration in group]
         pairs = zip(groups, written or groups, strict=True)
-        plans = tuple((tuple(group), plan_rows(group, shown)) for group, shown in pairs if group[0].actions)
-        return cls(plans, tilted_objects(everything))
+        plans = (DemonstratedPlan(tuple(group), plan_rows(group, shown)) for group, shown in pairs if group[0].actions)
+        return cls(tuple(plans), tilted_objects(everything))
 
     def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
         """Return the plans for the query (see `alike`), placed in its scene.
@@ -95,9 +108,9 @@ class Support:
         demonstrations have another number of clauses: then the rows that are asked for are not known.
         """
         alike, clauses = self.alike(query.order), query.order.clauses
-        number = len(alike[0][0][0].order.clauses) if alike else len(clauses)
+        number = len(alike[0].order.clauses) if alike else len(clauses)
         if number == len(clauses):
-            return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in alike)
+            return tuple(_placed_plan(plan, query, self.tilted) for plan in alike)
         if number > 1:
             return None
         each = [self.placed(replace(query, instruction=clause.text)) or () for clause in clauses]
@@ -105,16 +118,17 @@ class Support:
             return None
         return tuple(tuple(chain.from_iterable(plans)) for plans in product(*each))
 
-    def alike(self, asked: Order) -> tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]:
+    def alike(self, asked: Order) -> tuple[DemonstratedPlan, ...]:
         """Return the plans of the same instruction form; without any those with as many clauses, else all."""
-        same = tuple(plan for plan in self.plans if plan[0][0].order.form == asked.form)
-        as_long = (plan for plan in self.plans if len(plan[0][0].order.clauses) == len(asked.clauses))
-        return same or tuple(as_long) or self.plans
+        same = tuple(plan for plan in self.plans if plan.order.form == asked.form)
+        as_long = tuple(plan for plan in self.plans if len(plan.order.clauses) == len(asked.clauses))
+        return same or as_long or self.plans
 
 
-def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
-    """Return the rows placed in the query's scene; the pose of each anchor is computed once."""
-    asked = {row.anchors[0]: asked_anchor(row.anchors[0], shown.order, query.order) for row in rows}
+def _placed_plan(plan: DemonstratedPlan, query: Query, tilted: frozenset[str]) -> PlacedPlan:
+    """Return a plan's rows placed in the query's scene; the pose of each anchor is computed once."""
+    rows = plan.rows
+    asked = {row.anchors[0]: asked_anchor(row.anchors[0], plan.order, query.order) for row in rows}
     poses = {anchor: anchor_pose(anchor, query, tilted) for anchor in asked.values()}
     anchors = [asked[row.anchors[0]] for row in rows]
     positions_m, hands = AnchorPose.stacked(poses[anchor] for anchor in anchors).placed(
