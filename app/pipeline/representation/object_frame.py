@@ -22,7 +22,6 @@ from typing import ClassVar
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.errors import ReplyParseError
 from app.pipeline.groups import made_by_group, places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
@@ -46,21 +45,17 @@ from app.pipeline.representation.object_rows import (
     fit_rows,
     in_full,
     letter,
+    read_row,
     row_text,
     shortened,
 )
-from app.pipeline.workspace import ROTATION_BINS, Workspace, object_bins, yaw_bin
+from app.pipeline.workspace import Workspace, object_bins, yaw_bin
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MAX_REPEATED = 3
 MAX_GRAMMARS = 32
-_ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
-    r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
-    re.ASCII,
-)
 _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
@@ -169,9 +164,9 @@ class ObjectFrameCodec(Codec):
     def _actions(self, anchored: Mapping[str, AnchorPose], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         if not rows:
             return []
-        read = [self._read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
+        read = [read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
         numbers = np.array([numbers for _, numbers in read])
-        return actions_at([origin for origin, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
+        return actions_at([anchored[text] for text, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
 
     def _anchored(self, query: Query) -> dict[str, AnchorPose]:
         """The pose of each anchor that a row may have, by its text in rows."""
@@ -189,21 +184,3 @@ class ObjectFrameCodec(Codec):
             if anchor in self._shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor
         return {text: anchor_pose(anchor, query, self.tilted) for text, anchor in anchors.items()}
-
-    def _read_row(self, index: int, row: str, anchored: Mapping[str, AnchorPose]) -> tuple[AnchorPose, tuple[int, ...]]:
-        """The pose of a row's anchor, and the row's seven numbers."""
-        match = _ROW.fullmatch(row)
-        if not match:
-            expected = f"'{index + 1} A w: +x +y +z roll pitch yaw gripper'"
-            raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
-        number, anchor, *texts = match.groups()
-        if int(number) != index + 1:
-            raise ReplyParseError(f"action {index} has row number {number}, expected {index + 1}", row)
-        if anchor not in anchored:
-            known = ", ".join(anchored)
-            raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)
-        numbers = tuple(map(int, texts))
-        if max(numbers[3:6]) >= ROTATION_BINS:
-            message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
-            raise ReplyParseError(message, row)
-        return anchored[anchor], numbers

@@ -1,8 +1,8 @@
-"""The rows of `object_frame`: fitted to demonstrations, and written as text."""
+"""The rows of `object_frame`: fitted to demonstrations, written as text, and read from replies."""
 
 import re
 import string
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, in_order
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import WORLD, Anchor, AnchorFrame, AnchorPose, relative_row
@@ -23,6 +24,11 @@ Integers = npt.NDArray[np.int_]
 OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
+_ROW = re.compile(
+    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
+    r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
+    re.ASCII,
+)
 _OFFSET = r"(?P<offset>[^:]*:(?: [+-]\d{1,3}){3})"
 _ROTATION = re.compile(rf"{_OFFSET}(?P<rotation>(?: \d{{1,2}}){{3}})(?P<gripper> [01])", re.ASCII)
 _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
@@ -148,6 +154,33 @@ def in_full(rows: Sequence[str]) -> list[str]:
         said = _ROTATION.fullmatch(full[-1])
         before = said["rotation"] if said else ""
     return full
+
+
+def read_row(index: int, row: str, anchors: Collection[str]) -> tuple[str, tuple[int, ...]]:
+    """The anchor of a row in full, as the row has it, and its seven numbers.
+
+    Args:
+        index: of the row in the reply, from 0.
+        anchors: that a row may have.
+
+    Raises:
+        ReplyParseError: naming the action and what was expected.
+    """
+    match = _ROW.fullmatch(row)
+    if not match:
+        expected = f"'{index + 1} A w: +x +y +z roll pitch yaw gripper'"
+        raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
+    number, anchor, *texts = match.groups()
+    if int(number) != index + 1:
+        raise ReplyParseError(f"action {index} has row number {number}, expected {index + 1}", row)
+    if anchor not in anchors:
+        known = ", ".join(anchors)
+        raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)
+    numbers = tuple(map(int, texts))
+    if max(numbers[3:6]) >= ROTATION_BINS:
+        message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
+        raise ReplyParseError(message, row)
+    return anchor, numbers
 
 
 def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> str:
