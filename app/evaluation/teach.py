@@ -12,20 +12,20 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
 from app.evaluation.world import World
 from app.executors import Executor
-from app.pipeline.geometry import yaw_rad
+from app.pipeline.episode import rotation_of
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.quaternions import yaw_rad
 
 FIRST_LABELED_SEED = 50_000  # not used by demonstrations or tests
 LABELED_SCENES = 6
@@ -101,7 +101,7 @@ def _model_from_labels(
 
 
 def _yaw_deg(pose: ObjectPose) -> float:
-    return float(np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw))))
+    return float(np.degrees(yaw_rad(rotation_of(pose))))
 
 
 @dataclass(frozen=True, eq=False)

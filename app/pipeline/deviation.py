@@ -1,4 +1,4 @@
-"""How far a prediction is from what its demonstrations did, relative to the objects as they did it."""
+"""Distances of a predicted scene and its actions from the demonstrations, relative to the objects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,19 +8,18 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, relative_action, tilted_objects
+from app.pipeline.representation.anchors import asked_anchor, relative_row, tilted_objects
 from roboprompt_client.types.poses import ObjectPose
 
 
 @dataclass(frozen=True)
 class ObjectReach:
-    """Where an object lies, seen from where the demonstrations have it.
+    """The distance of an object from its places in the demonstrations.
 
     Attributes:
         nearest_m: to its place in the nearest demonstration.
-        nearest_deg: the least turn to its rotation in a demonstration; None where a rotation is not known.
-        beyond_m: how far it lies outside the box that holds its places in all demonstrations, along the axis on which
-            that is farthest; 0 inside.
+        nearest_deg: the least angle to its rotation in a demonstration; None if a rotation is unknown.
+        beyond_m: outside the box that holds its places in all demonstrations, along the farthest axis; 0 inside.
     """
 
     nearest_m: float
@@ -30,7 +29,7 @@ class ObjectReach:
 
 @dataclass(frozen=True)
 class ActionDeviation:
-    """How an action differs from the same action of the demonstrations, relative to the object it has to do with.
+    """The difference of an action from the same action of the demonstrations, relative to the object that it follows.
 
     Attributes:
         offset_m: from the demonstrations' median place.
@@ -48,7 +47,7 @@ class ActionDeviation:
 
 
 def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> ObjectReach:
-    """Where the object lies compared with at least one demonstration, each of which has it."""
+    """The distance of an object from its places in demonstrations, at least one, all of which have it."""
     shown = [demonstration.object(pose.name) for demonstration in demonstrations]
     places_m = np.array([item.position_m for item in shown])
     beyond_m = np.maximum(pose.position_m - places_m.max(axis=0), places_m.min(axis=0) - pose.position_m)
@@ -59,10 +58,7 @@ def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> O
 
 
 def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonstration]) -> tuple[ActionDeviation, ...]:
-    """Each action of `predicted` against the demonstrations that do the same thing in as many actions.
-
-    Empty if there is none of that kind.
-    """
+    """The deviation of each action of `predicted` from demonstrations of the same form with as many actions, if any."""
     asked = predicted.order.form, len(predicted.actions)
     group = [shown for shown in demonstrations if (shown.order.form, len(shown.actions)) == asked]
     if not group or not predicted.actions:
@@ -74,24 +70,19 @@ def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonst
 def _deviation(
     predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]
 ) -> ActionDeviation:
-    own = _own_anchor(predicted, shown, row.anchors[0])
-    offset_m, rotation = relative_action(predicted, k, own, tilted)
+    own = asked_anchor(row.anchors[0], shown.order, predicted.order)
+    if predicted.object(own.object_name).quaternion_xyzw is None:
+        own = own._replace(frame="w")
+    (offset_m,), rotation = relative_row([predicted], k, (own,), tilted)
     center_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
         own.object_name,
         float(np.linalg.norm(offset_m - center_m)),
         float(np.linalg.norm(row.offsets_m - center_m, axis=1).max()),
-        float(np.degrees((mean.inv() * rotation).magnitude())),
+        float(np.degrees((mean.inv() * rotation[0]).magnitude())),
         float(np.degrees((mean.inv() * row.rotations).magnitude().max())),
         predicted.actions[k].gripper_open in row.grippers,
     )
-
-
-def _own_anchor(predicted: Demonstration, shown: Demonstration, anchor: Anchor) -> Anchor:
-    """The anchor at the same place in the order of mention; the frame `w` where the object's rotation is not known."""
-    names = [pose.name for pose in shown.ordered_objects]
-    pose = predicted.ordered_objects[names.index(anchor.object_name)]
-    return Anchor(pose.name, anchor.frame if pose.quaternion_xyzw is not None else "w")
 
 
 def _turn_deg(one: ObjectPose, other: ObjectPose) -> float | None:

@@ -1,4 +1,4 @@
-"""What a robot records and what the method makes of it (paper, section III-A).
+"""Episodes, demonstrations and queries: what a robot records and asks (paper, section III-A).
 
 Every value is checked when it is constructed. Positions are in meters in the world frame; quaternions are xyzw.
 """
@@ -77,7 +77,7 @@ class Query:
         return in_order(self.objects, self.order)
 
     def object(self, name: str) -> ObjectPose:
-        """The pose of the object of that name, which there is."""
+        """The pose of the object of that name, which must exist."""
         return next(pose for pose in self.objects if pose.name == name)
 
 
@@ -106,7 +106,7 @@ class Demonstration(Query):
         return self.order.form, self.plan, len(self.actions)
 
     def only(self, names: Collection[str]) -> "Demonstration":
-        """With those of its objects that have these names."""
+        """The demonstration with only those of its objects that have these names."""
         if all(pose.name in names for pose in self.objects):
             return self
         return replace(self, objects=tuple(pose for pose in self.objects if pose.name in names))
@@ -127,7 +127,7 @@ def rotation_of(pose: ObjectPose) -> Array:
 
 
 def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_FREQUENCY_HZ) -> Array:
-    """(T,) from the first frame on."""
+    """(T,) times of the frames in seconds, 0 at the first."""
     if trajectory.timestamps_s is not None:
         return trajectory.timestamps_s - float(trajectory.timestamps_s[0])
     times_s: Array = np.arange(len(trajectory)) / control_frequency_hz

@@ -1,4 +1,4 @@
-"""Everything that the method can refuse.
+"""The errors of the method, in one tree.
 
     RoboPromptError                in roboprompt_client.errors, as InvalidInputError and UnsafeActionError are
     ├── InvalidInputError          a value that the caller sent is not acceptable; names field and remedy

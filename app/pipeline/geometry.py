@@ -1,4 +1,4 @@
-"""Points, frames and rotations, thin over scipy's Rotation; rigid transforms are (4, 4) matrices."""
+"""Points, rigid transforms as (4, 4) matrices, and canonical poses of symmetric objects."""
 
 import math
 from dataclasses import replace
@@ -31,17 +31,6 @@ def transform_points(source_to_target: Array, points: Array) -> Array:
     return moved
 
 
-def yaw_rad(rotation: Rotation) -> float:
-    """The rotation's angle about the vertical: the heading of its x axis in the horizontal plane."""
-    x_axis = rotation.apply([1.0, 0.0, 0.0])
-    return math.atan2(x_axis[1], x_axis[0])
-
-
-def tilt_rad(rotation: Rotation) -> float:
-    """The angle between the rotation's z axis and the vertical."""
-    return math.acos(float(np.clip(rotation.apply([0.0, 0.0, 1.0])[2], -1.0, 1.0)))
-
-
 def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None, toward_rad: float = 0.0) -> ObjectPose:
     """The same pose with the object turned about its own z axis to the representative nearest a yaw.
 
@@ -59,7 +48,7 @@ def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None, toward_rad:
 
 
 def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float, toward_rad: float = 0.0) -> Rotation:
-    """The rotation, turned about its own z axis as `canonical_pose` says."""
+    """The same of a rotation, see `canonical_pose`."""
     (xx, xy, _), (yx, yy, _), _ = rotation.as_matrix()
     if yaw_symmetry_deg == 0:
         turns_rad = math.atan2(-yx, yy) + np.array([0, np.pi])  # these bring the x axis above the world's
@@ -73,7 +62,7 @@ def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float, toward_rad: 
 
 
 def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:
-    """From a frame with this pose to the frame in which the pose is given."""
+    """The (4, 4) transform from a frame with this pose to the frame in which the pose is given."""
     transform: Array = np.eye(4)
     transform[:3, :3] = Rotation.from_quat(quaternion_xyzw).as_matrix()
     transform[:3, 3] = position_m
@@ -81,7 +70,7 @@ def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:
 
 
 def inverse_transform(transform: Array) -> Array:
-    """From the target frame of a (4, 4) rigid transform back to its source frame."""
+    """The inverse of a (4, 4) rigid transform."""
     back: Array = np.eye(4)
     back[:3, :3] = transform[:3, :3].T
     back[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]

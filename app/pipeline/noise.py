@@ -1,4 +1,4 @@
-"""Errors of a pose estimator, drawn at random (paper, section V "Robustness to pose estimation error")."""
+"""Random errors of a pose estimator (paper, section V "Robustness to pose estimation error")."""
 
 import math
 from collections.abc import Iterable

@@ -1,6 +1,6 @@
-"""The LLM's reply -> actions, as a whole or while it arrives, and several replies -> the one that counts.
+"""The LLM's reply -> actions, whole or in pieces; several replies -> the one that most others agree with.
 
-What does not parse is an error.
+A reply that does not parse is an error. It is never repaired.
 """
 
 from collections import Counter
@@ -60,7 +60,7 @@ class ReplyReader:
         return tuple(self._actions)
 
     def _read(self, text: str, *, complete: bool) -> list[EndEffectorAction]:
-        """The actions that were not read before."""
+        """The actions of rows that were not read before."""
         if len(text) > MAX_REPLY_CHARS:
             raise ReplyParseError(f"the reply is longer than {MAX_REPLY_CHARS} characters", text)
         known = len(self._rows)
@@ -80,7 +80,7 @@ class ReplyReader:
 
 
 def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
-    """Up to rounding: a row decoded alone may differ in the last bit from the same row decoded among others."""
+    """Whether actions are equal up to rounding: rows decoded alone and among others may differ in the last bit."""
     return (
         np.allclose(a.position_m, b.position_m, rtol=0, atol=ROUNDING)
         and np.allclose(a.quaternion_xyzw, b.quaternion_xyzw, rtol=0, atol=ROUNDING)
@@ -90,11 +90,11 @@ def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
 
 @dataclass(frozen=True)
 class Consensus:
-    """Which of several samples is the answer.
+    """The sample that is the answer, and those that agree with it.
 
     Attributes:
         chosen: its index.
-        alike: the indices of the samples that say the same in all but small things, the chosen one among them.
+        alike: the indices of the samples whose actions are nearly the same, the chosen one among them.
     """
 
     chosen: int

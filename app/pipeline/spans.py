@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from app.pipeline.representation.style import KAT_FORMAT, SUMS_FORMAT
+from app.pipeline.representation.base import KAT_FORMAT, SUMS_FORMAT
 
 Kind = Literal["object", "action", "instruction", "separator", "plain"]
 
@@ -49,7 +49,8 @@ _PARTS = re.compile(
     re.MULTILINE,
 )
 # A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; 2 A w: +0 +0 +2 0; ...
-_ROW = r"(?P<action>\d+ (?:[A-Z]+ (?:ow|wo|[wo])|world|start):(?: [+-]\d+){3}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
+_ANCHOR = r"(?:[A-Z]+ (?:ow|wo|[wo])(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start)"
+_ROW = rf"(?P<action>\d+ {_ANCHOR}:(?: [+-]\d+){{3}}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
 _OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ \w[\w .\-]*?(?: \d+){3,6})"
 _INSTRUCTION = r"(?:^|(?<=; ))(?P<instruction>[^;>\n]+)(?= >)"
 _SEPARATOR = r"(?P<separator>\n)"
@@ -61,10 +62,7 @@ _OF_FORMAT = {KAT_FORMAT: _KAT, SUMS_FORMAT: _SUMS}
 
 
 def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Span, ...]:
-    """`text`, a prompt or a reply, cut into spans that join to `text` again.
-
-    What does not look as the representation writes it is `plain`.
-    """
+    """A prompt or reply cut into spans that join to it again; what the representation does not write is `plain`."""
     if representation == "object_frame":
         return tuple(_cut(text, _OBJECT_FRAME.get(prompt_format, _LISTS)))
     return tuple(_cut(text, _OF_FORMAT.get(prompt_format, _PARTS if representation == "parts" else _LISTS)))

@@ -1,8 +1,8 @@
-"""What a number of successes says about the rate of success, and whether two rates differ.
+"""Success rates with confidence intervals, and a sequential test of whether two rates differ.
 
-The latter may be looked at after every trial, and one may stop as soon as it is decided. Trials are taken in pairs, the
-k-th of one with the k-th of the other. Somebody who holds that the rates differ by `d` offers fair bets on each pair;
-whoever wins 20 times the stake refutes `d` with 95 % confidence, at whatever moment (Ville's inequality). The stake is
+The test may be read after every trial, and trials may stop as soon as it decides. Trials are paired, the k-th of one
+series with the k-th of the other. If the rates differ by `d`, certain bets on each pair are fair; a bettor whose
+capital grows to 20 times the stake refutes `d` with 95 % confidence, at any time (Ville's inequality). The stake is
 spread evenly over constant bets in both directions. Source: Waudby-Smith and Ramdas, "Estimating means of bounded
 random variables by betting", JRSS B 86 (2024), for the difference of each pair, as robot policies are compared in
 arXiv 2503.10966.
@@ -54,7 +54,7 @@ class SuccessRate:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of trials: in which only one or the other succeeded, or both or neither."""
+    """Counts of pairs of trials: only the first succeeded, only the second, or both or neither."""
 
     one_alone: int
     other_alone: int
@@ -62,29 +62,29 @@ class Pairs:
 
     @classmethod
     def of(cls, one: Sequence[bool], other: Sequence[bool]) -> "Pairs":
-        """Those of two series of trials in their order; what the longer one has more is left out."""
+        """The pairs of two series of trials in their order; the rest of the longer series is left out."""
         both = list(zip(one, other, strict=False))
         alone, other_alone = both.count((True, False)), both.count((False, True))
         return cls(alone, other_alone, len(both) - alone - other_alone)
 
     @property
     def number(self) -> int:
-        """How many."""
+        """The number of pairs."""
         return self.one_alone + self.other_alone + self.alike
 
     @property
     def evidence(self) -> float:
-        """What a stake of 1 against equal rates has become."""
+        """The capital to which a stake of 1 against equal rates has grown."""
         return float(winnings(self.one_alone, self.other_alone, self.alike, 0.0))
 
     @property
     def is_decided(self) -> bool:
-        """Whether the rates differ, with 95 % confidence: one may stop."""
+        """Whether the rates differ, with 95 % confidence."""
         return self.evidence >= DECIDED
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % bounds of the rate of the one minus that of the other, which hold at every moment at once."""
+        """The 95 % confidence interval of the first rate minus the second, valid at all times at once."""
         if not self.number:
             return -1.0, 1.0
         kept = _DIFFERENCES[winnings(self.one_alone, self.other_alone, self.alike, _DIFFERENCES) < DECIDED]
@@ -93,7 +93,7 @@ class Pairs:
 
     @property
     def num_until_decided(self) -> int | None:
-        """About how many pairs more decide it if they go on as these; None where they may never."""
+        """The estimated number of further pairs until a decision, at the present rates; None if over 10,000."""
         if not self.number:
             return None
         times = np.arange(self.number, MAX_FORESEEN + 1) / self.number
@@ -104,7 +104,7 @@ class Pairs:
 def winnings(
     one_alone: npt.ArrayLike, other_alone: npt.ArrayLike, alike: npt.ArrayLike, difference: npt.ArrayLike
 ) -> Array:
-    """What a stake of 1 against a difference of rates in (-1, 1) becomes; all (...), and so is the answer."""
+    """The capital (...) to which a stake of 1 against a difference of rates in (-1, 1) grows; arguments broadcast."""
     wins, losses, ties, held = (
         np.asarray(item, np.float64)[..., None] for item in (one_alone, other_alone, alike, difference)
     )

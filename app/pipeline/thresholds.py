@@ -1,4 +1,4 @@
-"""Thresholds that several rooms share, so that all of them call the same thing near, scattered or another way."""
+"""Thresholds that several packages share, so that `near`, `scattered` and `another way` mean the same in all."""
 
 M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 GRASPED_M = 0.08  # a hand that closes within this of an object's position grasps it

@@ -99,15 +99,9 @@ class DiscreteAction:
     clamped: bool = False
 
 
-def position_bins(position_m: npt.ArrayLike, workspace: Workspace) -> tuple[int, int, int]:
-    """The bins (0..99) of a position (3,) in the world frame; outside the workspace the nearest bin."""
-    x, y, z = _position_bins(np.asarray(position_m), workspace).tolist()
-    return x, y, z
-
-
-def _position_bins(positions_m: Array, workspace: Workspace) -> npt.NDArray[np.int_]:
-    """The same of positions (..., 3)."""
-    raw = np.floor((positions_m - workspace.min_m) / (workspace.bin_size_m + EDGE_TO_LOWER_BIN))
+def position_bins(positions_m: npt.ArrayLike, workspace: Workspace) -> npt.NDArray[np.int_]:
+    """The bins (..., 3), each 0..99, of positions (..., 3) in the world frame; outside the workspace the nearest."""
+    raw = np.floor((np.asarray(positions_m) - workspace.min_m) / (workspace.bin_size_m + EDGE_TO_LOWER_BIN))
     return np.clip(raw, 0, POSITION_BINS - 1).astype(int)
 
 
@@ -117,14 +111,8 @@ def bin_center(bins: npt.ArrayLike, workspace: Workspace) -> Array:
     return center
 
 
-def rotation_bins(rotation: Rotation) -> tuple[int, int, int]:
-    """The bins (0..71) of a rotation's extrinsic xyz Euler angles; rounds half to even, bin 72 is bin 0."""
-    roll, pitch, yaw = _rotation_bins(rotation).tolist()
-    return roll, pitch, yaw
-
-
-def _rotation_bins(rotations: Rotation) -> npt.NDArray[np.int_]:
-    """The same of rotations of any shape: (..., 3)."""
+def rotation_bins(rotations: Rotation) -> npt.NDArray[np.int_]:
+    """The bins (..., 3), each 0..71, of rotations' extrinsic xyz Euler angles; rounds half to even, bin 72 is bin 0."""
     euler_deg = rotations.as_euler("xyz", degrees=True, suppress_warnings=True)
     bins: npt.NDArray[np.int_] = np.rint((euler_deg + 180) / ROTATION_BIN_DEG).astype(int) % ROTATION_BINS
     return bins
@@ -146,8 +134,8 @@ def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspac
         return []
     positions_m = np.array([action.position_m for action in actions])
     inside: list[bool] = np.all((positions_m >= workspace.min_m) & (positions_m <= workspace.max_m), axis=1).tolist()
-    positions = _position_bins(positions_m, workspace).tolist()
-    rotations = _rotation_bins(Rotation.from_quat([action.quaternion_xyzw for action in actions])).tolist()
+    positions = position_bins(positions_m, workspace).tolist()
+    rotations = rotation_bins(Rotation.from_quat([action.quaternion_xyzw for action in actions])).tolist()
     return [
         DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not within)
         for action, place, turn, within in zip(actions, positions, rotations, inside, strict=True)
@@ -166,7 +154,7 @@ def undiscretize_actions(bins: Sequence[Sequence[int]], workspace: Workspace) ->
 
 def object_bins(pose: ObjectPose, workspace: Workspace) -> tuple[int, ...]:
     """An object's three position bins, followed by three rotation bins where its rotation is known."""
-    position = position_bins(pose.position_m, workspace)
+    position = position_bins(pose.position_m, workspace).tolist()
     if pose.quaternion_xyzw is None:
-        return position
-    return (*position, *rotation_bins(Rotation.from_quat(pose.quaternion_xyzw)))
+        return tuple(position)
+    return (*position, *rotation_bins(Rotation.from_quat(pose.quaternion_xyzw)).tolist())

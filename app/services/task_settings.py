@@ -27,7 +27,7 @@ from app.pipeline.keyframes import Motion
 from app.pipeline.names import spelling_variants
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
-from app.pipeline.representation.style import check_style
+from app.pipeline.representation.base import check_style
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, Point, WorkspaceSettings
 from app.store import tasks
 from roboprompt_client.errors import InvalidInputError

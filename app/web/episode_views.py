@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.pipeline.representation import fit_codec
-from app.pipeline.representation.style import REPRESENTATIONS, usual_format
+from app.pipeline.representation.base import REPRESENTATIONS, usual_format
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.setting_parts import KeyframeSettings

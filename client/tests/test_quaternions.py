@@ -42,6 +42,9 @@ def test_known_turns():
     assert rotations.yaw_rad(quarter) == pytest.approx(math.pi / 2)
     assert rotations.tilt_rad([1.0, 0, 0, 0]) == pytest.approx(math.pi)  # the gripper points down
     assert rotations.angle_rad(-quarter) == pytest.approx(math.pi / 2)
+    leaning = rotations.from_roll_pitch_yaw(0, math.radians(30), math.radians(-20))
+    assert math.degrees(rotations.yaw_rad(leaning)) == pytest.approx(-20)
+    assert math.degrees(rotations.tilt_rad(leaning)) == pytest.approx(30)
 
 
 def test_a_hardly_turned_frame_keeps_its_turn():

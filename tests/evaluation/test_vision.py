@@ -7,7 +7,6 @@ import httpx
 import numpy as np
 import pytest
 from rich.progress import Progress
-from scipy.spatial.transform import Rotation
 
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
@@ -16,9 +15,9 @@ from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.sweeps import REGRESSION
 from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_models
-from app.pipeline.geometry import yaw_rad
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.types.quaternions import yaw_rad
 from tests.e2e.processes import running_server
 from tests.evaluation.test_run import InlineExecutor
 
@@ -89,10 +88,7 @@ def test_what_is_no_box_is_found_by_what_it_looked_like(url, tmp_path):
     block, drawer = trial.answer["objects"]
     assert (block["estimator"], drawer["estimator"]) == ("cuboid", "registered")
     assert set(drawer["cameras"]) >= {"front", "left_shoulder"}
-    found, true = (
-        yaw_rad(Rotation.from_quat(item))
-        for item in (drawer["quaternion_xyzw"], trial.scene.objects[1].quaternion_xyzw)
-    )
+    found, true = (yaw_rad(item) for item in (drawer["quaternion_xyzw"], trial.scene.objects[1].quaternion_xyzw))
     off_deg = np.degrees(found - true) % 90  # its x axis is an arrow that points away from the robot
     assert min(off_deg, 90 - off_deg) < 5.5  # as good as the arrow
     assert trial.execution is not None

@@ -9,8 +9,8 @@ from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.model import COLORS, ColorModel, CuboidModel, Rank
 from app.perception.models import MasksModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from app.pipeline.geometry import yaw_rad
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.quaternions import yaw_rad
 from tests.perception.flat_scene import camera
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, shoot
 
@@ -27,7 +27,7 @@ def estimate(frames, **models):
 
 def errors(pose, solid, symmetry_deg):
     """cm and degrees."""
-    yaw = np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)) - solid.yaw_rad)
+    yaw = np.degrees(yaw_rad(pose.quaternion_xyzw) - solid.yaw_rad)
     turn = (yaw + symmetry_deg / 2) % symmetry_deg - symmetry_deg / 2
     return 100 * np.linalg.norm(pose.position_m - np.array(solid.position_m)), abs(turn)
 
@@ -42,7 +42,7 @@ def test_a_cube_is_found_to_two_millimeters_and_two_degrees(seed):
     assert error_deg < 2
     assert (pose.estimator, pose.cameras) == ("cuboid", ("front",))
     assert pose.confidence > 0.9
-    assert abs(np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)))) <= 45
+    assert abs(np.degrees(yaw_rad(pose.quaternion_xyzw))) <= 45
 
 
 def test_a_world_whose_origin_is_far_away_gives_the_same_poses():

@@ -2,15 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.masks import MaskedPoints
 from app.perception.models import MasksModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from app.pipeline.geometry import yaw_rad
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.quaternions import yaw_rad
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, shoot
 
 HEIGHT, WIDTH, F_PX = 4, 6, 100
@@ -110,7 +109,7 @@ def boxed(solids, model, views=(FRONT,)):
 
 
 def yaw_deg(pose):
-    return np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)))
+    return np.degrees(yaw_rad(pose.quaternion_xyzw))
 
 
 @pytest.mark.parametrize("views", [(FRONT,), (FRONT, LEFT)])

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from app.pipeline.geometry import yaw_rad
+from roboprompt_client.types.quaternions import yaw_rad
 
 QUERY = ObjectQuery("cube")
 
@@ -23,7 +23,7 @@ def fuse(*found, **more):
 
 
 def yaw_deg(pose):
-    return np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)))
+    return np.degrees(yaw_rad(pose.quaternion_xyzw))
 
 
 def test_positions_and_yaws_weigh_by_confidence():

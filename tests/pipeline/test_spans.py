@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import fit_codec
-from app.pipeline.representation.anchors import Frame
-from app.pipeline.representation.style import PROMPT_FORMATS, REPRESENTATIONS, formats_of
+from app.pipeline.representation.anchors import AnchorFrame
+from app.pipeline.representation.base import PROMPT_FORMATS, REPRESENTATIONS, formats_of
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -125,7 +125,7 @@ def test_a_text_of_another_representation_stays_as_it_is(system):
     assert "".join(span.text for span in prompt_spans(system, "action_tokens", "paper")) == system
 
 
-@pytest.mark.parametrize("frame", get_args(Frame))
+@pytest.mark.parametrize("frame", [*get_args(AnchorFrame), "w z=world", "wo x=B y=B z=B", "w x=B y=B z=B 5/10"])
 def test_a_row_of_every_frame_is_an_action(frame):
     follows = frame if frame in ("world", "start") else f"A {frame}"
     row = f"1 {follows}: +0 -3 +24 0 36 36 0"

@@ -20,10 +20,10 @@ from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import UncertainPoseError
-from app.pipeline.geometry import yaw_rad
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.quaternions import yaw_rad
 
 EXAMPLE = 'its size and color, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
 FULL_TURN_RAD = 2 * np.pi
@@ -157,7 +157,7 @@ def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None
         away_m = middle.position_m - away_from_m
         heading_rad = float(np.arctan2(away_m[1], away_m[0]))
         if model.shape_symmetry_deg:
-            yaw, period_rad = yaw_rad(rotation), np.radians(model.shape_symmetry_deg)
+            yaw, period_rad = yaw_rad(rotation.as_quat()), np.radians(model.shape_symmetry_deg)
             heading_rad = yaw + round((heading_rad - yaw) / period_rad) * period_rad
         rotation = Rotation.from_euler("z", heading_rad)
     position_m = middle.position_m + rotation.apply(model.origin_m)

@@ -14,9 +14,9 @@ from app.perception.cuboid.model import ColorModel, Shape
 from app.perception.cuboid.pieces import SQUARE, Bools, color_mask, find_parts, to_hsv
 from app.perception.cuboid.shape import SX, YAW
 from app.perception.object_model import ObjectModelError
-from app.pipeline.geometry import yaw_rad
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.quaternions import yaw_rad
 
 MIN_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0
@@ -121,7 +121,7 @@ def _along_axes(candidate: Array, query: ObjectQuery, shape: Shape) -> tuple[Arr
     """Return size and rotation of the object's own axes; without a given rotation, x is the longer side."""
     size_m, yaw = candidate[SX:].copy(), float(candidate[YAW])
     if query.quaternion_xyzw is not None:
-        own = yaw_rad(Rotation.from_quat(query.quaternion_xyzw))
+        own = yaw_rad(query.quaternion_xyzw)
         swapped = shape == "box" and round((own - yaw) / (np.pi / 2)) % 2 == 1
     else:
         own, swapped = yaw, size_m[1] > size_m[0]

@@ -13,7 +13,7 @@ from app.pipeline.findings.places import FIXED_M, Range
 from app.pipeline.findings.rules import ARRANGED, PARTED, SIDES
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.vocabulary import PLACE_WORDS
-from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
+from app.pipeline.representation.anchors import OBJECT_FRAMES, AnchorFrame, object_rotation, tilted_objects
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
@@ -36,7 +36,7 @@ class RigidPair:
 
     one: str
     other: str
-    frame: Frame
+    frame: AnchorFrame
     seen_m: Range
     tilted: frozenset[str]
 
@@ -67,7 +67,7 @@ def _rigid(one: str, other: str, shown: Sequence[Demonstration], tilted: frozens
     return pair if pair.seen_m.width.max() < FIXED_M else None
 
 
-def _seen_m(one: ObjectPose, other: ObjectPose, frame: Frame, tilted: frozenset[str]) -> Array:
+def _seen_m(one: ObjectPose, other: ObjectPose, frame: AnchorFrame, tilted: frozenset[str]) -> Array:
     """Return (3,) the position of one object in the frame of the other."""
     seen_m: Array = object_rotation(other, frame, tilted).inv().apply(one.position_m - other.position_m)
     return seen_m

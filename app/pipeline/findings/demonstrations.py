@@ -17,13 +17,13 @@ from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.turning import Rotations, turning_findings
 from app.pipeline.findings.ways import ways_findings
+from app.pipeline.groups import by_plan, shown_together, usual_ways
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import acting_rows
 from app.pipeline.plans.support import Support
-from app.pipeline.plans.usual import by_plan, shown_together, usual_ways
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from app.pipeline.thresholds import BEYOND_NOISE_M
 from roboprompt_client.types.poses import EndEffectorAction

@@ -11,7 +11,7 @@ from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
 from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from app.pipeline.keyframes.rules import MAX_KEYFRAMES
 from roboprompt_client.types.arrays import Array, positions_array
 
 JUMP_M = 0.05

@@ -27,16 +27,8 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
-from app.pipeline.representation.anchors import (
-    MIN_TURNED,
-    MIXED_FRAMES,
-    TURNED_SHARE,
-    WORLD,
-    Anchor,
-    asked_anchor,
-    much_less,
-    scatters_m,
-)
+from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
+from app.pipeline.representation.anchors import MIXED_FRAMES, WORLD, Anchor, asked_anchor
 from app.pipeline.thresholds import M_PER_RAD
 
 APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave

@@ -10,11 +10,11 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import RecordedHand, Reversals
 from app.pipeline.findings.rules import CONTRADICTING, SEVERAL_WAYS
+from app.pipeline.groups import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
 from app.pipeline.plans.turn import grasps_along_approach, half_turned
-from app.pipeline.plans.usual import Group, usual_ways, words_decide
 from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array

@@ -1,10 +1,18 @@
-"""Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
+"""Keyframes of a trajectory: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
 from app.pipeline.keyframes.motion import Motion
-from app.pipeline.keyframes.published import authors, merged, uniform
 from app.pipeline.keyframes.resting import Manner, manner_of
-from app.pipeline.keyframes.rule import RULES, SIMULATION_DELTA_RAD_S, Keyframe, KeyframeRule, RuleName
-from app.pipeline.keyframes.waypoint_choice import waypoints
+from app.pipeline.keyframes.rules import (
+    RULES,
+    SIMULATION_DELTA_RAD_S,
+    Keyframe,
+    KeyframeRule,
+    RuleName,
+    authors,
+    merged,
+    uniform,
+    waypoints,
+)
 from roboprompt_client.errors import InvalidInputError
 
 __all__ = [

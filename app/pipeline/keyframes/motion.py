@@ -1,4 +1,4 @@
-"""How a recorded hand and its gripper move: what keyframe rules, findings and checks look at, computed once."""
+"""Speeds, gripper switches, phases and paths of a recorded hand, computed once for rules, findings and checks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -106,7 +106,7 @@ class Motion:
 
     @cached_property
     def switches(self) -> tuple[Switch, ...]:
-        """What the gripper does, each switch where the hand is slowest nearby; blips are none."""
+        """The gripper's switches, each where the hand is slowest nearby; blips do not count."""
         changes = self._changes_without_blips()
         frames: list[int] = []
         for k, frame in enumerate(changes):
@@ -143,7 +143,7 @@ class Motion:
         return self._paths[key]
 
     def _changes_without_blips(self) -> list[int]:
-        """The recorded changes without stretches that are too short to be meant."""
+        """The recorded changes without stretches shorter than `BLIP_S`."""
         frames, times_s = list(self.gripper_changes), self.times_s
         while short := [k for k in range(len(frames) - 1) if times_s[frames[k + 1]] - times_s[frames[k]] < BLIP_S]:
             del frames[short[0] : short[0] + 2]
@@ -182,7 +182,7 @@ class Motion:
 
 
 def stretches(states: npt.ArrayLike) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch of frames in which a boolean state stays."""
+    """The stretches of equal states (T,) bool: first frame, frame after the last, and state of each."""
     frames = np.asarray(states, dtype=bool)
     edges = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(frames)]
     return [(first, end, bool(frames[first])) for first, end in pairwise(edges)]

@@ -26,7 +26,7 @@ TURNS = 10  # full turns of the hand in either direction that are unwound
 MOST_TURN_DEG = 150.0  # an arm turns by the shorter way, which noise decides near half a turn
 MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment progress is measured by path length
 
-Frames = npt.NDArray[np.int_]
+Indices = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class HandPath:
         most_turn: largest turn of one motion, in tolerances, if its direction matters; else infinite.
     """
 
-    frames: Frames
+    frames: Indices
     positions: Array
     rotation_vectors: Array
     most_turn: float
@@ -97,7 +97,7 @@ class HandPath:
         poses = np.concatenate([self.positions, self.rotation_vectors], axis=1)
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses, axis=0), axis=1))])
 
-    def _deviations_from(self, i: int, ends: Frames, traveled: Array) -> Array:
+    def _deviations_from(self, i: int, ends: Indices, traveled: Array) -> Array:
         """Return the deviations (E,) of the segments from pose `i` to each of `ends`."""
         between = np.arange(i + 1, ends[-1])
         way, gone = self.positions[ends] - self.positions[i], self.positions[between] - self.positions[i]
@@ -160,7 +160,7 @@ def _unwound(vectors_rad: Array) -> Array:
     return found
 
 
-def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:
+def _apart(positions: Array, vectors: Array, spacing: float) -> Indices:
     """Return the indices of poses at least `spacing` apart from the one before, with the first and the last.
 
     It stops at `MAX_POSES`.

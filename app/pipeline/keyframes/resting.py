@@ -1,4 +1,4 @@
-"""Decides whether a recording rests at its keyframes, as scripts do, hesitates, as people do, or flows.
+"""Whether a recording rests at its keyframes, as scripts do, hesitates, as people do, or flows.
 
 Also measures how far straight motion between actions leaves the recorded path, which may lift over or avoid things.
 """
@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, off_line_m
-from app.pipeline.keyframes.published import merged
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S
+from app.pipeline.keyframes.rules import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, merged
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -35,7 +34,7 @@ LEFT_M = 0.03  # farther from the recorded path the hand may hit what the demons
 OFTEN_SHARE = 1 / 3  # of a plan's recordings
 
 
-class _Way(NamedTuple):
+class _Leg(NamedTuple):
     """The motion from one keyframe to the next.
 
     Attributes:
@@ -62,23 +61,23 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
         return "flows"
     started = int(np.argmin(rests))
     switches_s = motion.times_s[[switch.frame for switch in motion.acting_switches]]
-    ways = [
-        _Way(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()), _grasped(motion, first))
+    legs = [
+        _Leg(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()), _grasped(motion, first))
         for first, last in pairwise([0, *merged(motion, delta_rad_s)])
     ]
     on_the_way = sum(
         not before.to_switch and motion.path(before.first, after.last, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
-        for before, after in pairwise(ways)
+        for before, after in pairwise(legs)
     )
-    if float(rests[started:].mean()) > MAX_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(ways)):
+    if float(rests[started:].mean()) > MAX_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(legs)):
         return "hesitates"
     at_keyframes = (
         bool(rests[started:].any())
-        and len(ways) <= MAX_KEYFRAMES
+        and len(legs) <= MAX_KEYFRAMES
         and all(rests[np.abs(motion.times_s - switch_s) <= NEARBY_S].any() for switch_s in switches_s)
         # A person passes the pose above a thing without a rest, so that the way to the grasp has a corner.
-        and sum(way.to_switch and _bends(motion, way, STRAIGHT, BENT) for way in ways) <= MAX_BENT * len(switches_s)
-        and not any(_bends(motion, way, WIDE, LIFTED if way.from_grasp else WINDING) for way in ways)
+        and sum(leg.to_switch and _bends(motion, leg, STRAIGHT, BENT) for leg in legs) <= MAX_BENT * len(switches_s)
+        and not any(_bends(motion, leg, WIDE, LIFTED if leg.from_grasp else WINDING) for leg in legs)
         and _few_missed_corners(motion, rests)
     )
     return "rests" if at_keyframes else "flows"
@@ -92,19 +91,19 @@ def _grasped(motion: Motion, frame: int) -> bool:
     return any(float(np.linalg.norm(way_m, axis=1).max()) <= TOLERANCE_M for way_m in ways_m)
 
 
-def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> bool:
+def _bends(motion: Motion, leg: _Leg, most: float, most_in_joints: float) -> bool:
     """Return whether a motion consists of several: it bends in space and in joint space.
 
     So does one that turns a held object by half a turn or more.
     """
-    path = motion.path(way.first, way.last, TOLERANCE_M, TOLERANCE_DEG)
-    return path.turns_round or (path.bend > most and _bend_in_joints(motion, way) > most_in_joints)
+    path = motion.path(leg.first, leg.last, TOLERANCE_M, TOLERANCE_DEG)
+    return path.turns_round or (path.bend > most and _bend_in_joints(motion, leg) > most_in_joints)
 
 
-def _bend_in_joints(motion: Motion, way: _Way) -> float:
+def _bend_in_joints(motion: Motion, leg: _Leg) -> float:
     """Return the deviation of the joints from a straight line in joint space, as a share of its length."""
-    moved = slice(way.first + 1, way.last + 1)
-    steps_s = np.diff(motion.times_s[way.first : way.last + 1])[:, None]
+    moved = slice(leg.first + 1, leg.last + 1)
+    steps_s = np.diff(motion.times_s[leg.first : leg.last + 1])[:, None]
     way_rad = np.cumsum(motion.trajectory.joint_velocities_rad_s[moved] * steps_s, axis=0)
     end_rad = way_rad[-1]
     length_rad = max(float(np.linalg.norm(end_rad)), 1e-9)

@@ -9,12 +9,11 @@ from dataclasses import replace
 from operator import attrgetter
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.groups import made_by_group
+from app.pipeline.groups import Group, made_by_group
 from app.pipeline.plans.agreement import agreed
 from app.pipeline.plans.alignment import aligned
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.plans.usual import Group
 
 __all__ = [
     "Demonstration",
@@ -29,17 +28,17 @@ __all__ = [
 
 
 def demonstrated(recordings: Sequence[Recording]) -> Group:
-    """The demonstrations as prompts write them, before rows are made to agree."""
+    """The demonstrations with aligned rows, as recorded; unaligned if the keyframe rule does not align."""
     if recordings and recordings[0].rule.aligned:
         return aligned_by_plan(recordings)
     return tuple(replace(recording.demonstration, start=None) for recording in recordings)
 
 
 def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
-    """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
+    """The recordings' demonstrations, those of one plan with equally many actions."""
     return made_by_group(recordings, lambda recording: recording.demonstration.order.form, aligned)
 
 
 def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
-    """The demonstrations with each row as those of its plan agree on it."""
+    """The demonstrations with each row at the robust mean of its plan, where the demonstrations agree on one."""
     return made_by_group(demonstrations, attrgetter("kind"), agreed)

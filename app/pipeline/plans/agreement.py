@@ -13,7 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import NOT_TURNED, Anchor, anchor_pose, relative_action, tilted_objects
+from app.pipeline.representation.anchors import (
+    NOT_TURNED,
+    anchor_poses,
+    relative_row,
+    tilted_objects,
+)
 from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -59,11 +64,8 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
 
 def _at_center(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
     """Return the center of a row, placed in each demonstration's scene."""
-    actions = []
-    for demonstration, anchor in zip(group, row.anchors, strict=True):
-        position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.center_m, row.mean_rotation)
-        actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
-    return actions
+    positions_m, hands = anchor_poses(row.anchors, group, tilted).placed(row.center_m, row.mean_rotation)
+    return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), [row.gripper_open] * len(group))
 
 
 def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
@@ -117,18 +119,13 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
     if row.scatter_m < NEGLIGIBLE_M or len(group) < 6:
         return False
     constant_m = _left_out_m(np.zeros((len(group), 0)), row.offsets_m)
+    poses = anchor_poses(row.anchors, group, tilted_objects(group))
     for place in range(len(group[0].objects)):
-        seen_m = np.array([_seen_m(d, anchor, place) for d, anchor in zip(group, row.anchors, strict=True)])
+        places_m = np.array([demonstration.ordered_objects[place].position_m for demonstration in group])
+        seen_m, _ = poses.seen(places_m, NOT_TURNED)
         if seen_m.std(axis=0).max() > NEGLIGIBLE_M and _left_out_m(seen_m, row.offsets_m) < EXPLAINED * constant_m:
             return True
     return False
-
-
-def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
-    """Return an object's position (3,) relative to an anchor; `place` is its index in the order of mention."""
-    origin = anchor_pose(anchor, demonstration, tilted_objects([demonstration]))
-    seen_m, _ = origin.seen(demonstration.ordered_objects[place].position_m, NOT_TURNED)
-    return seen_m
 
 
 def _left_out_m(inputs: Array, offsets_m: Array) -> float:
@@ -178,5 +175,5 @@ def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int])
 
 def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]) -> float:
     """Return the angle between its hand in row `k` and the mean rotation of the row."""
-    _, hand = relative_action(demonstration, k, row.anchors[0], tilted)
-    return float(np.degrees((row.mean_rotation.inv() * hand).magnitude()))
+    _, hands = relative_row([demonstration], k, row.anchors[:1], tilted)
+    return float(np.degrees((row.mean_rotation.inv() * hands[0]).magnitude()))

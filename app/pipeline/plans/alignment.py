@@ -18,11 +18,11 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.groups import places_by
 from app.pipeline.keyframes import Keyframe
 from app.pipeline.keyframes.resting import leave_path, paths_left_m
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from app.pipeline.keyframes.rules import MAX_KEYFRAMES
 from app.pipeline.plans.agreement import other_way
-from app.pipeline.plans.keyframe_choice import choose, off_one, off_rows
-from app.pipeline.plans.recording import Recording
+from app.pipeline.plans.recording import Recording, choose, off_one, off_rows
 from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
@@ -31,7 +31,7 @@ ROUNDS = 2  # of moving keyframes closer to those of the other demonstrations
 AGREES_M = 0.01  # the scatter of a row whose keyframes certainly belong together
 KEEPS_M = 0.002  # farther from the paths it must not leave them
 STARTS = 4  # demonstrations that the alignment is initialized with where rows scatter
-CLEARLY_LESS = 0.8  # of the scatter: below it the other initialization is better
+BETTER_SHARE = 0.8  # of the scatter: below it the other initialization is better
 MOST = 2.0  # times as many recordings go on after the release with which one ends
 
 
@@ -115,7 +115,7 @@ def _without_vague(found: "_Alignment") -> list[Demonstration]:
         most_m = found.left_m() + KEEPS_M
         others = (other for other in _after_one(found, STARTS) if other.left_m() < most_m)
     other = min(others, key=_Alignment.sum_m, default=found)
-    found = other if other.sum_m() < CLEARLY_LESS * found.sum_m() else found
+    found = other if other.sum_m() < BETTER_SHARE * found.sum_m() else found
     keyframes = [[own[k] for k in range(len(own)) if k not in found.vague] for own in found.keyframes]
     return replace(found, keyframes=keyframes).demonstrations
 
@@ -233,9 +233,10 @@ def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
     Args:
         keep: (N,) which recordings keep theirs.
     """
+    tilted = tilted_objects([member.demonstration for member in found.members])
     for _ in range(ROUNDS if len(keep) > 1 and not all(keep) else 0):
         chosen = [
-            own if keeps else choose(member, found.numbers, partial(off_rows, member, found.rows, place))
+            own if keeps else choose(member, found.numbers, partial(off_rows, member, found.rows, place, tilted))
             for place, (member, keeps, own) in enumerate(zip(found.members, keep, found.keyframes, strict=True))
         ]
         found = replace(found, keyframes=chosen)

@@ -1,4 +1,4 @@
-"""Chooses between several demonstrated plans by the scene: the plan whose demonstrated scenes are most similar to it.
+"""Chooses between several demonstrated plans: the plan whose demonstrated scenes are most similar to the scene.
 
 Scenes are compared by the quantity that separates the plans: one coordinate or the yaw of an object, absolute or
 relative to another object, if each plan has an interval of its own; or the positions of all objects, if the most
@@ -9,13 +9,15 @@ Without such a quantity the scene does not choose.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, rotation_of
+from app.pipeline.groups import by_plan
 from app.pipeline.plans.rows import plan_rows
-from app.pipeline.plans.usual import by_plan
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -23,8 +25,8 @@ from roboprompt_client.types.poses import ObjectPose
 PARTED_SHARE = 0.8  # the share of demonstrations that must lie in the interval of their plan
 COMPARED = 3  # demonstrations of each plan whose actions are compared
 SAME_ACT_M, SAME_ACT_DEG = 0.04, 20.0  # largest deviation from the mean of grasps and releases that are the same
-CHANCE = 0.05  # significance level of one quantity, over all quantities that are tried
-CHANCE_OF_ALL = 0.01  # of all positions together: five of ten recordings in a wrong frame must not pass
+SIGNIFICANCE = 0.05  # significance level of one quantity, over all quantities that are tried
+SIGNIFICANCE_OF_ALL = 0.01  # of all positions together: five of ten recordings in a wrong frame must not pass
 SHUFFLES = 1000  # permutations of the test
 VARIES = {"m": 0.02, "deg": 10.0}  # quantities that vary by less separate nothing
 NEAR = {"m": 0.03, "deg": 15.0}  # a scene within this distance of a demonstration counts as demonstrated
@@ -124,8 +126,8 @@ def parting(demonstrations: Sequence[Demonstration]) -> Parting | None:
     if (np.bincount(ways) > 1).sum() < 2:
         return None
     quantities = _quantities(demonstrations)
-    found = [_by_one(demonstrations, ways, quantity, len(quantities)) for quantity in quantities]
-    found.append(_by_all_places(demonstrations, ways))
+    found = [_separation(demonstrations, ways, quantity, len(quantities)) for quantity in quantities]
+    found.append(_separation(demonstrations, ways, Quantity(None)))
     return max((one for one in found if one is not None), key=lambda one: (one.share, one.clear), default=None)
 
 
@@ -150,16 +152,31 @@ def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
     return bool(rows) and all(row.off_deg.max() <= SAME_ACT_DEG and row.off_m.max() <= SAME_ACT_M for row in rows)
 
 
-def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Parting | None:
-    """Return the separation by all positions: the nearest other scene has the same way; None if not significant."""
-    quantity = Quantity(None)
-    values, between = _compared(demonstrations, quantity)
-    nearest = between.argmin(axis=1)
-    share = float(_shares_of_nearest(ways, nearest))
+def _separation(
+    demonstrations: Sequence[Demonstration], ways: Array, quantity: Quantity, tried: int = 1
+) -> Parting | None:
+    """Return the separation of the ways by a quantity; None if it is not significant in a permutation test.
+
+    A single quantity separates ways that have an interval of its values each; the positions of all objects, if the most
+    similar scene has the same way.
+
+    Args:
+        tried: the number of quantities of which the best is taken.
+    """
+    values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
+    between = quantity.apart(values[:, None], values[None])
+    np.fill_diagonal(between, np.inf)
+    shares, level = partial(_shares_of_nearest, nearest=between.argmin(axis=1)), SIGNIFICANCE_OF_ALL
+    if quantity.axis is not None:
+        order = np.argsort(values[:, 0], kind="stable")
+        shares, level = partial(_shares_in_intervals, order=order, is_circle=quantity.axis == 3), SIGNIFICANCE
+    share = float(shares(ways))
     if share < PARTED_SHARE:
         return None
-    clear, shuffled = _clear(ways, between), _shuffled(ways)
-    if _chance(clear, shuffled[_shares_of_nearest(shuffled, nearest) >= share], between) > CHANCE_OF_ALL:
+    clear = _clear(ways, between)
+    shuffled = np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
+    as_clear = sum(_clear(others, between) >= clear for others in shuffled[shares(shuffled) >= share])
+    if tried * (1 + as_clear) / (1 + SHUFFLES) > level:
         return None
     return Parting(tuple(demonstrations), quantity, ways, values, share, clear)
 
@@ -173,51 +190,20 @@ def _shares_of_nearest(ways: Array, nearest: Array) -> Array:
     return least
 
 
-def _by_one(
-    demonstrations: Sequence[Demonstration], ways: Array, quantity: Quantity, num_quantities: int
-) -> Parting | None:
-    """Return the separation by one quantity: each way has an interval of its values; None if not significant."""
-    values, between = _compared(demonstrations, quantity)
-    order, is_circle = np.argsort(values[:, 0], kind="stable"), quantity.axis == 3
-    fewest = len(set(ways.tolist())) - (not is_circle)
-    changes = int(_changes(ways[order], is_circle=is_circle))
-    share = 1 - (changes - fewest) / len(ways)
-    if share < PARTED_SHARE:
-        return None
-    clear, shuffled = _clear(ways, between), _shuffled(ways)
-    as_few = shuffled[_changes(shuffled[:, order], is_circle=is_circle) <= changes]
-    if num_quantities * _chance(clear, as_few, between) > CHANCE:
-        return None
-    return Parting(tuple(demonstrations), quantity, ways, values, share, clear)
-
-
-def _shuffled(ways: Array) -> Array:
-    """Return random permutations (SHUFFLES, N) of the ways."""
-    return np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
-
-
-def _chance(clear: float, as_good: Array, between: Array) -> float:
-    """Return the p-value: the share of permutations that are separated at least as well as the real ways.
+def _shares_in_intervals(ways: Array, order: npt.NDArray[np.intp], *, is_circle: bool) -> Array:
+    """Return the share (...) of the demonstrations that lie in the interval of their way (..., N).
 
     Args:
-        clear: of the real ways.
-        as_good: (S, N) permutations whose share or number of changes is at least as good.
+        order: (N,) that sorts the demonstrations by the quantity.
+        is_circle: whether the last value is next to the first one.
     """
-    return (1 + sum(_clear(ways, between) >= clear for ways in as_good)) / (1 + SHUFFLES)
-
-
-def _compared(demonstrations: Sequence[Demonstration], quantity: Quantity) -> tuple[Array, Array]:
-    """Return the values (N, D) of a quantity, and their distances (N, N) with infinity on the diagonal."""
-    values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
-    between = quantity.apart(values[:, None], values[None])
-    np.fill_diagonal(between, np.inf)
-    return values, between
-
-
-def _changes(ways: Array, *, is_circle: bool) -> Array:
-    """Return the number (...) of changes between neighbors in sequences (..., N)."""
-    changes: Array = (np.diff(ways, axis=-1) != 0).sum(axis=-1)
-    return changes + (ways[..., 0] != ways[..., -1]) if is_circle else changes
+    ordered = ways[..., order]
+    changes = (np.diff(ordered, axis=-1) != 0).sum(axis=-1)
+    fewest = len(np.unique(ways)) - (not is_circle)
+    if is_circle:
+        changes = changes + (ordered[..., 0] != ordered[..., -1])
+    shares: Array = 1 - (changes - fewest) / ways.shape[-1]
+    return shares
 
 
 def _clear(ways: Array, between: Array) -> float:
@@ -247,18 +233,3 @@ def _quantities(demonstrations: Sequence[Demonstration]) -> list[Quantity]:
 def _varies(quantity: Quantity, demonstrations: Sequence[Demonstration]) -> bool:
     values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
     return bool(quantity.apart(values, values[0]).max() > VARIES[quantity.unit])
-
-
-def said(value: float, unit: str) -> str:
-    """Return a value with its unit, for messages."""
-    return f"{value:.0f} degrees" if unit == "deg" else f"{100 * value:.1f} cm"
-
-
-def range_text(values_deg_or_m: Array, unit: str) -> str:
-    """Return the range of values (N, 1) for messages; of angles the shorter way around the circle."""
-    values = values_deg_or_m[:, 0]
-    if unit == "deg":
-        middle = math.degrees(np.angle(np.exp(1j * np.radians(values)).mean()))
-        values = middle + (values - middle + 180) % 360 - 180
-    low, high = values.min(), values.max()
-    return said(low, unit) if math.isclose(low, high) else f"{said(low, unit)} .. {said(high, unit)}"

@@ -1,10 +1,13 @@
 """Chooses the demonstrations that a prompt shows, by the plan that fits the scene, with findings that explain it."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
+
+import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
@@ -17,9 +20,9 @@ from app.pipeline.findings.rules import (
     SCENE_BETWEEN,
     SCENE_BEYOND,
 )
-from app.pipeline.groups import grouped
-from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
-from app.pipeline.plans.usual import shown_together
+from app.pipeline.groups import grouped, shown_together
+from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_WARMED = 4  # plans whose prompts a model reads ahead
@@ -132,17 +135,17 @@ def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[F
     numbers = {"plan": plan, "plans": plans, f"apart_{unit}": off, f"other_plan_{unit}": other}
     where = f"objects[{quantity.object_name}]" if quantity.object_name else "objects"
     if quantity.axis is None:
-        here, shown = f"{quantity.text} are {said(off, unit)} from", f"those of {int(own.sum())} demonstrations"
+        here, shown = f"{quantity.text} are {_with_unit(off, unit)} from", f"those of {int(own.sum())} demonstrations"
     else:
-        here = f"{quantity.text} is {said(float(quantity.of(objects)[0]), unit)}, near"
-        shown = range_text(parted.values[own], unit)
+        here = f"{quantity.text} is {_with_unit(float(quantity.of(objects)[0]), unit)}, near"
+        shown = _range_text(parted.values[own], unit)
     message = f"Plan {plan} of {plans} is shown: {here} {shown}"
     far = off > max(FAR[unit], parted.near(way))
     if not far and off <= max(BETWEEN * other, parted.near(way)):
         return way, [PLAN_OF_SCENE.finding(f"{message}.", where, numbers)]
     message += (
-        f", but {said(off, unit)} from the nearest of these; the nearest of another plan is {said(other, unit)} away."
-        " Demonstrate in scenes like this one."
+        f", but {_with_unit(off, unit)} from the nearest of these; the nearest of another plan is"
+        f" {_with_unit(other, unit)} away. Demonstrate in scenes like this one."
     )
     if far:
         return way, [SCENE_BEYOND.finding(message, where, numbers)]
@@ -163,3 +166,18 @@ def _left_out(never: Sequence[Demonstration], number: int) -> Iterator[Finding]:
             " in one way, and send every object whose place decides between ways."
         )
         yield NO_COMMON_PLAN.finding(message, "demonstrations", {"demonstrations": number})
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """Return a value with its unit, for messages."""
+    return f"{value:.0f} degrees" if unit == "deg" else f"{100 * value:.1f} cm"
+
+
+def _range_text(values_deg_or_m: Array, unit: str) -> str:
+    """Return the range of values (N, 1) for messages; of angles the shorter way around the circle."""
+    values = values_deg_or_m[:, 0]
+    if unit == "deg":
+        middle = math.degrees(np.angle(np.exp(1j * np.radians(values)).mean()))
+        values = middle + (values - middle + 180) % 360 - 180
+    low, high = values.min(), values.max()
+    return _with_unit(low, unit) if math.isclose(low, high) else f"{_with_unit(low, unit)} .. {_with_unit(high, unit)}"

@@ -1,20 +1,30 @@
-"""A demonstration with the motion that it was made from: its phases, and how many keyframes each needs."""
+"""A demonstration with the motion that it was made from: its phases, the keyframes they need, and the best ones."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of, waypoints
 from app.pipeline.keyframes.motion import Phase
 from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
-from app.pipeline.thresholds import GRASPED_M
-from roboprompt_client.types.poses import EndEffectorAction
+from app.pipeline.keyframes.rules import at_frames, at_tips, best_waypoints
+from app.pipeline.plans.rows import PlanRow
+from app.pipeline.representation.anchors import anchor_pose
+from app.pipeline.thresholds import GRASPED_M, M_PER_RAD
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 CLEARLY = 2.0  # an object is grasped if all others are so many times as far
+TOGETHER_WEIGHT = 0.3  # of the squared distance between demonstrations, relative to the squared deviation of the path
+MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cost no more
+
+Distances = Callable[[HandPath, int], Array]
+"""From a path and a keyframe's number: (N,) distances of its poses from that keyframe of others, in tolerances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +42,14 @@ class Recording:
 
     @cached_property
     def manner(self) -> Manner:
-        """How the recording moves."""
+        """Whether the recording rests at its keyframes, hesitates or flows."""
         if self.rule.rule == "waypoints":
             return "flows"
         return manner_of(self.motion, self.rule.delta_rad_s)
 
     @cached_property
     def keyframes(self) -> tuple[Keyframe, ...]:
-        """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
+        """The keyframes by its rule; waypoints where the rule skips one of several switches in a rest."""
         found = (*find_keyframes(self.motion, self.rule), *self._last)
         if len(self._counts_of(found)) == len(self.phases):
             return found
@@ -47,7 +57,7 @@ class Recording:
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """Those of the motion, with the one that is added."""
+        """The phases of the motion, with the one that is added."""
         return (*self.motion.phases, *(Phase(frame, frame, is_open, is_open) for frame, is_open in self._last))
 
     @property
@@ -61,13 +71,13 @@ class Recording:
 
     @cached_property
     def paths(self) -> tuple[HandPath, ...]:
-        """Of each phase."""
+        """The hand's path in each phase."""
         tolerances = (self.rule.tolerance_m, self.rule.tolerance_deg)
         return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.phases)
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
+        """The number of its own keyframes in each phase; the last of a phase is where the gripper switches."""
         by_switches = self._counts_of(self.keyframes)
         if len(by_switches) == len(self.phases):
             return by_switches
@@ -86,35 +96,90 @@ class Recording:
 
     @cached_property
     def counts_on_path(self) -> tuple[int, ...]:
-        """As many keyframes in each phase as its path needs, whether it rests or not."""
+        """The number of keyframes that its path needs in each phase, whether it rests or not."""
         return self._counts_of(self._waypoints)
 
     def left_m(self, actions: Sequence[EndEffectorAction]) -> float:
-        """How far the way through these actions leaves its path where that matters."""
+        """The largest distance by which motion through these actions leaves its path where that matters."""
         return path_left_m(self.motion, self.manner, actions)
 
     @property
     def signature(self) -> tuple[bool, ...]:
-        """What the gripper does, in order."""
+        """The states of the gripper (open or not), in order."""
         return (self.phases[0].gripper_open, *(phase.ends_open for phase in self.phases))
 
     @cached_property
     def grasped(self) -> tuple[int | None, ...]:
-        """Of each grasp the object that the hand closes on, by its place in the order of mention; None: not clear.
+        """The object that the hand closes on at each grasp, by its index in the order of mention; None: not clear.
 
         Where objects stand is known before the first action: one that was moved is found by no later grasp.
         """
         objects, positions_m = self.demonstration.ordered_objects, self.motion.trajectory.positions_m
-        grasps = [phase.last for phase in self.phases if phase.gripper_open and not phase.ends_open]
         found: list[int | None] = []
-        for frame in grasps if objects else ():
-            off_m = [float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in objects]
-            nearest, *others = sorted(range(len(objects)), key=off_m.__getitem__)
-            clear = off_m[nearest] <= GRASPED_M and all(off_m[k] >= CLEARLY * off_m[nearest] for k in others)
-            found.append(nearest if clear and nearest not in found else None)
+        for phase in self.phases:
+            if phase.gripper_open and not phase.ends_open:
+                place = clearly_nearest(objects, positions_m[phase.last])
+                found.append(None if place in found else place)
         return tuple(found)
 
     def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
         """The demonstration with the actions of these keyframes."""
         actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
         return replace(self.demonstration, actions=actions)
+
+
+def clearly_nearest(objects: Sequence[ObjectPose], position_m: Array) -> int | None:
+    """Return the index of the object that a hand at a position (3,) grasps; None if it is not clear."""
+    off_m = np.array([np.linalg.norm(pose.position_m - position_m) for pose in objects])
+    order = np.argsort(off_m, kind="stable").tolist()
+    if not order or off_m[order[0]] > GRASPED_M:
+        return None
+    clear = len(order) == 1 or off_m[order[1]] >= CLEARLY * off_m[order[0]]
+    return order[0] if clear else None
+
+
+def choose(recording: Recording, numbers: Sequence[int], distances: Distances | None) -> list[Keyframe]:
+    """Return the best keyframes of one recording, with these numbers in the phases.
+
+    Args:
+        distances: from the other demonstrations, a second cost; None: only the deviation from the path counts.
+    """
+    found: list[Keyframe] = []
+    for phase, path, number in zip(recording.phases, recording.paths, numbers, strict=True):
+        if number == 1:  # the end of the phase
+            found += at_frames(phase, [phase.last])
+            continue
+        costs = None
+        if distances is not None:
+            off = np.array([distances(path, k) for k in range(len(found), len(found) + number)])
+            costs = TOGETHER_WEIGHT * np.minimum(off, MAX_DISTANCE) ** 2
+        frames = [int(path.frames[k]) for k in best_waypoints(path.deviations, number, costs)]
+        if distances is None:
+            frames = at_tips(recording.motion.trajectory.positions_m, phase.first, frames, recording.rule.tolerance_m)
+        found += at_frames(phase, frames)
+    return found
+
+
+def off_rows(
+    recording: Recording, rows: Sequence[PlanRow], place: int, tilted: frozenset[str], path: HandPath, k: int
+) -> Array:
+    """Return `Distances` from the centers of rows, in which the recording has index `place`."""
+    row, trajectory = rows[k], recording.motion.trajectory
+    hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
+    origin = anchor_pose(row.anchors[place], recording.demonstration, tilted)
+    offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
+    off_m = np.linalg.norm(offsets_m - row.center_m, axis=1)
+    off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
+    distances: Array = off_m / recording.rule.tolerance_m
+    return distances
+
+
+def off_one(recording: Recording, shown: Recording, keyframes: Sequence[Keyframe], path: HandPath, k: int) -> Array:
+    """Return `Distances` from the keyframes of one demonstration, each the least over the world and all objects."""
+    places_m = recording.motion.trajectory.positions_m[path.frames]
+    shown_m = shown.motion.trajectory.positions_m[keyframes[k].frame]
+    objects = zip(recording.demonstration.ordered_objects, shown.demonstration.ordered_objects, strict=True)
+    moved_m = np.array([np.zeros(3), *(here.position_m - there.position_m for here, there in objects)])
+    off_m = np.linalg.norm(places_m - (shown_m + moved_m)[:, None], axis=2).min(axis=0)
+    distances: Array = off_m / recording.rule.tolerance_m
+    return distances

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchors, relative_action, tilted_objects
+from app.pipeline.representation.anchors import Anchors, relative_row, tilted_objects
 from app.pipeline.thresholds import GRASPED_M, M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -59,12 +59,6 @@ class PlanRow:
     hands: Rotation
 
     @cached_property
-    def mean_xyzw(self) -> Array:
-        """(4,) the mean rotation as a quaternion."""
-        mean: Array = self.mean_rotation.as_quat(canonical=True)
-        return mean
-
-    @cached_property
     def off_m(self) -> Array:
         """(N,) distances of the demonstrations' offsets from the center."""
         off: Array = np.linalg.norm(self.offsets_m - self.center_m, axis=1)
@@ -74,6 +68,11 @@ class PlanRow:
     def scatter_m(self) -> float:
         """The median distance of the demonstrations from the center."""
         return float(np.median(self.off_m))
+
+    @cached_property
+    def height_m(self) -> float:
+        """The median height of the hand in the world frame."""
+        return float(np.median(self.positions_m[:, 2]))
 
     @cached_property
     def way_off_m(self) -> float:
@@ -127,14 +126,13 @@ def plan_rows(
 
 
 def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]) -> PlanRow:
-    relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
-    offsets_m = np.array([offset_m for offset_m, _ in relative])
-    rotations = Rotation.concatenate([rotation for _, rotation in relative])
+    actions = [demonstration.actions[k] for demonstration in group]
+    offsets_m, rotations = relative_row(group, k, anchors, tilted)
     center_m, mean = robust_center(offsets_m, rotations)
-    states = [demonstration.actions[k].gripper_open for demonstration in group]
+    states = [action.gripper_open for action in actions]
+    positions_m = np.array([action.position_m for action in actions])
+    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     is_open = 2 * sum(states) >= len(states)
-    positions_m = np.array([demonstration.actions[k].position_m for demonstration in group])
-    hands = Rotation.from_quat([demonstration.actions[k].quaternion_xyzw for demonstration in group])
     return PlanRow(anchors, offsets_m, rotations, center_m, mean, is_open, frozenset(states), positions_m, hands)
 
 
@@ -190,8 +188,8 @@ def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
         held = [k for k in range(grasp + 1, release or len(plan)) if _aside_m(plan[k], plan[grasp]) > ASIDE_M]
         found.update(k for k in held if k + 1 < len(plan) and (_strikes(plan, k) or _tilts(plan, k)))
         if release is None and held:
-            lowest_m = min(_height_m(plan[k]) for k in held)
-            found.update(k for k in held if _height_m(plan[k]) <= min(lowest_m + LOWEST_M, _height_m(plan[-1]) - LOW_M))
+            lowest_m = min(plan[k].height_m for k in held)
+            found.update(k for k in held if plan[k].height_m <= min(lowest_m + LOWEST_M, plan[-1].height_m - LOW_M))
     return sorted(found)
 
 
@@ -210,13 +208,9 @@ def _aside_m(one: PlanRow, other: PlanRow) -> float:
     return float(np.median(np.linalg.norm((one.positions_m - other.positions_m)[:, :2], axis=1)))
 
 
-def _height_m(row: PlanRow) -> float:
-    return float(np.median(row.positions_m[:, 2]))
-
-
 def _strikes(plan: Sequence[PlanRow], k: int) -> bool:
     """Return whether the hand reverses in row `k`, and is not merely lifted."""
-    return _goes_back(plan, k) and _height_m(plan[k]) < max(_height_m(plan[j]) for j in (k - 1, k + 1)) + LOW_M
+    return _goes_back(plan, k) and plan[k].height_m < max(plan[j].height_m for j in (k - 1, k + 1)) + LOW_M
 
 
 def _tilts(plan: Sequence[PlanRow], k: int) -> bool:
@@ -263,7 +257,7 @@ def _tips(plan: Sequence[PlanRow]) -> list[int]:
     """
     if not plan:
         return []
-    heights_m = np.array([_height_m(row) for row in plan])
+    heights_m = np.array([row.height_m for row in plan])
     level = np.ptp(heights_m) < LOW_M
     lowest = [] if level else np.flatnonzero(heights_m <= heights_m.min() + LOWEST_M).tolist()
     turns = [k for k in range(1, len(plan) - 1) if _goes_back(plan, k)]

@@ -4,12 +4,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.groups import Group
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, anchor_pose, asked_anchor, tilted_objects
+from app.pipeline.representation.anchors import Anchor, AnchorPose, anchor_pose, asked_anchor, tilted_objects
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -23,24 +28,19 @@ class PlacedRow:
 
     Attributes:
         demonstrated: the row, with its scatter.
-        anchor: what it is relative to.
-        origin_m: (3,) where the anchor is, in the world frame.
-        place_axes_xyzw, hand_axes_xyzw: (4,) how its axes are turned there, for places and for the hand's rotation.
+        anchor, pose: what it is relative to, and where that is in the scene.
         action: its center in the world frame.
     """
 
     demonstrated: PlanRow
     anchor: Anchor
-    origin_m: Array
-    place_axes_xyzw: Array
-    hand_axes_xyzw: Array
+    pose: AnchorPose
     action: EndEffectorAction
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """Return an action's offset (3,) in meters along the anchor's axes, and its rotation (4,) relative to them."""
-        to_place, to_hand = quaternions.inverse(self.place_axes_xyzw), quaternions.inverse(self.hand_axes_xyzw)
-        offset_m = quaternions.rotated(to_place, action.position_m - self.origin_m)
-        return offset_m, quaternions.canonical(quaternions.product(to_hand, action.quaternion_xyzw))
+        offset_m, rotation = self.pose.seen(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
+        return offset_m, rotation.as_quat(canonical=True)
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """Return the distance of an action from the row's center, in meters and degrees."""
@@ -63,16 +63,27 @@ class PlacedRow:
 PlacedPlan = tuple[PlacedRow, ...]
 
 
+class DemonstratedPlan(NamedTuple):
+    """Demonstrations of one form of instruction and one plan, as they were recorded, with their rows."""
+
+    demonstrations: Group
+    rows: tuple[PlanRow, ...]
+
+    @property
+    def order(self) -> Order:
+        """The instruction of the first demonstration."""
+        return self.demonstrations[0].order
+
+
 @dataclass(frozen=True, eq=False)
 class Support:
     """The plans of one prompt's demonstrations, as they were recorded.
 
     Attributes:
-        plans: demonstrations of one instruction and plan each, with their rows.
         tilted: as the representation has them.
     """
 
-    plans: tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]
+    plans: tuple[DemonstratedPlan, ...]
     tilted: frozenset[str]
 
     @classmethod
@@ -87,8 +98,8 @@ class Support:
         """
         everything = [demonstration for group in groups for demonstration in group]
         pairs = zip(groups, written or groups, strict=True)
-        plans = tuple((tuple(group), plan_rows(group, shown)) for group, shown in pairs if group[0].actions)
-        return cls(plans, tilted_objects(everything))
+        plans = (DemonstratedPlan(tuple(group), plan_rows(group, shown)) for group, shown in pairs if group[0].actions)
+        return cls(tuple(plans), tilted_objects(everything))
 
     def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
         """Return the plans for the query (see `alike`), placed in its scene.
@@ -97,9 +108,9 @@ class Support:
         demonstrations have another number of clauses: then the rows that are asked for are not known.
         """
         alike, clauses = self.alike(query.order), query.order.clauses
-        number = len(alike[0][0][0].order.clauses) if alike else len(clauses)
+        number = len(alike[0].order.clauses) if alike else len(clauses)
         if number == len(clauses):
-            return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in alike)
+            return tuple(_placed_plan(plan, query, self.tilted) for plan in alike)
         if number > 1:
             return None
         each = [self.placed(replace(query, instruction=clause.text)) or () for clause in clauses]
@@ -107,28 +118,28 @@ class Support:
             return None
         return tuple(tuple(chain.from_iterable(plans)) for plans in product(*each))
 
-    def alike(self, asked: Order) -> tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]:
+    def alike(self, asked: Order) -> tuple[DemonstratedPlan, ...]:
         """Return the plans of the same instruction form; without any those with as many clauses, else all."""
-        same = tuple(plan for plan in self.plans if plan[0][0].order.form == asked.form)
-        as_long = (plan for plan in self.plans if len(plan[0][0].order.clauses) == len(asked.clauses))
-        return same or tuple(as_long) or self.plans
+        same = tuple(plan for plan in self.plans if plan.order.form == asked.form)
+        as_long = tuple(plan for plan in self.plans if len(plan.order.clauses) == len(asked.clauses))
+        return same or as_long or self.plans
 
 
-def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
-    """Return the rows placed in the query's scene; each anchor is computed once."""
-    placed: dict[Anchor, tuple[Anchor, Array, Array, Array]] = {}
-    for anchor in dict.fromkeys(row.anchors[0] for row in rows):
-        asked = asked_anchor(anchor, shown.order, query.order)
-        origin_m, *axes = anchor_pose(asked, query, tilted)
-        place_xyzw, hand_xyzw = (turned.as_quat(canonical=True) for turned in axes)
-        placed[anchor] = asked, origin_m, place_xyzw, hand_xyzw
-    frames = [placed[row.anchors[0]] for row in rows]
-    positions_m, quaternions_xyzw = [], []
-    for row, (_, origin_m, place_xyzw, hand_xyzw) in zip(rows, frames, strict=True):
-        positions_m.append(origin_m + quaternions.rotated(place_xyzw, row.center_m))
-        quaternions_xyzw.append(quaternions.canonical(quaternions.product(hand_xyzw, row.mean_xyzw)))
-    actions = EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
-    return tuple(PlacedRow(row, *frame, action) for row, frame, action in zip(rows, frames, actions, strict=True))
+def _placed_plan(plan: DemonstratedPlan, query: Query, tilted: frozenset[str]) -> PlacedPlan:
+    """Return a plan's rows placed in the query's scene; the pose of each anchor is computed once."""
+    rows = plan.rows
+    asked = {row.anchors[0]: asked_anchor(row.anchors[0], plan.order, query.order) for row in rows}
+    poses = {anchor: anchor_pose(anchor, query, tilted) for anchor in asked.values()}
+    anchors = [asked[row.anchors[0]] for row in rows]
+    positions_m, hands = AnchorPose.stacked(poses[anchor] for anchor in anchors).placed(
+        np.array([row.center_m for row in rows]), Rotation.concatenate([row.mean_rotation for row in rows])
+    )
+    states = [row.gripper_open for row in rows]
+    actions = EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), states)
+    return tuple(
+        PlacedRow(row, anchor, poses[anchor], action)
+        for row, anchor, action in zip(rows, anchors, actions, strict=True)
+    )
 
 
 class SupportGuard:

@@ -15,18 +15,18 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, rotation_of
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import SYMMETRY_SHOWN
-from app.pipeline.geometry import canonical_pose, yaw_rad
+from app.pipeline.geometry import canonical_pose
 from app.pipeline.groups import grouped
 from app.pipeline.plans.alignment import aligned
-from app.pipeline.plans.recording import CLEARLY, Recording
+from app.pipeline.plans.recording import Recording, clearly_nearest
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import tilted_objects
-from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.quaternions import yaw_rad
 
 TURNS_DEG = (180.0, 90.0)  # the coarser first, because it implies the finer
 MIN_GRASPS = 5
@@ -52,7 +52,7 @@ class Symmetry(NamedTuple):
 
     def folded(self, pose: ObjectPose, hand: Rotation | None = None) -> ObjectPose:
         """Return the pose with the object turned to the side that the hand took; None: that it would take."""
-        toward_rad = self.toward_rad if hand is None else yaw_rad(hand * self.grasp.inv())
+        toward_rad = self.toward_rad if hand is None else yaw_rad((hand * self.grasp.inv()).as_quat())
         return canonical_pose(pose, self.turn_deg, toward_rad)
 
 
@@ -111,13 +111,11 @@ def _folded(recording: Recording, symmetries: Symmetries) -> Demonstration:
 def touched(recording: Recording) -> dict[str, Rotation]:
     """Return the hand's rotation where it clearly grasps an object, or lets go of another one at it, by its name."""
     found: dict[str, Rotation] = {}
-    positions_m, hands_xyzw = recording.motion.trajectory.positions_m, recording.motion.trajectory.quaternions_xyzw
+    trajectory = recording.motion.trajectory
     for frame in (phase.last for phase in recording.phases if phase.gripper_open != phase.ends_open):
         left = [pose for pose in recording.demonstration.objects if pose.name not in found]
-        off_m = {pose.name: float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in left}
-        nearest, *others = [*sorted(off_m, key=off_m.__getitem__), ""]
-        if nearest and off_m[nearest] <= GRASPED_M and CLEARLY * off_m[nearest] <= off_m.get(others[0], math.inf):
-            found[nearest] = Rotation.from_quat(hands_xyzw[frame])
+        if (place := clearly_nearest(left, trajectory.positions_m[frame])) is not None:
+            found[left[place].name] = Rotation.from_quat(trajectory.quaternions_xyzw[frame])
     return found
 
 
@@ -140,7 +138,7 @@ def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
     turned = (taking * taking[0].inv()).as_rotvec(degrees=True)
     if np.linalg.norm(turned[:, :2], axis=1).max() > ALIKE_DEG:
         return None
-    yaws_deg = np.degrees([yaw_rad(Rotation.from_quat(quaternion)) for _, quaternion in known])
+    yaws_deg = np.degrees([yaw_rad(quaternion) for _, quaternion in known])
     for turn_deg in TURNS_DEG:
         left_deg, sides = sides_of(turned[:, 2] - yaws_deg, turn_deg)
         if np.abs(left_deg).max() <= ALIKE_DEG and _nearest_taken(turned[:, 2], sides, turn_deg):
@@ -194,8 +192,7 @@ def _side_matters(name: str, group: Sequence[Recording], given: Sequence[Recordi
 
 
 def _yaw_deg(recording: Recording, name: str) -> float:
-    quaternion = recording.demonstration.object(name).quaternion_xyzw
-    return math.degrees(yaw_rad(Rotation.from_quat(quaternion)))
+    return math.degrees(yaw_rad(rotation_of(recording.demonstration.object(name))))
 
 
 def _seen(row: PlanRow, demonstrations: Sequence[Demonstration]) -> Iterator[tuple[Array, float]]:

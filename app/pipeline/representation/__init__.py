@@ -1,14 +1,13 @@
-"""Actions <-> rows of text: one representation a file, chosen by name."""
+"""Representations, actions <-> rows of text (paper, section III-C): one a file, chosen by name."""
 
 from collections.abc import Sequence
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
-from app.pipeline.representation.base import Codec
+from app.pipeline.representation.base import KAT_FORMAT, SUMS_FORMAT, Codec, check_style
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.parts import PartsCodec
-from app.pipeline.representation.style import KAT_FORMAT, SUMS_FORMAT, check_style
 from app.pipeline.representation.sums import SumsCodec
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError

@@ -36,13 +36,8 @@ class Column(NamedTuple):
     high: int
 
 
-def list_grammar(row_rules: str, fewest: int, most: int) -> str:
-    """The GBNF grammar of a list of `fewest` to `most` rows, given the rules that make up `row`."""
-    return f'root ::= "[" row (", " row){{{fewest - 1},{most - 1}}} "]"\n{row_rules}'
-
-
 def list_schema(columns: Sequence[Column], fewest: int, most: int) -> Mapping[str, object]:
-    """The JSON Schema of the same lists."""
+    """The JSON Schema of a list of `fewest` to `most` rows."""
     row = {
         "type": "array",
         "prefixItems": [{"type": "integer", "minimum": low, "maximum": high} for _, low, high in columns],
@@ -50,17 +45,6 @@ def list_schema(columns: Sequence[Column], fewest: int, most: int) -> Mapping[st
         "maxItems": len(columns),
     }
     return {"type": "array", "items": row, "minItems": fewest, "maxItems": most}
-
-
-def list_rows(reply_text: str, complete: bool) -> list[str]:
-    """The rows of a reply as texts: those closed so far, or with `complete` all of its one list.
-
-    Raises:
-        ReplyParseError: if a complete reply is not one list of rows, perhaps in prose or in a code fence.
-    """
-    if complete:
-        return [json.dumps(row) for row in _single_list(reply_text)]
-    return list(_complete_rows(reply_text))
 
 
 def row_integers(row: str, index: int, columns: Sequence[Column]) -> tuple[int, ...]:
@@ -157,13 +141,16 @@ r ::= [0-9] | [1-6] [0-9] | "7" [01]
         return str([list(item.bins) for item in discretize_actions(demonstration.actions, self.workspace)])
 
     def grammar(self, query: Query, max_actions: int) -> str:
-        return list_grammar(self.row_rules, *row_count_bounds(self.demonstrations, query.order, max_actions))
+        fewest, most = row_count_bounds(self.demonstrations, query.order, max_actions)
+        return f'root ::= "[" row (", " row){{{fewest - 1},{most - 1}}} "]"\n{self.row_rules}'
 
     def schema(self, query: Query, max_actions: int) -> Mapping[str, object]:
         return list_schema(self.columns, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
-        return list_rows(reply_text, complete)
+        if complete:
+            return [json.dumps(row) for row in _single_list(reply_text)]
+        return list(_complete_rows(reply_text))
 
     def reply_text(self, rows: Sequence[str]) -> str:
         return f"[{', '.join(rows)}]"

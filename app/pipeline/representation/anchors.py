@@ -6,31 +6,22 @@ its position turns with the mug; one that turns with a valve but stays on the ro
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import betaincinv
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.order.order import Order
-from app.pipeline.thresholds import M_PER_RAD, TURNED_M
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
-Frame = Literal["w", "o", "ow", "wo", "world", "start"]
-OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
-MIXED_FRAMES: tuple[Frame, ...] = ("ow", "wo")
+AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
+OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
+MIXED_FRAMES: tuple[AnchorFrame, ...] = ("ow", "wo")
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
-MANY_TURNED = 8  # from this number of demonstrations on, the farthest are left out as outliers:
-DECIDING_SHARE = 0.8  # this share is kept; of fewer, the one turned unlike the others may decide
-MIN_TURNED = 3  # demonstrations that show what turns with an object
-TURNED_SHARE = 0.6  # largest share of it that remains along the right axes; less for few, see `mixed_frames`
-SERVES_M = 0.02  # largest scatter along the right axes: rows on the way that scatter more have none
-CHANCE = 0.01  # significance level of the F test in `mixed_frames`
 
 
 class Anchor(NamedTuple):
@@ -47,7 +38,7 @@ class Anchor(NamedTuple):
     """
 
     object_name: str
-    frame: Frame
+    frame: AnchorFrame
     along: tuple[tuple[int, str], ...] = ()
     tenths: int = 10
 
@@ -74,7 +65,12 @@ START = Anchor("", "start")
 NOT_TURNED = Rotation.identity()  # made once: that takes as long as rotating ten vectors
 
 
-def in_frame(anchors: Anchors, frame: Frame) -> Anchors:
+def names_of(anchors: Anchors) -> tuple[str, ...]:
+    """Return the objects' names; all empty for the world and the start."""
+    return tuple(anchor.object_name for anchor in anchors)
+
+
+def in_frame(anchors: Anchors, frame: AnchorFrame) -> Anchors:
     """Return the anchors at the same objects in another frame."""
     return tuple(anchor._replace(frame=frame) for anchor in anchors)
 
@@ -85,7 +81,7 @@ def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
         pose.name
         for scene in scenes
         for pose in scene.objects
-        if pose.quaternion_xyzw is not None and tilt_rad(Rotation.from_quat(pose.quaternion_xyzw)) > TILT_RAD
+        if pose.quaternion_xyzw is not None and quaternions.tilt_rad(pose.quaternion_xyzw) > TILT_RAD
     )
 
 
@@ -93,15 +89,16 @@ def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rot
     """Return the axes of an object's frame in the world: the world's (`w`), its yaw, or a tilted object's rotation."""
     if frame == "w" or pose.quaternion_xyzw is None:
         return NOT_TURNED
-    rotation = Rotation.from_quat(pose.quaternion_xyzw)
-    return rotation if pose.name in tilted else Rotation.from_euler("z", yaw_rad(rotation))
+    if pose.name in tilted:
+        return Rotation.from_quat(pose.quaternion_xyzw)
+    return Rotation.from_euler("z", quaternions.yaw_rad(pose.quaternion_xyzw))
 
 
 class AnchorPose(NamedTuple):
-    """An anchor in a scene, in the world frame.
+    """An anchor in a scene, in the world frame; or N anchors, each with an origin and axes of its own.
 
     Attributes:
-        origin_m: (3,).
+        origin_m: (3,) or (N, 3).
         place_axes: along which positions are measured.
         hand_axes: relative to which the hand's rotations are.
     """
@@ -110,8 +107,17 @@ class AnchorPose(NamedTuple):
     place_axes: Rotation
     hand_axes: Rotation
 
+    @classmethod
+    def stacked(cls, poses: Iterable["AnchorPose"]) -> "AnchorPose":
+        """Return N anchors as one."""
+        origins_m, place_axes, hand_axes = zip(*poses, strict=True)
+        return cls(np.array(origins_m), Rotation.concatenate(place_axes), Rotation.concatenate(hand_axes))
+
     def seen(self, positions_m: Array, hands: Rotation) -> tuple[Array, Rotation]:
-        """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor."""
+        """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor.
+
+        K poses of one anchor, or one pose of each of K anchors.
+        """
         offsets_m: Array = self.place_axes.inv().apply(positions_m - self.origin_m)
         return offsets_m, self.hand_axes.inv() * hands
 
@@ -140,6 +146,11 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     return AnchorPose(origin_m, place_axes, hand_axes)
 
 
+def anchor_poses(anchors: Anchors, scenes: Sequence[Query], tilted: frozenset[str]) -> AnchorPose:
+    """Return the poses of anchors, each in its scene."""
+    return AnchorPose.stacked(anchor_pose(at, scene, tilted) for at, scene in zip(anchors, scenes, strict=True))
+
+
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
     """Return the anchor for another order: the objects that are mentioned in the same places."""
     along = tuple((axis, _asked_name(name, shown, asked)) for axis, name in anchor.along)
@@ -151,13 +162,14 @@ def _asked_name(name: str, shown: Order, asked: Order) -> str:
     return asked.objects[place] if place < len(asked.objects) else name
 
 
-def relative_action(
-    demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
+def relative_row(
+    group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
-    """Return action `k` relative to the anchor: offset (3,) in meters along the anchor's axes, and rotation."""
-    action = demonstration.actions[k]
-    hand = Rotation.from_quat(action.quaternion_xyzw)
-    return anchor_pose(anchor, demonstration, tilted).seen(action.position_m, hand)
+    """Return action `k` of each demonstration relative to its anchor: offsets (N, 3) in meters, and N rotations."""
+    actions = [demonstration.actions[k] for demonstration in group]
+    positions_m = np.array([action.position_m for action in actions])
+    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
+    return anchor_poses(anchors, group, tilted).seen(positions_m, hands)
 
 
 def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
@@ -168,73 +180,3 @@ def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozens
     positions_m = np.array([action.position_m for action in actions])
     hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     return anchor_pose(anchor, demonstration, tilted).seen(positions_m, hands)
-
-
-def mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> dict[Anchors, list[int]]:
-    """Return the rows in which only the position or only the rotation of the hand turns with an object, by frame.
-
-    At least three demonstrations must contradict both frames `w` and `o`, one by the position and the other by the
-    rotation: each scatters by `TURNED_M` or more along the wrong axes, and along the right ones by a share of it that
-    is significantly small at level `CHANCE` (an F test of the variances of offsets in a plane from the most central
-    demonstration; the share is 0.1 for three demonstrations, 0.34 for five, 0.49 for ten).
-
-    Args:
-        own: the objects' own frames.
-    """
-    if len(group) < MIN_TURNED or not group[0].actions:
-        return {}
-    certain = certain_share(len(group), 2)
-    world_m, own_m = scatters_m(group, own, tilted)
-    by_world, by_own = much_less(world_m, own_m, certain), much_less(own_m, world_m, certain)
-    rows = np.stack([by_own[0] & by_world[1], by_world[0] & by_own[1]])
-    found = zip(MIXED_FRAMES, rows, strict=True)
-    return {in_frame(own, frame): np.flatnonzero(which).tolist() for frame, which in found if which.any()}
-
-
-def certain_share(number: int, dimensions: int) -> float:
-    """Return the share of a scatter that is small beyond chance (see `mixed_frames`), of offsets in 1 or 2 dimensions.
-
-    Args:
-        number: of demonstrations, `MIN_TURNED` or more.
-    """
-    half_freedom = dimensions * (deciding(number) - 2) / 2
-    quantile = float(betaincinv(half_freedom, half_freedom, CHANCE))
-    return min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
-
-
-def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:
-    """Return the scatter of the hand relative to objects along the world's axes, and along the objects' own.
-
-    Returns:
-        Each (2, K) in meters: of positions, and of rotations (by `M_PER_RAD`).
-    """
-    world_m, own_m = (poses_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
-    return world_m, own_m
-
-
-def much_less(off_m: Array, than_m: Array, share: float | Array) -> np.ndarray:
-    """Return (...) bool: whether `than_m` counts, and `off_m` is smaller than this share of it and than `SERVES_M`."""
-    return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m) & (off_m < SERVES_M))
-
-
-def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
-    """Return the scatter (2, K) of positions and rotations relative to the anchors.
-
-    It is the rms distance from the most central demonstration; of many demonstrations the farthest fifth is left out.
-    Heights do not count at upright objects, since a yaw does not change them.
-    """
-    relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
-    offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
-    if tilted.isdisjoint(anchor.object_name for anchor in anchors):
-        offsets_m = offsets_m[..., :2]
-    hands = np.array([rotations.as_quat() for _, rotations in relative])  # (N, K, 4)
-    places_m = np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=3)
-    turns_m = M_PER_RAD * quaternions.angles_rad(hands[:, None], hands)
-    apart_m = np.sort(np.array([places_m, turns_m]), axis=2)
-    scatter: Array = np.sqrt((apart_m[:, :, : deciding(len(group))] ** 2).mean(axis=2)).min(axis=1)
-    return scatter
-
-
-def deciding(number: int) -> int:
-    """Return how many of `number` demonstrations are kept as inliers."""
-    return math.ceil(DECIDING_SHARE * number) if number >= MANY_TURNED else number

@@ -1,85 +1,238 @@
-"""Chooses what the hand's place follows along single axes, and what its rotation follows instead of the place's object.
+"""Chooses anchors with several origins: along single axes, between two objects, or of the hand's rotation alone.
 
-It may be at a height of the world above an object, have x of one object and y of another, or move along a rail. What
-it lets go of at one object may stay turned as it was taken, and be held beside its middle, as by a handle.
+The hand may be at a height of the world above an object, have x of one object and y of another, or move along a rail.
+What it lets go of at one object may stay turned as it was taken, and be held beside its middle, as by a handle. Where
+the gripper switches half-way between two objects, the place follows both.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import (
+from app.pipeline.representation.anchor_scatter import (
     MIN_TURNED,
     SERVES_M,
-    START,
-    WORLD,
-    Anchor,
-    Anchors,
-    Frame,
+    around,
+    axes_scatter_m,
     certain_share,
-    deciding,
+    hands_at,
+    offsets_scatter_m,
     poses_scatter_m,
-    relative_poses,
 )
+from app.pipeline.representation.anchors import START, WORLD, Anchor, AnchorFrame, Anchors, names_of, relative_row
 from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import EndEffectorAction
 
-CONTRADICTED_M = 0.01  # least scatter (rms) along an axis that something else must explain
+CONTRADICTED_M = 0.01  # least scatter (rms) of a place that something else must explain, and largest between objects
 EQUAL_M = 0.002  # scatters that differ by less are equal
-AROUND_M = 0.06  # horizontal distance from a place within which the hand comes and goes
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
-UNTURNED: Mapping[Frame, Frame] = {"o": "wo", "ow": "w"}
+MIN_BETWEEN = 4  # demonstrations of a place between two objects, as the tenth is fitted too
+TENTHS = range(1, 10)
+UNTURNED: Mapping[AnchorFrame, AnchorFrame] = {"o": "wo", "ow": "w"}
 
 
-def by_axis(
-    group: Sequence[Demonstration], chosen: Sequence[Anchors], columns: Sequence[Sequence[str]], tilted: frozenset[str]
+def along_axes(
+    group: Sequence[Demonstration],
+    chosen: Sequence[Anchors],
+    columns: Sequence[tuple[str, ...]],
+    tilted: frozenset[str],
 ) -> list[Anchors]:
-    """Return the anchors, with other origins along the axes where demonstrations contradict the row's own.
+    """Return the anchors, with several origins where demonstrations contradict that the hand follows the row's own.
 
-    At least three demonstrations must scatter by `CONTRADICTED_M` or more along the axis seen from the row's own
-    origin, and seen from another by a share that is small beyond chance (`certain_share`). All axes must then scatter
-    within `SERVES_M`. A hand that closes does so at the height of what it takes; heights that vary were misread. Rows
-    around one in which a hand lets go of what it holds beside its middle follow the same place.
+    At least three demonstrations must scatter by `CONTRADICTED_M` or more seen from the row's own origin, and seen from
+    another by a share that is small beyond chance. All axes must then scatter within `SERVES_M`. A hand that closes
+    does so at the height of what it takes; heights that vary were misread. Rows around one in which a hand lets go
+    between two objects, or of what it holds beside its middle, follow the same place.
 
     Args:
         columns: of each object its name in every demonstration.
     """
     if len(group) < MIN_TURNED or not group[0].actions:
         return list(chosen)
-    hands_m = np.array([[action.position_m for action in d.actions] for d in group])  # (N, K, 3)
-    near = np.abs(hands_m).max() < WORLD_REACH_M
-    origins = [*([("",) * len(group)] if near else []), *map(tuple, columns)]
-    places_m = np.array([[_place_m(d, name) for d, name in zip(group, names, strict=True)] for names in origins])
-    scatters_m = np.array([_scatter_m(hands_m - origin_m[:, None]) for origin_m in places_m])  # (M, K, 3)
-    own_m = {anchors: _own_scatter_m(group, anchors, tilted) for anchors in set(chosen)}
-    share = certain_share(len(group), 1)
-    turns_m = {names: _turns_m(group, names, tilted) for names in origins}
-    found = []
-    for k, anchors in enumerate(chosen):
-        if (own_m[anchors][k] >= CONTRADICTED_M).any() and _names(anchors) in origins:
-            followed = _followed(scatters_m[:, k], own_m[anchors][k], origins.index(_names(anchors)), share)
-            if _closes(group[0].actions, k):
-                followed[2] = origins.index(_names(anchors))
-            anchors = _along(anchors, [origins[place] for place in followed], tilted)
-        found.append(_turned_with(group, k, anchors, {names: off_m[k] for names, off_m in turns_m.items()}, tilted))
+    rows = _Rows.of(group, columns, tilted)
+    found = [rows.turned_with(k, rows.followed(k, anchors)) for k, anchors in enumerate(chosen)]
     for k in group[0].switches:
         if found[k][0].frame == "o" and len(found[k][0].along) == len("xyz"):
-            for row in rows_around(hands_m, k):
+            for row in rows.around(k):
                 found[row] = found[k]
+    if len(group) >= MIN_BETWEEN and len(columns) > 1:
+        rows.put_between(found)
     return found
 
 
-def rows_around(hands_m: Array, k: int) -> npt.NDArray[np.intp]:
-    """Return the rows in which the hand comes to the place of row `k`, or goes from it, in all demonstrations.
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The rows of demonstrations of one plan, with everything that they may follow.
 
-    Args:
-        hands_m: (N, K, 3).
+    Attributes:
+        hands_m: (N, K, 3) the hand's positions in the world frame.
+        origins: of each origin its name in every demonstration; the world, with empty names, comes first.
+        origins_m: (M, N, 3) their positions.
+        scatters_m: (M, K, 3) of the hand's positions along the world's axes, seen from each origin.
+        turns_m: of each origin the scatter (K,) of the hand's rotations, seen from it.
+        share: of a scatter that is small beyond chance along one axis.
+        own_m: the scatter (K, 3) relative to anchors, as far as it is known.
     """
-    away_m = np.linalg.norm((hands_m - hands_m[:, k : k + 1])[..., :2], axis=2)
-    return np.flatnonzero(away_m.max(axis=0) <= AROUND_M)
+
+    group: Sequence[Demonstration]
+    tilted: frozenset[str]
+    hands_m: Array
+    origins: Sequence[tuple[str, ...]]
+    origins_m: Array
+    scatters_m: Array
+    turns_m: Mapping[tuple[str, ...], Array]
+    share: float
+    own_m: dict[Anchors, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, group: Sequence[Demonstration], columns: Sequence[tuple[str, ...]], tilted: frozenset[str]) -> "_Rows":
+        """Measure how the rows scatter, seen from the world and from each object."""
+        hands_m, origins = hands_at(group), [("",) * len(group), *columns]
+        origins_m = np.array([[_place_m(d, name) for d, name in zip(group, names, strict=True)] for names in origins])
+        scatters_m = np.array([offsets_scatter_m(hands_m - origin_m[:, None]) for origin_m in origins_m])
+        if np.abs(hands_m).max() >= WORLD_REACH_M:
+            scatters_m[0] = np.inf
+        turns_m = {names: _turns_m(group, names, tilted) for names in origins}
+        share = certain_share(len(group), 1)
+        return cls(group, tilted, hands_m, origins, origins_m, scatters_m, turns_m, share)
+
+    def around(self, k: int) -> list[int]:
+        """Return the rows in which the hand comes to the place of row `k`, or goes from it, in all demonstrations."""
+        return np.flatnonzero(around(self.hands_m, k)).tolist()
+
+    def followed(self, k: int, anchors: Anchors) -> Anchors:
+        """Return the anchors of row `k`, with other origins along the axes that contradict the row's own."""
+        own_m = self._axes_m(k, anchors)
+        if anchors[0] == START or (own_m < CONTRADICTED_M).all():
+            return anchors
+        own = self.origins.index(names_of(anchors))
+        places = self._origins_of_axes(k, own_m, own)
+        if (k == 0 or k in self.group[0].switches) and not self.group[0].actions[k].gripper_open:
+            places[2] = own
+        return _along(anchors, [self.origins[place] for place in places], self.tilted)
+
+    def _origins_of_axes(self, k: int, own_m: Array, own: int) -> list[int]:
+        """Return the origin of each axis of row `k`: as few different ones as explain the row.
+
+        Args:
+            own_m: (3,) the scatter as the row has it.
+            own: the row's origin.
+        """
+        scatters_m = self.scatters_m[:, k]
+        best, left_m = [own] * 3, own_m.copy()
+        for axis, seen_m in enumerate(scatters_m.T):
+            if own_m[axis] >= CONTRADICTED_M and seen_m.min() < self.share * own_m[axis]:
+                best[axis] = int(np.flatnonzero(seen_m <= seen_m.min() + EQUAL_M)[0])
+                left_m[axis] = seen_m.min()
+        if left_m.max() >= SERVES_M:  # still not explained, as on the way from the start to an object
+            return [own] * 3
+        others = [place for place in best if place != own]
+        for axis in range(3) if len(set(others)) > 1 else ():
+            equal = [place for place in others if scatters_m[place, axis] <= own_m[axis] + EQUAL_M]
+            if best[axis] == own and equal:
+                best[axis] = equal[0]
+        return best
+
+    def turned_with(self, k: int, anchors: Anchors) -> Anchors:
+        """Return the anchors of row `k`, with the hand's rotation relative to another object that it turns with.
+
+        What the hand lets go of at one object may so keep the rotation of the other one, at which it was taken.
+        Demonstrations must contradict the row's own rotation.
+        """
+        if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START:
+            return anchors
+        own = names_of(anchors)
+        own_m = self._turn_m(k, own if anchors[0].hand_turns else self.origins[0])
+        best = min(self.origins[1:], key=lambda names: self._turn_m(k, names), default=own)
+        best_m = self._turn_m(k, best)
+        if own_m < CONTRADICTED_M or best_m >= min(self.share * own_m, SERVES_M):
+            return anchors
+        if best != own:
+            anchors = tuple(
+                Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
+                for name, anchor in zip(best, anchors, strict=True)
+            )
+        return self._beside_middle(k, anchors, best) if best_m < TURNED_M else anchors
+
+    def _beside_middle(self, k: int, anchors: Anchors, taken: tuple[str, ...]) -> Anchors:
+        """Return the anchors of a hand that holds an object beside its middle, as by a handle.
+
+        Its place then turns with the object at which it was taken, about a third one. Demonstrations must contradict
+        the row's own place.
+        """
+        off_m = self._off_m(k, anchors)
+        about = [
+            tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(taken, names, strict=True))
+            for names in self.origins[1:]
+            if names != taken
+        ]
+        aside = min(about, key=lambda each: self._off_m(k, each), default=anchors)
+        explains = off_m >= CONTRADICTED_M and self._off_m(k, aside) < min(self.share * off_m, TURNED_M)
+        return aside if explains else anchors
+
+    def _turn_m(self, k: int, names: tuple[str, ...]) -> float:
+        return float(self.turns_m[names][k])
+
+    def _axes_m(self, k: int, anchors: Anchors) -> Array:
+        """Return the scatter (3,) of the hand's place in row `k` along the anchors' axes."""
+        if anchors not in self.own_m:
+            self.own_m[anchors] = axes_scatter_m(self.group, anchors, self.tilted)
+        scatter_m: Array = self.own_m[anchors][k]
+        return scatter_m
+
+    def _off_m(self, k: int, anchors: Anchors) -> float:
+        return float(self._axes_m(k, anchors).max())
+
+    def put_between(self, found: list[Anchors]) -> None:
+        """Anchor rows between two objects where the gripper switches there and follows no single origin.
+
+        Demonstrations must scatter by `CONTRADICTED_M` or more in the plane from every single origin, and from a place
+        between two objects by less and by a share of it that is small beyond chance. The rows around follow it, too.
+        """
+        share = certain_share(len(self.group) - 1, 1)
+        for k in self.group[0].switches:
+            own_m, _ = relative_row(self.group, k, found[k], self.tilted)
+            from_origins_m = np.moveaxis(self.hands_m[:, k] - self.origins_m, 1, 0)  # (N, M, 3)
+            single_m = float(np.linalg.norm(offsets_scatter_m(from_origins_m).min(axis=0)[:2]))
+            least_m = min(_plane_m(own_m), single_m)
+            if least_m < CONTRADICTED_M:
+                continue
+            pairs = [(*pair, tenth) for pair in combinations(range(1, len(self.origins)), 2) for tenth in TENTHS]
+            best = min(pairs, key=lambda pair: _plane_m(self._from_between_m(k, *pair)))
+            if _plane_m(self._from_between_m(k, *best)) <= min(CONTRADICTED_M, share * least_m):
+                for row in self.around(k):
+                    found[row] = self._between(row, found[row], *best)
+
+    def _from_between_m(self, k: int, one: int, other: int, tenths: int) -> Array:
+        """Return (N, 3) where hands are, seen from so many tenths of the way from one origin to another."""
+        one_m, other_m = self.origins_m[one], self.origins_m[other]
+        seen_m: Array = self.hands_m[:, k] - one_m - tenths / 10 * (other_m - one_m)
+        return seen_m
+
+    def _between(self, k: int, own: Anchors, one: int, other: int, tenths: int) -> Anchors:
+        """Return the anchors between two objects; the hand's rotation follows one of them, or the world.
+
+        The height is that of the place between, or of the world where it scatters half as much.
+        """
+        names = names_of(own)
+        if own[0].hand_turns and names == self.origins[other]:
+            one, other, tenths = other, one, 10 - tenths
+        frame: AnchorFrame = "wo" if own[0].hand_turns and names == self.origins[one] else "w"
+        if own[0].hand_turns and frame == "w":
+            return own
+        between_m = offsets_scatter_m(self._from_between_m(k, one, other, tenths))[2]
+        world = offsets_scatter_m(self.hands_m[:, k])[2] < between_m / 2
+        return tuple(
+            Anchor(name, frame, ((0, to), (1, to), (2, "" if world else to)), tenths)
+            for name, to in zip(self.origins[one], self.origins[other], strict=True)
+        )
+
+
+def _place_m(demonstration: Demonstration, name: str) -> Array:
+    return demonstration.object(name).position_m if name else np.zeros(3)
 
 
 def _turns_m(group: Sequence[Demonstration], names: Sequence[str], tilted: frozenset[str]) -> Array:
@@ -91,106 +244,9 @@ def _turns_m(group: Sequence[Demonstration], names: Sequence[str], tilted: froze
     return turns_m
 
 
-def _turned_with(
-    group: Sequence[Demonstration],
-    k: int,
-    anchors: Anchors,
-    turns_m: Mapping[tuple[str, ...], float],
-    tilted: frozenset[str],
-) -> Anchors:
-    """Return the anchors with the hand's rotation relative to another object that it turns with, as what it holds does.
-
-    Its place turns about a third one, too, where it holds the object beside its middle, as by a handle. Demonstrations
-    must contradict the row's own rotations and places, as they must its own place along an axis.
-
-    Args:
-        turns_m: the scatter of the hand's rotations, seen from each object or the world.
-    """
-    own, share = _names(anchors), certain_share(len(group), 1)
-    own_m = turns_m.get(own if anchors[0].hand_turns else ("",) * len(own), 0.0)
-    objects = [names for names in turns_m if all(names)]
-    best = min(objects, key=turns_m.__getitem__, default=own)
-    if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or own_m < CONTRADICTED_M:
-        return anchors
-    if turns_m.get(best, own_m) >= min(share * own_m, SERVES_M):
-        return anchors
-    if best != own:
-        anchors = tuple(
-            Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
-            for name, anchor in zip(best, anchors, strict=True)
-        )
-    off_m = _off_m(group, k, anchors, tilted)
-    if turns_m[best] >= TURNED_M or off_m < CONTRADICTED_M:
-        return anchors
-    about = (
-        tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(best, names, strict=True))
-        for names in objects
-        if names != best
-    )
-    aside = min(about, key=lambda each: _off_m(group, k, each, tilted), default=anchors)
-    return aside if _off_m(group, k, aside, tilted) < min(share * off_m, TURNED_M) else anchors
-
-
-def _off_m(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]) -> float:
-    """Return the largest scatter of the hand's place in row `k` along an axis."""
-    return float(_own_scatter_m(group, anchors, tilted)[k].max())
-
-
-def _closes(actions: Sequence[EndEffectorAction], k: int) -> bool:
-    """Return whether the hand closes at row `k`, or is closed in the first one, as where it acts alone is compared."""
-    return not actions[k].gripper_open and (k == 0 or actions[k - 1].gripper_open)
-
-
-def _names(anchors: Anchors) -> tuple[str, ...]:
-    return tuple(anchor.frame if anchor == START else anchor.object_name for anchor in anchors)
-
-
-def _place_m(demonstration: Demonstration, name: str) -> Array:
-    return demonstration.object(name).position_m if name else np.zeros(3)
-
-
-def _own_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
-    """Return the scatter (K, 3) relative to the anchors; of axes that turn with an object the larger for both."""
-    relative_m = np.array([relative_poses(d, anchor, tilted)[0] for d, anchor in zip(group, anchors, strict=True)])
-    scatter_m = _scatter_m(relative_m)
-    if anchors[0].place_turns:
-        scatter_m[:, :2] = scatter_m[:, :2].max(axis=1, keepdims=True)
-    return scatter_m
-
-
-def _scatter_m(offsets_m: Array) -> Array:
-    """Return the scatter (K, 3) of offsets (N, K, 3): rms from the median; of many, without the farthest fifth."""
-    off_m = np.sort(np.abs(offsets_m - np.median(offsets_m, axis=0)), axis=0)[: deciding(len(offsets_m))]
-    scatter_m: Array = np.sqrt((off_m**2).mean(axis=0))
-    return scatter_m
-
-
-def _followed(scatters_m: Array, own_m: Array, own: int, share: float) -> list[int]:
-    """Return the origin of each axis: as few different ones as explain the row.
-
-    Args:
-        scatters_m: (M, 3) along the world's axes, seen from each origin; the world is the first.
-        own_m: (3,) as the row has it.
-        own: the row's origin.
-    """
-    best, left_m = [own] * 3, own_m.copy()
-    for axis, seen_m in enumerate(scatters_m.T):
-        if own_m[axis] >= CONTRADICTED_M and seen_m.min() < share * own_m[axis]:
-            best[axis] = int(np.flatnonzero(seen_m <= seen_m.min() + EQUAL_M)[0])
-            left_m[axis] = seen_m.min()
-    if left_m.max() >= SERVES_M:  # still not explained, as on the way from the start to an object
-        return [own] * 3
-    others = [place for place in best if place != own]
-    for axis in range(3) if len(set(others)) > 1 else ():
-        equal = [place for place in others if scatters_m[place, axis] <= own_m[axis] + EQUAL_M]
-        if best[axis] == own and equal:
-            best[axis] = equal[0]
-    return best
-
-
 def _along(anchors: Anchors, followed: Sequence[tuple[str, ...]], tilted: frozenset[str]) -> Anchors:
     """Return the anchors with these origins along the world's axes, each with its name in every demonstration."""
-    frame, own = anchors[0].frame, _names(anchors)
+    frame, own = anchors[0].frame, names_of(anchors)
     aside = followed[0] != own or followed[1] != own
     if not aside and (followed[2] == own or (anchors[0].place_turns and not tilted.isdisjoint(own))):
         return anchors
@@ -204,3 +260,8 @@ def _along(anchors: Anchors, followed: Sequence[tuple[str, ...]], tilted: frozen
         Anchor(name, frame, tuple((axis, names[k]) for axis, names in enumerate(followed) if names != own))
         for k, name in enumerate(own)
     )
+
+
+def _plane_m(seen_m: Array) -> float:
+    """Return the horizontal scatter of (N, 3)."""
+    return float(np.linalg.norm(offsets_scatter_m(seen_m)[:2]))

@@ -1,11 +1,17 @@
-"""What every representation offers: text for observations and actions, a grammar for replies, and the way back."""
+"""The protocol of representations: text for observations and actions, a grammar for replies, and the way back."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Protocol
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.order import Order
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
+
+PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
+KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
+SUMS_FORMAT = "sums"  # of absolute rows only, for small models
+REPRESENTATIONS = ("absolute", "object_frame", "action_tokens", "parts")
 
 # The actions of the rows of one reply from index `first` (from 0) on; raises ReplyParseError for one that is not valid.
 Decoder = Callable[[int, Sequence[str]], list[EndEffectorAction]]
@@ -69,12 +75,12 @@ class Codec(Protocol):
         ...
 
     def decoder(self, query: Query) -> Decoder:
-        """What reads the rows of a reply to the query, many at once: numpy takes as long for one as for ten."""
+        """A function that reads rows of a reply to the query, many at once: numpy takes as long for one as for ten."""
         ...
 
 
 def row_count_bounds(demonstrations: Sequence[Demonstration], order: Order, max_actions: int) -> tuple[int, int]:
-    """The fewest and most rows a reply may have: those a clause has in the demonstrations, times the clauses asked."""
+    """The fewest and most rows of a reply: those of a clause in the demonstrations, times the clauses asked for."""
     asked = len(order.clauses)
     counts = [(asked * len(d.actions), len(d.order.clauses)) for d in demonstrations]
     fewest, most = min(rows // shown for rows, shown in counts), max(-(-rows // shown) for rows, shown in counts)
@@ -82,6 +88,31 @@ def row_count_bounds(demonstrations: Sequence[Demonstration], order: Order, max_
 
 
 def clause_by_clause(demonstrations: Sequence[Demonstration], order: Order) -> tuple[str, ...]:
-    """The clauses of an order where every demonstration carries out a single one: small models do not compose."""
+    """The clauses of an order one by one if every demonstration has a single clause: small models do not compose."""
     single = all(len(d.order.clauses) == 1 for d in demonstrations)
     return tuple(clause.text for clause in order.clauses) if single else (order.text,)
+
+
+def formats_of(representation: str) -> tuple[str, ...]:
+    """The prompt formats that a representation has."""
+    own = {"absolute": (SUMS_FORMAT,), "action_tokens": (KAT_FORMAT,)}
+    return (*PROMPT_FORMATS, *own.get(representation, ()))
+
+
+def usual_format(representation: str, preferred: str) -> str:
+    """The format that is preferred where the representation has it, else the paper's."""
+    return preferred if preferred in formats_of(representation) else "paper"
+
+
+def check_style(representation: str, prompt_format: str) -> None:
+    """Check that there is such a representation, and that it has the prompt format.
+
+    Raises:
+        InvalidInputError: for an unknown name, or a format that the representation does not have.
+    """
+    if representation not in REPRESENTATIONS:
+        raise InvalidInputError("representation", f"is {representation!r}", ", ".join(REPRESENTATIONS))
+    if prompt_format not in (formats := formats_of(representation)):
+        message = f"is {prompt_format!r} with the representation {representation!r}"
+        others = f"{KAT_FORMAT} with the representation action_tokens; {SUMS_FORMAT} with absolute"
+        raise InvalidInputError("prompt_format", message, f"{', '.join(formats)}; {others}")

@@ -19,8 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES, Anchor, relative_poses
-from app.pipeline.representation.carried import scenes_before
-from app.pipeline.representation.part import Part, Spot, SpotAction, kind_of
+from app.pipeline.representation.part import Part, Spot, SpotAction, kind_of, scenes_before
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 

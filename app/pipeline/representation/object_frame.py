@@ -14,17 +14,14 @@ observed pose, so that the object's own binning costs nothing.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.errors import ReplyParseError
-from app.pipeline.geometry import yaw_rad
 from app.pipeline.groups import made_by_group, places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
@@ -33,8 +30,8 @@ from app.pipeline.representation.anchors import (
     START,
     WORLD,
     Anchor,
+    AnchorFrame,
     AnchorPose,
-    Frame,
     anchor_pose,
     asked_anchor,
     tilted_objects,
@@ -42,26 +39,23 @@ from app.pipeline.representation.anchors import (
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
-    Row,
+    TextRow,
     actions_at,
     anchor_text,
     fit_rows,
     in_full,
     letter,
+    read_row,
     row_text,
     shortened,
 )
-from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, yaw_bin
+from app.pipeline.workspace import Workspace, object_bins, yaw_bin
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MAX_REPEATED = 3
 MAX_GRAMMARS = 32
-_ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
-    r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
-    re.ASCII,
-)
 _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
@@ -80,7 +74,7 @@ class ObjectFrameCodec(Codec):
     demonstrations: tuple[Demonstration, ...]
     with_instruction: bool
     tilted: frozenset[str]
-    table: tuple[tuple[Row, ...], ...]
+    table: tuple[tuple[TextRow, ...], ...]
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
     joint: ClassVar[str] = " "
@@ -105,10 +99,10 @@ class ObjectFrameCodec(Codec):
         return "; ".join(parts) + " >"
 
     def _object_text(self, pose: ObjectPose) -> str:
-        numbers: tuple[int, ...] = position_bins(pose.position_m, self.workspace)
+        numbers = object_bins(replace(pose, quaternion_xyzw=None), self.workspace)
         if pose.quaternion_xyzw is not None:
-            rotation = Rotation.from_quat(pose.quaternion_xyzw)
-            numbers += rotation_bins(rotation) if pose.name in self.tilted else (yaw_bin(yaw_rad(rotation)),)
+            yaw = yaw_bin(quaternions.yaw_rad(pose.quaternion_xyzw))
+            numbers = object_bins(pose, self.workspace) if pose.name in self.tilted else (*numbers, yaw)
         return " ".join([pose.name, *map(str, numbers)])
 
     def actions_text(self, demonstration: Demonstration) -> str:
@@ -118,7 +112,7 @@ class ObjectFrameCodec(Codec):
         return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
     def needed(self) -> tuple[Demonstration, ...]:
-        """Of demonstrations that ask for the same thing and have the same rows, the last few.
+        """The last few of the demonstrations that ask for the same thing and have the same rows.
 
         Where rows differ, all are needed: they show how often each variant occurs, and in which scenes.
         """
@@ -162,20 +156,20 @@ class ObjectFrameCodec(Codec):
         return frozenset((item.order, row.anchor) for item, rows in pairs for row in rows if row.anchor.along)
 
     @cached_property
-    def frames(self) -> tuple[Frame, ...]:
-        """Those that a row may have at an object; of the mixed ones those that demonstrations call for."""
+    def frames(self) -> tuple[AnchorFrame, ...]:
+        """The frames that a row may have at an object; mixed ones only if some demonstration has them."""
         shown = {anchor.frame for anchor in self._shown}
         return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))
 
     def _actions(self, anchored: Mapping[str, AnchorPose], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         if not rows:
             return []
-        read = [self._read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
+        read = [read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
         numbers = np.array([numbers for _, numbers in read])
-        return actions_at([origin for origin, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
+        return actions_at([anchored[text] for text, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
 
     def _anchored(self, query: Query) -> dict[str, AnchorPose]:
-        """Everything that a row may be relative to, as rows write it."""
+        """The pose of each anchor that a row may have, by its text in rows."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
             f"{letter(place)} {frame}": Anchor(pose.name, frame)
@@ -190,21 +184,3 @@ class ObjectFrameCodec(Codec):
             if anchor in self._shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor
         return {text: anchor_pose(anchor, query, self.tilted) for text, anchor in anchors.items()}
-
-    def _read_row(self, index: int, row: str, anchored: Mapping[str, AnchorPose]) -> tuple[AnchorPose, tuple[int, ...]]:
-        """What a row is relative to, and its seven numbers."""
-        match = _ROW.fullmatch(row)
-        if not match:
-            expected = f"'{index + 1} A w: +x +y +z roll pitch yaw gripper'"
-            raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
-        number, anchor, *texts = match.groups()
-        if int(number) != index + 1:
-            raise ReplyParseError(f"action {index} has row number {number}, expected {index + 1}", row)
-        if anchor not in anchored:
-            known = ", ".join(anchored)
-            raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)
-        numbers = tuple(map(int, texts))
-        if max(numbers[3:6]) >= ROTATION_BINS:
-            message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
-            raise ReplyParseError(message, row)
-        return anchored[anchor], numbers

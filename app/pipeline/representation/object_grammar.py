@@ -1,4 +1,4 @@
-"""What replies of `object_frame` may say, as a grammar in GBNF.
+"""The grammar of replies of `object_frame`, in GBNF.
 
 It has for each row of a plan its anchor, and a range for every number. The ranges are what the demonstrations show,
 with a margin; a single demonstration leaves none, so that it is copied.
@@ -13,9 +13,9 @@ import numpy as np
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.groups import places_by
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Anchor, Frame, asked_anchor
+from app.pipeline.representation.anchors import Anchor, AnchorFrame, asked_anchor
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.object_rows import Row, anchor_text, letter
+from app.pipeline.representation.object_rows import TextRow, anchor_text, letter
 from app.pipeline.workspace import ROTATION_BINS
 
 MARGIN_UNITS = 2  # 1 cm
@@ -63,12 +63,12 @@ class RowPattern:
         return f" ({bins})?" if True in self.repeats else f" {bins}"
 
 
-Plan = Sequence[RowPattern]
-Table = Sequence[Sequence[Row]]  # [demonstration][row]
+PlanPattern = Sequence[RowPattern]
+Table = Sequence[Sequence[TextRow]]  # [demonstration][row]
 
 
-def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order) -> list[Plan] | None:
-    """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
+def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order) -> list[PlanPattern] | None:
+    """The patterns of each plan's rows; None where the rows of several demonstrations must be strung together.
 
     Plans of demonstrations that ask for the same as the order, or where none does of those with as many clauses.
     """
@@ -86,7 +86,7 @@ def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order
 
 
 def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> list[RowPattern]:
-    """Of each row of the plan that these demonstrations share."""
+    """A pattern for each row of the plan that these demonstrations share."""
     by_row = list(zip(*table, strict=True))
     patterns = []
     for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):
@@ -109,7 +109,7 @@ def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> lis
     return patterns
 
 
-def plans_grammar(plans: Sequence[Plan], most: int) -> str:
+def plans_grammar(plans: Sequence[PlanPattern], most: int) -> str:
     """The grammar of replies that carry out one of the plans, up to `most` rows of it."""
     written = dict.fromkeys(
         ' "; " '.join(row.grammar(number) for number, row in enumerate(plan[:most], start=1)) for plan in plans
@@ -121,7 +121,7 @@ def plans_grammar(plans: Sequence[Plan], most: int) -> str:
 
 def any_rows_grammar(
     demonstrations: Sequence[Demonstration],
-    frames: Sequence[Frame],
+    frames: Sequence[AnchorFrame],
     by_axis: Iterable[tuple[Order, Anchor]],
     asked: Order,
     most: int,
@@ -143,7 +143,7 @@ def any_rows_grammar(
     return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
 
-def _anchors(scenes: Sequence[Demonstration], frames: Sequence[Frame], asked: Order) -> list[str]:
+def _anchors(scenes: Sequence[Demonstration], frames: Sequence[AnchorFrame], asked: Order) -> list[str]:
     """Every letter and frame that the scenes' objects allow."""
     rotated = {pose.name for scene in scenes for pose in scene.objects if pose.quaternion_xyzw is not None}
     ordered = enumerate(in_order(scenes[0].objects, asked))

@@ -1,18 +1,19 @@
-"""The rows of `object_frame`: fitted to demonstrations, and written as text."""
+"""The rows of `object_frame`: fitted to demonstrations, written as text, and read from replies."""
 
 import re
 import string
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, in_order
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, relative_action
+from app.pipeline.representation.anchors import WORLD, Anchor, AnchorFrame, AnchorPose, relative_row
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -23,47 +24,93 @@ Integers = npt.NDArray[np.int_]
 OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
+_ROW = re.compile(
+    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
+    r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
+    re.ASCII,
+)
 _OFFSET = r"(?P<offset>[^:]*:(?: [+-]\d{1,3}){3})"
 _ROTATION = re.compile(rf"{_OFFSET}(?P<rotation>(?: \d{{1,2}}){{3}})(?P<gripper> [01])", re.ASCII)
 _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
 
 
 @dataclass(frozen=True)
-class Row:
+class TextRow:
     """One action in integers: the anchor, six numbers (offset in units, rotation bins) and the gripper."""
 
     anchor: Anchor
     numbers: tuple[int, ...]
     gripper_open: bool
 
-    def turned_as(self, other: "Row | None") -> bool:
+    def turned_as(self, other: "TextRow | None") -> bool:
         """Whether it has the rotation numbers of the other row."""
         return other is not None and self.numbers[3:] == other.numbers[3:]
 
 
-def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[Row, ...]]:
+class Step(NamedTuple):
+    """What a row of a plan does at an object, in whichever scene and whatever the object's name.
+
+    Attributes:
+        form: of the instruction.
+        role: place of the object in the instruction, or the name of one that it does not mention.
+        along: the same of what the row follows along other axes.
+        tenths: of the way there.
+        numbers: of the row, relative to the object in `frame`.
+    """
+
+    form: str
+    role: int | str
+    frame: AnchorFrame
+    along: tuple[tuple[int, int | str], ...]
+    tenths: int
+    numbers: tuple[int, ...]
+
+    @classmethod
+    def of(cls, demonstration: Demonstration, row: TextRow) -> "Step":
+        """The step of a demonstration's row."""
+        order, anchor = demonstration.order, row.anchor
+        roles = {name: place for place, name in enumerate(order.objects)}
+        along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
+        role = roles.get(anchor.object_name, anchor.object_name)
+        return cls(order.form, role, anchor.frame, along, anchor.tenths, row.numbers)
+
+    def row(self, order: Order) -> TextRow:
+        """The row, with the gripper open, where `order`, which has its form, is carried out."""
+        name, *others = (
+            order.objects[role] if isinstance(role, int) else role
+            for role in (self.role, *(role for _, role in self.along))
+        )
+        axes = (axis for axis, _ in self.along)
+        anchor = Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)
+        return TextRow(anchor, self.numbers, gripper_open=True)
+
+
+def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[TextRow, ...]]:
     """The rows of each demonstration of a group that asks for the same thing in the same number of actions."""
-    fitted: list[list[Row]] = [[] for _ in group]
     planned = all(demonstration.plan is not None for demonstration in group)
-    for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned)):
-        numbers = np.array([_integers(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)])
-        for rows, demonstration, anchor, values in zip(fitted, group, anchors, _calmed(numbers), strict=True):
-            rows.append(Row(anchor, tuple(values.tolist()), demonstration.actions[k].gripper_open))
-    return [tuple(rows) for rows in fitted]
+    rows = [
+        _fit_row(group, k, anchors, tilted)
+        for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned))
+    ]
+    return [tuple(own[place] for own in rows) for place in range(len(group))]
 
 
-def _integers(demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]) -> tuple[int, ...]:
-    offset_m, rotation = relative_action(demonstration, k, anchor, tilted)
-    return (*np.rint(offset_m / OFFSET_UNIT_M).astype(int).tolist(), *rotation_bins(rotation))
+def _fit_row(
+    group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]
+) -> list[TextRow]:
+    """TextRow `k` of each demonstration, relative to these anchors."""
+    offsets_m, rotations = relative_row(group, k, tuple(anchors), tilted)
+    offsets = np.rint(offsets_m / OFFSET_UNIT_M).astype(int)
+    numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1)).tolist()
+    states = [demonstration.actions[k].gripper_open for demonstration in group]
+    return [TextRow(anchor, tuple(own), is_open) for anchor, own, is_open in zip(anchors, numbers, states, strict=True)]
 
 
 def actions_at(anchored: Sequence[AnchorPose], numbers: Integers, grippers: Sequence[bool]) -> list[EndEffectorAction]:
     """The actions of rows in a scene: of each what it is relative to, and (N, 6) its numbers."""
-    origins_m, place_axes, hand_axes = zip(*anchored, strict=True)
-    every = AnchorPose(np.array(origins_m), Rotation.concatenate(place_axes), Rotation.concatenate(hand_axes))
     offsets_m = OFFSET_UNIT_M * numbers[:, :3].astype(float)
-    positions_m, rotations = every.placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
-    return EndEffectorAction.many(positions_m, rotations.as_quat(canonical=True), grippers)
+    positions_m, hands = AnchorPose.stacked(anchored).placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
+    return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), grippers)
 
 
 def _calmed(numbers: Integers) -> Integers:
@@ -80,7 +127,7 @@ def _calmed(numbers: Integers) -> Integers:
     return calmed
 
 
-def row_text(number: int, anchor: str, row: Row) -> str:
+def row_text(number: int, anchor: str, row: TextRow) -> str:
     """The row with all its numbers."""
     offset = " ".join(f"{value:+d}" for value in row.numbers[:3])
     rotation = " ".join(map(str, row.numbers[3:]))
@@ -109,6 +156,33 @@ def in_full(rows: Sequence[str]) -> list[str]:
     return full
 
 
+def read_row(index: int, row: str, anchors: Collection[str]) -> tuple[str, tuple[int, ...]]:
+    """The anchor of a row in full, as the row has it, and its seven numbers.
+
+    Args:
+        index: of the row in the reply, from 0.
+        anchors: that a row may have.
+
+    Raises:
+        ReplyParseError: naming the action and what was expected.
+    """
+    match = _ROW.fullmatch(row)
+    if not match:
+        expected = f"'{index + 1} A w: +x +y +z roll pitch yaw gripper'"
+        raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
+    number, anchor, *texts = match.groups()
+    if int(number) != index + 1:
+        raise ReplyParseError(f"action {index} has row number {number}, expected {index + 1}", row)
+    if anchor not in anchors:
+        known = ", ".join(anchors)
+        raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)
+    numbers = tuple(map(int, texts))
+    if max(numbers[3:6]) >= ROTATION_BINS:
+        message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
+        raise ReplyParseError(message, row)
+    return anchor, numbers
+
+
 def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> str:
     """An anchor of a scene as its rows write it."""
     if not anchor.object_name:
@@ -120,6 +194,6 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
 
 
 def letter(place: int) -> str:
-    """A to Z, then AA, AB, ..."""
+    """The letter of an object, by its index: A to Z, then AA, AB, ..."""
     first, last = divmod(place, len(LETTERS))
     return (LETTERS[first - 1] if first else "") + LETTERS[last]

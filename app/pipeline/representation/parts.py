@@ -28,9 +28,8 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order, mentions_in
 from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
-from app.pipeline.representation.carried import SceneState
 from app.pipeline.representation.common_parts import CommonParts, find_parts
-from app.pipeline.representation.part import Part, kind_of
+from app.pipeline.representation.part import Part, SceneState, kind_of
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 

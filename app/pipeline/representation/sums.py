@@ -29,8 +29,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_inte
 from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import AXES, Row, actions_at, letter
-from app.pipeline.representation.step import Step
+from app.pipeline.representation.object_rows import AXES, Step, TextRow, actions_at, letter
 from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
@@ -78,14 +77,14 @@ class SumsCodec(Codec):
         return cls(workspace, ObjectFrameCodec.fit(demonstrations, workspace, with_instruction=True))
 
     @cached_property
-    def _rows(self) -> list[tuple[Demonstration, Row]]:
+    def _rows(self) -> list[tuple[Demonstration, TextRow]]:
         """All rows, each with its demonstration."""
         table = zip(self.fitted.demonstrations, self.fitted.table, strict=True)
         return [(demonstration, row) for demonstration, rows in table for row in rows]
 
     @cached_property
     def _letters(self) -> dict[Step, str]:
-        """Of the steps that observations list."""
+        """The letter of each step that observations list."""
         kinds = places_by(self.fitted.demonstrations, lambda item: item.kind).values()
         steps = dict.fromkeys(step for places in kinds for step in self._steps_of(places))
         return {step: letter(number).lower() for number, step in enumerate(steps)}
@@ -99,16 +98,14 @@ class SumsCodec(Codec):
                 continue
             turns = anchor.place_turns and any(rows[0].numbers[:2])
             tilts = anchor.hand_turns and anchor.object_name in self.fitted.tilted
-            apart = {
-                self._differences(item, row.anchor, row.numbers)[:3] for item, row in zip(shown, rows, strict=True)
-            }
+            apart = {self._differences(item, row)[:3] for item, row in zip(shown, rows, strict=True)}
             if turns or tilts or anchor.along or len(apart) > 1:
                 yield steps.pop()
 
     @cached_property
     def _shared(self) -> dict[int, int]:
-        """The rotations that all rows share and none follows: column -> bin."""
-        placed = [self._placed(item, row.anchor, row.numbers) for item, row in self._rows]
+        """The rotation bins, by column, that are equal in all rows and follow no object."""
+        placed = [self._placed(item, row) for item, row in self._rows]
         turning = [row.anchor for _, row in self._rows if row.anchor.hand_turns]
         whole = not all(map(self._yaw_follows, turning))  # at a tilted object
         fixed = () if whole else (3, 4) if turning else (3, 4, 5)
@@ -116,7 +113,7 @@ class SumsCodec(Codec):
 
     @cached_property
     def _shown(self) -> tuple[int, ...]:
-        """The columns that rows and objects have."""
+        """The columns of the six bins that rows and objects show."""
         return tuple(k for k in range(6) if k not in self._shared)
 
     def needed(self) -> tuple[Demonstration, ...]:
@@ -133,30 +130,29 @@ class SumsCodec(Codec):
         return "{" + ", ".join([*parts, f"'{query.instruction}'"]) + "}>"
 
     def _steps_text(self, query: Query, name: str) -> str:
-        """The steps at an object (or the start) in this scene."""
+        """The steps at an object (or the start) as a scene's observation lists them."""
         texts = []
-        for anchor, step in self._steps_at(query, name):
-            numbers = [f"{by:+d}" for by in self._differences(query, anchor, step.numbers)[:3] if by is not None]
-            if anchor.object_name in self.fitted.tilted:
-                numbers += [str(self._placed(query, anchor, step.numbers)[k]) for k in self._shown[3:]]
-            texts.append(f" {self._letters[step]}({' '.join(numbers)})")
+        for row, step in self._steps_at(query, name):
+            numbers = [f"{by:+d}" for by in self._differences(query, row)[:3] if by is not None]
+            if row.anchor.object_name in self.fitted.tilted:
+                numbers += [str(self._placed(query, row)[k]) for k in self._shown[3:]]
+            texts.append(f" {step}({' '.join(numbers)})")
         return "".join(texts)
 
-    def _steps_at(self, query: Query, name: str) -> Iterator[tuple[Anchor, Step]]:
-        """Yield the steps with letters that follow `name` where the query's order is carried out."""
-        for step in self._letters:
-            if step.form == query.order.form and _name(anchor := step.anchor(query.order)) == name:
-                yield anchor, step
+    def _steps_at(self, query: Query, name: str) -> Iterator[tuple[TextRow, str]]:
+        """Yield the rows that steps are where the query's order is carried out and they follow `name`, with letters."""
+        for step, text in self._letters.items():
+            if step.form == query.order.form and _name((row := step.row(query.order)).anchor) == name:
+                yield row, text
 
     def actions_text(self, demonstration: Demonstration) -> str:
         rows = self.fitted.table[self.fitted.demonstrations.index(demonstration)]
         texts = [f"{number} {self._row_text(demonstration, row)}" for number, row in enumerate(rows, start=1)]
         return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
-    def _row_text(self, demonstration: Demonstration, row: Row) -> str:
+    def _row_text(self, demonstration: Demonstration, row: TextRow) -> str:
         origin = self._origin(demonstration, row.anchor)
-        differences = self._differences(demonstration, row.anchor, row.numbers)
-        placed = self._placed(demonstration, row.anchor, row.numbers)
+        differences, placed = self._differences(demonstration, row), self._placed(demonstration, row)
         step = self._letters.get(Step.of(demonstration, row), "")
         said = self._before_results(_said(row.anchor), step, differences, origin)
         results = (placed[k] if (by := differences[k]) is None else origin[k] + by for k in self._shown)
@@ -190,19 +186,19 @@ class SumsCodec(Codec):
                 bins[axis] = origins[name][axis] if name else 0
         return tuple(bins)
 
-    def _placed(self, query: Query, anchor: Anchor, numbers: tuple[int, ...]) -> tuple[int, ...]:
+    def _placed(self, query: Query, row: TextRow) -> tuple[int, ...]:
         """The six bins of a row in a scene."""
-        pose = anchor_pose(anchor, query, self.fitted.tilted)
-        actions = actions_at([pose], np.array([numbers]), [True])
+        pose = anchor_pose(row.anchor, query, self.fitted.tilted)
+        actions = actions_at([pose], np.array([row.numbers]), [row.gripper_open])
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
-    def _differences(self, query: Query, anchor: Anchor, numbers: tuple[int, ...]) -> Differences:
-        """A row's bins less those of what it follows."""
-        if anchor == WORLD:
+    def _differences(self, query: Query, row: TextRow) -> Differences:
+        """A row's bins minus those of what it follows."""
+        if row.anchor == WORLD:
             return (None,) * 6
-        origin, placed = self._origin(query, anchor), self._placed(query, anchor, numbers)
-        turn = numbers[5] - NO_TURN if self._yaw_follows(anchor) else None
-        fixed = {axis for axis, name in anchor.along if not name}
+        origin, placed = self._origin(query, row.anchor), self._placed(query, row)
+        turn = row.numbers[5] - NO_TURN if self._yaw_follows(row.anchor) else None
+        fixed = {axis for axis, name in row.anchor.along if not name}
         return (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
 
     def _yaw_follows(self, anchor: Anchor) -> bool:
@@ -223,8 +219,8 @@ class SumsCodec(Codec):
         """Yield in GBNF what a row may say after its gripper: each step at its object, any other difference at all."""
         for name, origin in (self._origins(query) | {WORLD.frame: ()}).items():
             said = [
-                (_said(at), self._letters[step], self._differences(query, at, step.numbers), self._origin(query, at))
-                for at, step in self._steps_at(query, name)
+                (_said(row.anchor), step, self._differences(query, row), self._origin(query, row.anchor))
+                for row, step in self._steps_at(query, name)
             ]
             said += [(name, "", by, origin) for by in self._without_letter if (by[0] is None) == (name == WORLD.frame)]
             for text, step, differences, bins in said:
@@ -238,7 +234,7 @@ class SumsCodec(Codec):
         """The differences of the rows that are no steps; a row with several origins is one wherever all have it."""
         unlike = ((item, row) for item, row in self._rows if not row.anchor.along)
         rows = ((item, row) for item, row in unlike if Step.of(item, row) not in self._letters)
-        return dict.fromkeys(self._differences(item, row.anchor, row.numbers) for item, row in rows)
+        return dict.fromkeys(self._differences(item, row) for item, row in rows)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         """The rows; the first has what stands before it, so that `reply_text` gives it back."""
@@ -268,7 +264,7 @@ class SumsCodec(Codec):
 
 
 def _literal(text: str) -> str:
-    """The text as GBNF."""
+    """The text as a literal of GBNF."""
     escaped = re.sub(r'(["\\])', r"\\\1", text)
     return f'"{escaped}"'
 
@@ -278,6 +274,6 @@ def _name(anchor: Anchor) -> str:
 
 
 def _said(anchor: Anchor) -> str:
-    """What rows call it."""
+    """An anchor as rows name it: `drawer z=world`, `plate x=cup 5/10`."""
     along = "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)
     return f"{_name(anchor)}{along}" + (f" {anchor.tenths}/10" if anchor.tenths < 10 else "")

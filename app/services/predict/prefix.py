@@ -7,9 +7,9 @@ from functools import cached_property, lru_cache
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.groups import by_plan
 from app.pipeline.plans import agreeing
 from app.pipeline.plans.support import Support
-from app.pipeline.plans.usual import by_plan
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace

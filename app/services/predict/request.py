@@ -11,7 +11,7 @@ from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
 from app.pipeline.alike import Alike
-from app.pipeline.representation.style import KAT_FORMAT, usual_format
+from app.pipeline.representation.base import KAT_FORMAT, usual_format
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
 from roboprompt_client.motion.limits import MAX_ACTIONS

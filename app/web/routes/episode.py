@@ -16,7 +16,7 @@ from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
-from app.pipeline.representation.style import usual_format
+from app.pipeline.representation.base import usual_format
 from app.services.container import Services
 from app.services.scene_images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings

@@ -12,10 +12,10 @@ from app.perception.registered.estimator import RegisteredPoses
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from app.pipeline.geometry import yaw_rad
 from benchmarks.object_scenes import Layout
 from benchmarks.object_shapes import THINGS
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.quaternions import yaw_rad
 from tests.perception.registered.rooms import NAMES, estimate, frames, layout, query, taught
 
 ALL = {"carton": (0.08, -0.05, 2.0), "jar": (-0.1, 0.1, 0.0), "brick": (-0.15, -0.1, 0.5), "mug": (0.12, 0.1, -2.0)}
@@ -30,7 +30,7 @@ def test_an_object_is_found_among_others_where_it_stands(name):
     symmetry_deg = THINGS[name].symmetry_deg
     if symmetry_deg is not None:  # then its origin is on its axis
         np.testing.assert_allclose(pose.position_m[:2], (x_m, y_m), atol=0.004)
-    turn_deg = np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)))
+    turn_deg = np.degrees(yaw_rad(pose.quaternion_xyzw))
     if symmetry_deg == 0:
         assert turn_deg == pytest.approx(0, abs=1e-6)
     elif symmetry_deg is not None:
@@ -44,7 +44,7 @@ def test_a_pose_moves_and_turns_with_the_object(name):
 
     before, after = pose_at(0.0, 0.0, 0.2, 1), pose_at(0.1, -0.08, 1.3, 2)
     turn = Rotation.from_quat(after.quaternion_xyzw) * Rotation.from_quat(before.quaternion_xyzw).inv()
-    assert np.degrees(yaw_rad(turn)) == pytest.approx(np.degrees(1.1), abs=4)
+    assert np.degrees(yaw_rad(turn.as_quat())) == pytest.approx(np.degrees(1.1), abs=4)
     expected_m = turn.apply(before.position_m.copy()) + np.array([0.1, -0.08, 0])
     np.testing.assert_allclose(after.position_m, expected_m, atol=0.005)
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import Motion, waypoints
 from app.pipeline.keyframes.path import HandPath
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from app.pipeline.keyframes.rules import MAX_KEYFRAMES
 from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import DOWN, ScriptedMotion, arrival_s, flowing, pick_and_place, resting

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.groups import by_plan, shown_together
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan, plan_rows
 from app.pipeline.plans.rows import robust_center
-from app.pipeline.plans.usual import by_plan, shown_together
 
 from ..recordings import flowing, pick_and_place, resting
 from ..scenes import pose, same_actions

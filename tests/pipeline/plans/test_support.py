@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.groups import by_plan
 from app.pipeline.plans import agreeing, aligned_by_plan
 from app.pipeline.plans.support import Support, SupportGuard
-from app.pipeline.plans.usual import by_plan
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.geometry import yaw_rad
 from app.pipeline.plans.symmetry import folded, shown_symmetries
+from roboprompt_client.types.quaternions import yaw_rad
 
 from ..recordings import arrival_s, pick_and_place, resting
 from ..scenes import pose, rotated
@@ -108,6 +108,6 @@ def test_a_scene_is_folded_to_what_hands_reach():
     (symmetry,) = shown_symmetries(group(lambda yaw_deg: nearest_deg(yaw_deg, 90, home_deg=35)), {}).values()
     for yaw_deg in range(-180, 180, 17):
         found = symmetry.folded(pose("cube", (0, 0, 0), float(yaw_deg)))
-        hand_deg = np.degrees(yaw_rad(Rotation.from_quat(found.quaternion_xyzw) * symmetry.grasp))
+        hand_deg = np.degrees(yaw_rad((Rotation.from_quat(found.quaternion_xyzw) * symmetry.grasp).as_quat()))
         assert abs(nearest_deg(hand_deg - yaw_deg, 90)) < 1e-6
         assert abs(hand_deg - 35) < 60

@@ -9,7 +9,7 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import action_tokens, fit_codec
-from app.pipeline.representation.style import REPRESENTATIONS
+from app.pipeline.representation.base import REPRESENTATIONS
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of, parse_reply, schema_of

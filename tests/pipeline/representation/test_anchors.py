@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchor, anchor_pose, relative_action, tilted_objects
+from app.pipeline.representation.anchors import Anchor, anchor_pose, relative_row, tilted_objects
 
 from ..scenes import action, demonstration, pose, rotated
 
@@ -113,9 +113,9 @@ def test_a_tilted_objects_frame_turns_fully():
     target_m = np.array([0, 0, 1]) + tilt.apply([0.1, 0, 0])
     shown = demonstration("close the lid", [pose(LID, (0, 0, 1), tilt)], [action(target_m)])
     assert tilted_objects([shown]) == {LID}
-    fully, _ = relative_action(shown, 0, Anchor(LID, "o"), frozenset({LID}))
+    (fully,), _ = relative_row([shown], 0, (Anchor(LID, "o"),), frozenset({LID}))
     np.testing.assert_allclose(fully, [0.1, 0, 0], atol=1e-12)
-    by_yaw, _ = relative_action(shown, 0, Anchor(LID, "o"), LEVEL)
+    (by_yaw,), _ = relative_row([shown], 0, (Anchor(LID, "o"),), LEVEL)
     np.testing.assert_allclose(by_yaw, [0.05, 0, 0.1 * np.sin(np.pi / 3)], atol=1e-12)
 
 

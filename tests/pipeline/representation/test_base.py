@@ -3,8 +3,7 @@ import pytest
 
 from app.pipeline.order.order import Order
 from app.pipeline.representation import fit_codec
-from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.style import PROMPT_FORMATS, REPRESENTATIONS
+from app.pipeline.representation.base import PROMPT_FORMATS, REPRESENTATIONS, row_count_bounds
 from roboprompt_client.errors import InvalidInputError
 
 from ..scenes import WORKSPACE, action, demonstration, pose
