@@ -12,14 +12,14 @@ from app.pipeline.alike import Alike
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import vocabulary
 from app.pipeline.order.clauses import DIRECT, ParsedClause
-from app.pipeline.order.frames import taught_verb
-from app.pipeline.order.lexicon import Lexicon
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
+from app.pipeline.order.descriptions import NounPhrase
+from app.pipeline.order.lexicon import Lexicon, Text, TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, Order, clause_texts
-from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
-from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.taught import taught_verb
+from app.pipeline.order.vocabulary import DESTINATIONS
 from app.pipeline.order.words import IsWord
 from roboprompt_client.types.arrays import Array
 
@@ -123,8 +123,8 @@ def _speaks_of(instruction: str, lexicon: Lexicon, groups: Sequence[Alike]) -> b
 
 
 def _readings(instruction: str, lexicon: Lexicon, layout: Layout | None) -> Iterator[Reading]:
-    phrases = NounPhrases(instruction, lexicon, layout)
-    if vocabulary.forbids(phrases.words):
+    phrases = NounPhrases(Text(instruction, lexicon), lexicon, layout)
+    if phrases.text.forbids:
         return
     verbs = frozenset(taught_verb(text, lexicon) for text in clause_texts(instruction)) - lexicon.objects_of.keys()
     try:

@@ -1,8 +1,7 @@
 import pytest
 
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.names import check_object_names, folded_name, spelling_variants
-from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
+from app.pipeline.names import check_aliases_of, check_object_names, checked_aliases, folded_name, spelling_variants
 from app.pipeline.order.words import tokens_of
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError

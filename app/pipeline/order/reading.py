@@ -8,17 +8,15 @@ from dataclasses import dataclass, replace
 from itertools import islice, product
 
 from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
-from app.pipeline.order.descriptions import MEANS
-from app.pipeline.order.frames import Frame
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_full_hand, uses_moved_object
+from app.pipeline.order.descriptions import MEANS, NounPhrase
+from app.pipeline.order.lexicon import Text, TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.refusals import refusal, unfamiliar_text
 from app.pipeline.order.sentences import Sentences
-from app.pipeline.order.sequence import needs_full_hand, uses_moved_object
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import TaughtWords
+from app.pipeline.order.taught import Frame, TaughtWords
 
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "
@@ -39,7 +37,7 @@ def read(
     """
     if (literal := taught.literal(instruction)) is not None:
         return literal
-    phrases = NounPhrases(instruction, taught.lexicon, layout)
+    phrases = NounPhrases(Text(instruction, taught.lexicon), taught.lexicon, layout)
     found = _meanings(taught, phrases)
     if len(found) == 1:
         return found[0]
@@ -52,7 +50,9 @@ def read(
 
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
-    return tuple(Grounding(phrases.text_of(each.start, each.end), each.name, each.by) for each in named if each.name)
+    return tuple(
+        Grounding(phrases.text.written(each.start, each.end), each.name, each.by) for each in named if each.name
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
                 if (text := _canonical(taught, plan)) is not None:
                     named = {phrase for filled in plan for phrase in filled.clause.phrases}
                     groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
-                    order = taught.order(text, groundings or taught.mentioned(phrases.instruction))
+                    order = taught.order(text, groundings or taught.mentioned(phrases.text.instruction))
                     found[text] = min(found.get(text, order), order, key=_uncertainty)
     except TooInvolvedError:
         return []

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, Unmatched
+from app.pipeline.order.descriptions import NounPhrase, Unmatched
+from app.pipeline.order.lexicon import Word
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, clause_of
 from app.pipeline.order.taught import TaughtWords
-from app.pipeline.order.words import Word
 
 MAX_LISTED = 12  # instructions that a refusal repeats
 
@@ -18,7 +19,7 @@ def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) 
     Args:
         meanings: the canonical instructions that it may mean.
     """
-    valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
+    valid, instruction, words = _valid(taught), phrases.text.instruction, phrases.text.words
     if meanings:
         listed = " or ".join(repr(text) for text in meanings[:3])
         return UngroundedInstructionError(FIELD, f"{instruction!r} may mean {listed}", valid)
@@ -30,7 +31,7 @@ def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) 
         message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
         return UnfamiliarInstructionError(FIELD, message, valid)
     what = "says what not to do in a way that is not understood"
-    if not vocabulary.forbids(words):
+    if not phrases.text.forbids:
         what = "is no order in a form that was taught: another place, direction, number, role or sequence, or a report"
     return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
@@ -42,8 +43,8 @@ def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Seq
         UngroundedInstructionError: if it names an unknown thing, names no object though taught instructions do, or
             forbids something: the object acted on would be arbitrary.
     """
-    valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
-    if vocabulary.forbids(words):
+    valid, instruction = _valid(taught), phrases.text.instruction
+    if phrases.text.forbids:
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
     if (missed := _missed(phrases)) is not None:
         raise _ungrounded(phrases, missed, valid)
@@ -59,7 +60,7 @@ def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Seq
 def _longest(phrases: NounPhrases) -> list[NounPhrase]:
     """Return the phrases that name objects, from left to right, each as long as possible, without overlap."""
     found: list[NounPhrase] = []
-    for k in range(len(phrases.words)):
+    for k in range(len(phrases.text.words)):
         if (not found or k >= found[-1].end) and (here := phrases.at(k)) and here[0].name:
             found.append(here[0])
     return found
@@ -74,7 +75,7 @@ def _missed(phrases: NounPhrases) -> Unmatched | None:
 
     missed = [each for each in phrases.unmatched if not is_part(each)]
     longest = max(missed, key=lambda each: (each.end - each.start, -each.start, each.candidates), default=None)
-    return longest or _unknown_thing(phrases.words)
+    return longest or _unknown_thing(phrases.text.words)
 
 
 def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:
@@ -105,7 +106,7 @@ def _asks_for_taught(taught: TaughtWords, words: Sequence[Word]) -> bool:
 
 
 def _ungrounded(phrases: NounPhrases, missed: Unmatched, valid: str) -> UngroundedInstructionError:
-    text = phrases.text_of(missed.start, missed.end)
+    text = phrases.text.written(missed.start, missed.end)
     if missed.candidates:
         return UngroundedInstructionError(FIELD, f"{text!r} may be {', '.join(missed.candidates)}", valid)
     return UngroundedInstructionError(FIELD, f"{text!r} is none of the task's objects", valid)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
-from app.pipeline.order.lexicon import noun_of, phrase_of
+from app.pipeline.order.words import noun_of, phrase_of
 from app.pipeline.representation.anchors import Anchor, Frame, anchor_pose
 from app.pipeline.representation.carried import SceneState
 from roboprompt_client.types.arrays import Array

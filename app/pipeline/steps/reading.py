@@ -12,17 +12,16 @@ from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.findings.scene import strangers
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
-from app.pipeline.order.frames import Frame
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, is_placed_after_moving, needs_full_hand
+from app.pipeline.order.descriptions import NounPhrase
+from app.pipeline.order.lexicon import Text, TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, Order, clause_of
-from app.pipeline.order.post_modifiers import TooInvolvedError
 from app.pipeline.order.reading import FilledFrame, closest
 from app.pipeline.order.refusals import refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
-from app.pipeline.order.sequence import is_placed_after_moving, needs_full_hand
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import TaughtWords
+from app.pipeline.order.taught import Frame, TaughtWords
 from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
@@ -104,7 +103,7 @@ def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, oth
     # one task says as a whole what another says in a clause: both may be meant
     whole = any(text in skill.wholes for skill, text in alike)
     found: list[tuple[PlanStep, ...]] = [(PlanStep(skill.task, text),) for skill, text in alike] if whole else []
-    reader = _Reader(scene, NounPhrases(instruction, scene.lexicon, layout))
+    reader = _Reader(scene, NounPhrases(Text(instruction, scene.lexicon), scene.lexicon, layout))
     found = found or reader.read()
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
@@ -147,14 +146,14 @@ class _Reader:
         """Return the error for a sentence with no meaning or several."""
         if found:
             meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found[:MAX_LISTED]]
-            message = f"{self._phrases.instruction!r} may mean {' or '.join(meanings)}"
+            message = f"{self._phrases.text.instruction!r} may mean {' or '.join(meanings)}"
             return UngroundedInstructionError(FIELD, message if len(found) > 1 else f"asks for over {MAX_STEPS} steps")
         if self._missed[1]:
             return UnfamiliarInstructionError(FIELD, self._missed[1])
         return refusal(self._scene, self._phrases, [])
 
     def _miss(self, place: int, unit: Unit, why: str) -> None:
-        part = self._phrases.text_of(unit.start, unit.end)
+        part = self._phrases.text.written(unit.start, unit.end)
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:

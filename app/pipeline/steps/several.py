@@ -5,18 +5,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 from app.pipeline.order.clauses import DIRECT, FixedPhrase, ParsedClause, without
-from app.pipeline.order.noun_phrases import NounPhrase
+from app.pipeline.order.descriptions import NounPhrase
 from app.pipeline.order.sentences import Unit
 from app.pipeline.order.verbs import PICKING
-from app.pipeline.order.vocabulary import ORDERING
-from app.pipeline.order.words import NUMBERS
+from app.pipeline.order.vocabulary import ORDERING, TIMES
 
 IT = "taught"  # how the object of a pronoun was matched, see `NounPhrase.by`
-TIMES: dict[tuple[str, ...], int] = {
-    ("twice",): 2,
-    ("thrice",): 3,
-    **{(number, "times"): int(number) for number in NUMBERS.values()},
-}
 TIMES_WORDS = frozenset(word for words in TIMES for word in words)
 
 

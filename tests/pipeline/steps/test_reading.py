@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.errors import InstructionError
-from app.pipeline.order.lexicon import shared_aliases
+from app.pipeline.names import shared_aliases
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
