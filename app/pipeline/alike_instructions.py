@@ -11,14 +11,15 @@ import numpy as np
 from app.pipeline.alike import Alike
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import vocabulary
+from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.descriptions import NounPhrase
-from app.pipeline.order.lexicon import Lexicon, Text, TooInvolvedError
+from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, Order, clause_texts
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import taught_verb
+from app.pipeline.order.taught import taught_verbs
 from app.pipeline.order.vocabulary import DESTINATIONS
 from app.pipeline.order.words import IsWord
 from roboprompt_client.types.arrays import Array
@@ -123,12 +124,12 @@ def _speaks_of(instruction: str, lexicon: Lexicon, groups: Sequence[Alike]) -> b
 
 
 def _readings(instruction: str, lexicon: Lexicon, layout: Layout | None) -> Iterator[Reading]:
-    phrases = NounPhrases(Text(instruction, lexicon), lexicon, layout)
+    phrases = NounPhrases(instruction, lexicon, layout)
     if phrases.text.forbids:
         return
-    verbs = frozenset(taught_verb(text, lexicon) for text in clause_texts(instruction)) - lexicon.objects_of.keys()
+    accepted = Accepted(taught_verbs(clause_texts(instruction), lexicon))
     try:
-        for forms in Sentences(phrases, frozenset(), verbs).readings():
+        for forms in Sentences(phrases, accepted).readings():
             clauses = forms[0]
             if all(map(_is_whole, clauses)):
                 said = [phrase for clause in clauses for phrase in _in_order(clause)]

@@ -12,7 +12,7 @@ Fixed words are those of taught instructions that name no object. Politeness may
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, without
@@ -27,31 +27,34 @@ Parsed = Iterator[tuple[ParsedClause, int]]  # clauses, and where their words en
 Objects = Iterator[tuple[tuple[NounPhrase, ...], int]]  # objects, and where their words end
 
 
+class Accepted(NamedTuple):
+    """What clauses may have besides objects and the words that all tasks share.
+
+    Attributes:
+        verbs: of taught instructions, also those that no table lists.
+        fixed: words of taught instructions besides verb and objects, and "role:" of their prepositions; None: any word.
+        of_steps: whether "before", "after", "all", "both", "each", "except" and "them" may ask for several steps.
+    """
+
+    verbs: frozenset[str]
+    fixed: frozenset[str] | None = frozenset()
+    of_steps: bool = False
+
+
 class ClauseParser:
     """The clauses of one instruction.
 
     Args:
-        fixed: allowed words besides verb and objects; None: any (for taught instructions).
-        taught_verbs: verbs of taught instructions that no table lists.
-        of_steps: whether "before", "after", "all", "both", "each", "except" and "them" may ask for several steps.
         forbidden: whether the clauses forbid something, so that they may also name things that are not known.
     """
 
-    def __init__(
-        self,
-        phrases: NounPhrases,
-        fixed: frozenset[str] | None,
-        taught_verbs: frozenset[str],
-        *,
-        of_steps: bool = False,
-        forbidden: bool = False,
-    ) -> None:
+    def __init__(self, phrases: NounPhrases, accepted: Accepted, *, forbidden: bool = False) -> None:
         self._phrases = phrases
         self._text = phrases.text
-        self._fixed = fixed
-        self._verbs = verbs.FIRST_WORDS | taught_verbs
-        self._base_of = {form: verb for verb in taught_verbs for form in verb_forms(verb)} | VERB_FORMS
-        self._of_steps = of_steps
+        self._fixed = accepted.fixed
+        self._verbs = verbs.FIRST_WORDS | accepted.verbs
+        self._base_of = {form: verb for verb in accepted.verbs for form in verb_forms(verb)} | VERB_FORMS
+        self._of_steps = accepted.of_steps
         self._forbidden = forbidden
 
     def at(self, at: int) -> Parsed:

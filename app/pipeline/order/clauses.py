@@ -192,7 +192,7 @@ def uses_moved_object(clauses: Sequence[ParsedClause]) -> bool:
     return False
 
 
-def needs_full_hand(clauses: Sequence[ParsedClause]) -> bool:
+def needs_free_hand(clauses: Sequence[ParsedClause]) -> bool:
     """Return whether a clause is about other objects than the one that the hand holds, or picks up another one."""
     held = set[str]()
     for clause in clauses:

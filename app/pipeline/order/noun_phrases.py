@@ -32,8 +32,8 @@ class NounPhrases:
         unmatched: the noun phrases that matched no single object.
     """
 
-    def __init__(self, text: Text, lexicon: Lexicon, layout: Layout | None) -> None:
-        self.text = text
+    def __init__(self, instruction: str, lexicon: Lexicon, layout: Layout | None) -> None:
+        self.text = Text(instruction, lexicon)
         self.unmatched: set[Unmatched] = set()
         self._lexicon = lexicon
         self._layout = layout

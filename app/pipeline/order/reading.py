@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
-from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_full_hand, uses_moved_object
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_free_hand, uses_moved_object
 from app.pipeline.order.descriptions import MEANS, NounPhrase
-from app.pipeline.order.lexicon import Text, TooInvolvedError
+from app.pipeline.order.lexicon import TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.refusals import refusal, unfamiliar_text
+from app.pipeline.order.refusals import Refusal, refusal, unfamiliar_text, valid_instructions
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Frame, TaughtWords
@@ -37,16 +36,18 @@ def read(
     """
     if (literal := taught.literal(instruction)) is not None:
         return literal
-    phrases = NounPhrases(Text(instruction, taught.lexicon), taught.lexicon, layout)
+    phrases = NounPhrases(instruction, taught.lexicon, layout)
     found = _meanings(taught, phrases)
     if len(found) == 1:
         return found[0]
-    error = refusal(taught, phrases, [order.text for order in found])
-    if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
-        error.choices = taught.choices
-        raise error
-    text, named = unfamiliar_text(taught, phrases)
-    return taught.order(text, _groundings(phrases, named), error.message)
+    why = refusal(taught, phrases, [order.text for order in found])
+    if not (allow_unfamiliar and why.is_unfamiliar):
+        raise why.error(valid_instructions(taught), taught.choices)
+    passed_on = unfamiliar_text(taught, phrases)
+    if isinstance(passed_on, Refusal):
+        raise passed_on.error(valid_instructions(taught))
+    text, named = passed_on
+    return Order(text, taught.names, _groundings(phrases, named), why.message)
 
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
@@ -65,7 +66,7 @@ class FilledFrame:
 
 
 def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
-    sentences = Sentences(phrases, taught.fixed_words, taught.verbs)
+    sentences = Sentences(phrases, taught.accepted)
     found: dict[str, Order] = {}
     try:
         for forms in islice(sentences.readings(), MAX_READINGS):
@@ -73,7 +74,7 @@ def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
                 if (text := _canonical(taught, plan)) is not None:
                     named = {phrase for filled in plan for phrase in filled.clause.phrases}
                     groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
-                    order = taught.order(text, groundings or taught.mentioned(phrases.text.instruction))
+                    order = Order(text, taught.names, groundings or taught.mentioned(phrases.text.instruction))
                     found[text] = min(found.get(text, order), order, key=_uncertainty)
     except TooInvolvedError:
         return []
@@ -92,7 +93,7 @@ def _plans(taught: TaughtWords, reading: Sequence[ParsedClause]) -> Iterator[tup
         signatures = tuple(filled.frame.clause.signature for filled in plan)
         alone = all(filled.frame.may_stand_alone for filled in plan)
         clauses = [filled.clause for filled in plan]
-        possible = alone and not uses_moved_object(clauses) and not needs_full_hand(clauses)
+        possible = alone and not uses_moved_object(clauses) and not needs_free_hand(clauses)
         if possible or any(signatures == frame.plan for frame in taught.frames):
             yield plan
 

@@ -16,7 +16,7 @@ from itertools import chain, pairwise
 from typing import Literal
 
 from app.pipeline.order import vocabulary
-from app.pipeline.order.clause_parser import ClauseParser
+from app.pipeline.order.clause_parser import Accepted, ClauseParser
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.verbs import PICKING
@@ -48,24 +48,13 @@ class Unit:
 
 
 class Sentences:
-    """The parses of one instruction.
+    """The parses of one instruction."""
 
-    Args:
-        fixed, taught_verbs, of_steps: see `ClauseParser`.
-    """
-
-    def __init__(
-        self,
-        phrases: NounPhrases,
-        fixed: frozenset[str] | None,
-        taught_verbs: frozenset[str],
-        *,
-        of_steps: bool = False,
-    ) -> None:
+    def __init__(self, phrases: NounPhrases, accepted: Accepted) -> None:
         self._text = phrases.text
-        self._clauses = ClauseParser(phrases, fixed, taught_verbs, of_steps=of_steps)
-        self._forbidden = ClauseParser(phrases, fixed, taught_verbs, of_steps=of_steps, forbidden=True)
-        self._of_steps = of_steps
+        self._clauses = ClauseParser(phrases, accepted)
+        self._forbidden = ClauseParser(phrases, accepted, forbidden=True)
+        self._of_steps = accepted.of_steps
 
     def units(self) -> Iterator[tuple[Unit, ...]]:
         """Yield every parse of the whole text that is an order.

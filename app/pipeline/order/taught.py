@@ -4,13 +4,14 @@ A frame is a parsed clause whose objects can be replaced: "put the mug on the pl
 plate". A new instruction must fill one of them.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice, permutations
 
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, needs_full_hand
-from app.pipeline.order.lexicon import Lexicon, Text, TooInvolvedError
+from app.pipeline.order.clause_parser import Accepted
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, needs_free_hand
+from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Mention, Order, clause_of, clause_texts, mentions_in
 from app.pipeline.order.sentences import Sentences
@@ -133,16 +134,16 @@ def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
     return tuple(Frame(*parts, plan) for parts in zip(texts, clauses, named, strict=True))
 
 
-def taught_verb(text: str, lexicon: Lexicon) -> str:
-    """Return the first word of a taught clause, taken as its verb even if no table lists it."""
-    words = [word for word in lexicon.read(text) if word.text != "please"]
-    return words[0].text if words else ""
+def taught_verbs(texts: Iterable[str], lexicon: Lexicon) -> frozenset[str]:
+    """Return the first words of taught clauses, verbs even if no table lists them, unless they are words of objects."""
+    read = ([word.text for word in lexicon.read(text) if word.text != "please"] for text in texts)
+    return frozenset(words[0] for words in read if words) - lexicon.objects_of.keys()
 
 
 def _read(text: str, lexicon: Lexicon) -> ParsedClause | None:
     """Return the parse of a taught clause with the fewest fixed words; None without a parse that has its objects."""
-    own = frozenset({taught_verb(text, lexicon)} - lexicon.objects_of.keys())
-    sentences = Sentences(NounPhrases(Text(text, lexicon), lexicon, None), None, own)
+    accepted = Accepted(taught_verbs([text], lexicon), fixed=None)
+    sentences = Sentences(NounPhrases(text, lexicon, None), accepted)
     try:
         read = [form[0] for forms in sentences.readings() for form in forms if len(form) == 1]
     except TooInvolvedError:
@@ -175,10 +176,6 @@ class TaughtWords:
         self.instructions = tuple(dict.fromkeys(instructions))
         self.lexicon = Lexicon(self.names, self.aliases, self.instructions, is_word)
 
-    def order(self, text: str, phrases: Sequence[Grounding], unfamiliar: str | None = None) -> Order:
-        """Return a canonical text about these objects as an `Order`."""
-        return Order(text, self.names, tuple(phrases), unfamiliar)
-
     def literal(self, instruction: str) -> Order | None:
         """Return the instruction as it stands if it is a taught one, with the same or other objects; otherwise None."""
         whole, parts = self._forms
@@ -187,12 +184,12 @@ class TaughtWords:
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
         alike = apart and all(clause.form in parts for clause in clauses)
         if alike and len(clauses) > 1:
-            alike = not needs_full_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
+            alike = not needs_free_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
         if not alike and clause_of(instruction, self.names).form not in whole:
             return None
         if instruction not in self.instructions and self._says_where_only(instruction):
             return None  # "turn left" has the form of "turn left tap"
-        return self.order(instruction, self.mentioned(instruction))
+        return Order(instruction, self.names, self.mentioned(instruction))
 
     def mentioned(self, instruction: str) -> tuple[Grounding, ...]:
         """Return the phrases that are object names; the whole instruction where the task's only object is not named."""
@@ -217,16 +214,11 @@ class TaughtWords:
         return tuple(frame for text in self.instructions for frame in frames_of(text, self.lexicon))
 
     @cached_property
-    def fixed_words(self) -> frozenset[str]:
-        """The words of taught clauses besides verb and objects, with their prepositions' roles as "role:"."""
+    def accepted(self) -> Accepted:
+        """The verbs and fixed words of taught clauses."""
         said = [phrase for frame in self.frames for phrase in frame.clause.fixed]
-        return frozenset(word for phrase in said for word in (f"{phrase.role}:", *phrase.words))
-
-    @cached_property
-    def verbs(self) -> frozenset[str]:
-        """The first words of taught clauses, unless they are words of objects."""
-        first = frozenset(taught_verb(frame.text, self.lexicon) for frame in self.frames)
-        return first - self.lexicon.objects_of.keys()
+        fixed = frozenset(word for phrase in said for word in (f"{phrase.role}:", *phrase.words))
+        return Accepted(taught_verbs((frame.text for frame in self.frames), self.lexicon), fixed)
 
     def _about_others(self) -> Iterator[str]:
         for frame in self.frames:

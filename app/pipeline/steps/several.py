@@ -14,13 +14,9 @@ IT = "taught"  # how the object of a pronoun was matched, see `NounPhrase.by`
 TIMES_WORDS = frozenset(word for words in TIMES for word in words)
 
 
-def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedClause:
-    """Return the clause with objects in place of its pronoun."""
-    they = tuple(phrase._replace(by=IT) for phrase in meant)
-    roles = tuple(
-        (role, they if any(phrase.name is None for phrase in phrases) else phrases) for role, phrases in clause.roles
-    )
-    return replace(clause, roles=roles)
+def as_pronoun(meant: Sequence[NounPhrase]) -> tuple[NounPhrase, ...]:
+    """Return the objects as those of a pronoun."""
+    return tuple(phrase._replace(by=IT) for phrase in meant)
 
 
 def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
