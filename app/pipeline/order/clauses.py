@@ -165,6 +165,10 @@ class ParsedClause:
             fixed = (*fixed[:-1], fixed[-1]._replace(describes=True))
         return replace(self, roles=(*self.roles, (role, phrases)), fixed=fixed, goes_on=False)
 
+    def with_role(self, role: str, phrases: tuple[NounPhrase, ...]) -> "ParsedClause":
+        """Return it with these objects in the role, instead of those that were there."""
+        return replace(self, roles=tuple((dict(self.roles) | {role: phrases}).items()))
+
     def about(self, phrases: tuple[NounPhrase, ...]) -> "ParsedClause":
         """Return it with these objects in place of its pronoun ("it", "them")."""
         roles = tuple((role, phrases if any(each.name is None for each in had) else had) for role, had in self.roles)

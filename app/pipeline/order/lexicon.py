@@ -178,13 +178,14 @@ class Text:
 
     Attributes:
         words: in base form where the lexicon has them; `texts`: the same as strings.
+        steps: of its parse so far.
     """
 
     def __init__(self, instruction: str, lexicon: Lexicon) -> None:
         self.instruction = instruction
         self.words = lexicon.read(instruction)
         self.texts = [word.text for word in self.words]
-        self._steps = 0
+        self.steps = 0
 
     def at(self, place: int) -> str:
         """Return the word there; empty at the end."""
@@ -210,6 +211,6 @@ class Text:
         Raises:
             TooInvolvedError: after too many.
         """
-        self._steps += 1
-        if self._steps > MAX_STEPS:
+        self.steps += 1
+        if self.steps > MAX_STEPS:
             raise TooInvolvedError("instruction", "is too involved to be sure of", "fewer things at once")

@@ -4,7 +4,7 @@ Every word must have a role in a taught form. A refusal says which word has none
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice, product
 
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_free_hand, uses_moved_object
@@ -40,7 +40,11 @@ def read(
     found = _meanings(taught, phrases)
     if len(found) == 1:
         return found[0]
-    why = refusal(taught, phrases, [order.text for order in found])
+
+    def is_clear(text: str) -> bool:
+        return bool(taught.literal(text)) or len(_meanings(taught, NounPhrases(text, taught.lexicon, layout))) == 1
+
+    why = refusal(taught, phrases, [order.text for order in found], is_clear)
     if not (allow_unfamiliar and why.is_unfamiliar):
         raise why.error(valid_instructions(taught), taught.choices)
     passed_on = unfamiliar_text(taught, phrases)
@@ -105,7 +109,7 @@ def _choices(taught: TaughtWords, clause: ParsedClause) -> list[tuple[FilledFram
     objects = clause.objects_in(DIRECT)
     if len(objects) < 2 or len(clause.roles) > 1:
         return []
-    parts = [_best(taught, replace(clause, roles=((DIRECT, (phrase,)),))) for phrase in objects]
+    parts = [_best(taught, clause.with_role(DIRECT, (phrase,))) for phrase in objects]
     return list(product(*parts)) if all(parts) else []
 
 

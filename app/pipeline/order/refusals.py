@@ -4,17 +4,20 @@ In this order: it has several meanings; its verb was not taught; a noun phrase s
 word is unknown; no taught instruction has its form.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.descriptions import NounPhrase, Unmatched
+from app.pipeline.order.lexicon import Text
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, clause_of
 from app.pipeline.order.taught import TaughtWords
 
 MAX_LISTED = 12  # instructions that a refusal repeats
+MAX_LEFT_OUT = 4  # words without which an instruction may be understood,
+MAX_WORDS, MAX_STEPS = 12, 500  # if it has at most so many words, and its parse so many steps: each try is a parse
 
 
 class Refusal(NamedTuple):
@@ -35,11 +38,14 @@ class Refusal(NamedTuple):
         return error
 
 
-def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) -> Refusal:
+def refusal(
+    taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str], is_clear: Callable[[str], bool] | None = None
+) -> Refusal:
     """Return why an instruction with no reading, or with several, is refused.
 
     Args:
         meanings: the canonical instructions that it may mean.
+        is_clear: whether a text would be understood; None: the refusal suggests none.
     """
     said, words = repr(phrases.text.instruction), phrases.text.words
     if meanings:
@@ -51,12 +57,12 @@ def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) 
     if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
         message = f"{', '.join(unknown)} in {said} {'is' if len(unknown) == 1 else 'are'} not understood"
         return Refusal(message, UnfamiliarInstructionError)
-    what = "says what not to do in a way that is not understood: say only what to do"
-    if not phrases.text.forbids:
-        what = (
-            "has known words, but not the form of a taught instruction: it names another place, direction or number, "
-            "gives objects other roles or another sequence, or is no order"
-        )
+    if phrases.text.forbids:
+        what = "says what not to do in a way that is not understood: say only what to do"
+    elif is_clear and (suggested := _suggestion(phrases.text, is_clear)):
+        return suggested
+    else:
+        what = "has the form of no taught instruction: it says another place, direction, number, role or sequence"
     return Refusal(f"{said} {what}", UnfamiliarInstructionError)
 
 
@@ -87,6 +93,22 @@ def valid_instructions(taught: TaughtWords) -> str:
     listed = ", ".join(map(repr, taught.instructions[:MAX_LISTED]))
     more = len(taught.instructions) - MAX_LISTED
     return f"objects {objects}" + (f"; taught {listed}" if listed else "") + (f" and {more} more" if more > 0 else "")
+
+
+def _suggestion(text: Text, is_clear: Callable[[str], bool]) -> Refusal | None:
+    """Return the refusal of the fewest words without which the instruction is understood; None if there are none."""
+    number, said = len(text.words), text.instruction
+    if number > MAX_WORDS or text.steps > MAX_STEPS:
+        return None
+    for length in range(1, min(MAX_LEFT_OUT, number - 1) + 1):
+        for start in range(number - length + 1):
+            first, last = text.words[start].token, text.words[start + length - 1].token
+            rest = " ".join(f"{said[: first.start]}{said[last.end :]}".split())
+            if is_clear(rest):
+                extra = said[first.start : last.end]
+                message = f"{extra!r} in {said!r} is no part of a taught instruction: {rest!r} would be understood"
+                return Refusal(message, UnfamiliarInstructionError)
+    return None
 
 
 def _longest(phrases: NounPhrases) -> list[NounPhrase]:

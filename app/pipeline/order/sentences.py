@@ -237,7 +237,7 @@ def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedCl
             resolved.append(clause)
             merged.append(clause)
             continue
-        whole = replace(clause, roles=tuple((dict(clause.roles) | {DIRECT: antecedent}).items()))
+        whole = clause.with_role(DIRECT, antecedent)
         picked = merged[-1].verb in PICKING and len(merged[-1].roles) == 1
         announced = resolved[-1].verb is None  # "the red button, push it"
         merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]

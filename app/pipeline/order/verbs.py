@@ -72,3 +72,10 @@ FIRST_WORDS = frozenset(phrase.split()[0] for phrase in PHRASES) | {
     "shake", "fold", "throw", "drop", "drag", "squeeze", "stir", "touch", "release", "cut", "spin", "roll", "shove",
 }  # fmt: skip
 IRREGULAR = {"took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep"}
+# Verbs without and with a destination: "press the button next to the plate" says which, "put the bowl next to the
+# plate" where to. "Push" and "take" may have one.
+STAYING = frozenset({
+    "pick", "pick up", "grasp", "grab", "grip", "press", "tap", "hit", "click", "poke", "touch", "open", "close",
+    "shut",
+})  # fmt: skip
+GOING = frozenset({"put", "put down", "place", "set", "set down", "lay", "lay down", "position", "stack", "insert"})

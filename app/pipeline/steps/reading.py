@@ -5,7 +5,7 @@ objects of these kinds. A sentence with two meanings is refused.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, product
 from typing import NamedTuple
@@ -206,7 +206,7 @@ class _Reader:
                 clause = clause.about(several.as_pronoun(meant))
             akin = any(several.is_akin(clause, other) for other in found)
             if several.counted(clause)[1] > 1 and unit.joined == {"and"} and akin:
-                self._miss(place, unit, "leaves open whether this part alone is repeated: say it twice")
+                self._miss(place, unit, 'leaves open whether this part alone is repeated: begin it with "then"')
                 return ()
             found.append(clause)
         return tuple(found)
@@ -253,10 +253,8 @@ class _Reader:
         to_both = repeated != [DIRECT] and clause.objects_in(DIRECT)  # one lid is not put on two pots
         if len(repeated) != 1 or to_both or clause.verb in TOGETHER:
             return []
-        each = [
-            replace(clause, roles=tuple((role, (phrase,) if role == repeated[0] else of) for role, of in clause.roles))
-            for phrase in clause.objects_in(repeated[0])
-        ]
+        (role,) = repeated
+        each = [clause.with_role(role, (phrase,)) for phrase in clause.objects_in(role)]
         return list(product(*map(self._whole, each)))
 
     def _whole(self, clause: ParsedClause) -> list[PlanStep]:

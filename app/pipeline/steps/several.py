@@ -63,9 +63,7 @@ def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
         left = without(kept[-1].clause.objects_in(DIRECT) if kept else (), unit.clause.objects_in(DIRECT))
         if not left or unit.own_verb or len(unit.clause.roles) != 1:
             return ()
-        others = tuple(item for item in kept[-1].clause.roles if item[0] != DIRECT)
-        clause = replace(kept[-1].clause, roles=((DIRECT, left), *others))
-        kept[-1] = replace(kept[-1], clause=clause)
+        kept[-1] = replace(kept[-1], clause=kept[-1].clause.with_role(DIRECT, left))
     return tuple(kept)
 
 
