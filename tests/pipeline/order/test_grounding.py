@@ -168,7 +168,7 @@ def test_a_refusal_lists_what_the_task_knows():
     [
         ("pull the red button", "'pull' in 'pull the red button' is no action that the task was taught"),
         ("push the red button slowly", "'slowly' in 'push the red button slowly' is not understood"),
-        ("push the red button up", "'up' in 'push the red button up' is no part of a taught instruction: 'push the red"),
+        ("push the red button up", "'up' in 'push the red button up' is no part of a taught instruction: 'push the"),
         ("push on", "'push on' has the form of no taught instruction"),
         ("don't push the red button", "says what not to do in a way that is not understood: say only what to do"),
     ],
