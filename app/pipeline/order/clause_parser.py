@@ -57,13 +57,13 @@ class ClauseParser:
         self._of_steps = accepted.of_steps
         self._forbidden = forbidden
 
-    def at(self, at: int) -> Parsed:
+    def at(self, start: int) -> Parsed:
         """Yield every clause that begins at this word, and where it ends."""
-        for verb, end in self._verb(at):
+        for verb, end in self._verb(start):
             yield from self._arguments(end, ParsedClause(verb))
-        yield from self._arguments(at, ParsedClause(None))
-        yield from self._passive(at)
-        yield from self._fronted(at)
+        yield from self._arguments(start, ParsedClause(None))
+        yield from self._passive(start)
+        yield from self._fronted(start)
 
     def skip(self, at: int, *tables: PhraseTable[Any]) -> int:
         """Return the end of the phrases of these tables that stand there, with a comma after each."""

@@ -35,10 +35,13 @@ def _family(verbs: str, roles: Collection[str] | None = None, *, one_destination
 
 
 _NO_ROLE: tuple[str, ...] = ()
-_PRESSING = "push, press, tap, hit, poke, click, depress, push down, press down, push in, press in, push on, press on, "
+_PRESSING = (
+    "push, press, tap, hit, poke, click, depress, push down, press down, push in, press in, push on, press on, tap on, "
+    "click on, push down on, press down on"
+)
 _PICKING = "pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of"
 FAMILIES = (
-    _family(_PRESSING + "tap on, click on, push down on, press down on", _NO_ROLE),
+    _family(_PRESSING, _NO_ROLE),
     _family(_PICKING, _NO_ROLE),
     _family("take, remove, lift, lift up, pick, pick up, get, grab, destack, unstack, de stack, un stack", ["off"]),
     _family("put, put down, place, set, set down, lay, lay down, position"),
@@ -79,3 +82,5 @@ STAYING = frozenset({
     "shut",
 })  # fmt: skip
 GOING = frozenset({"put", "put down", "place", "set", "set down", "lay", "lay down", "position", "stack", "insert"})
+CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
+TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C

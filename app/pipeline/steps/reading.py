@@ -23,13 +23,12 @@ from app.pipeline.order.refusals import Refusal, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Frame, TaughtWords
+from app.pipeline.order.verbs import CONTAINING, TOGETHER
 from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
 MAX_STEPS = 24  # that one sentence asks for
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
-CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
-TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 
 
 class PlanStep(NamedTuple):
