@@ -51,7 +51,7 @@ def refusal(
     if meanings:
         return Refusal(f"{said} may mean {' or '.join(map(repr, meanings[:3]))}: say which")
     if (verb := _untaught_verb(taught, phrases)) is not None:
-        return Refusal(f"{verb!r} in {said} is no action that the task was taught", UnfamiliarInstructionError)
+        return Refusal(f"{verb!r} in {said} is no action that was taught", UnfamiliarInstructionError)
     if (missed := _missed(phrases)) is not None:
         return missed
     if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
@@ -79,7 +79,7 @@ def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Seq
         return missed
     found = _longest(phrases)
     if not found and any(clause_of(text, taught.names).objects for text in taught.instructions):
-        return Refusal(f"{said} names no object of the task")
+        return Refusal(f"{said} names none of the known objects")
     text = phrases.with_names(phrase for phrase in found if phrase.by != "name")
     if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
         return Refusal(f"{said} does not name its objects clearly: call each by its name")
@@ -134,7 +134,7 @@ def _missed(phrases: NounPhrases) -> Refusal | None:
     said = repr(phrases.text.written(longest.start, longest.end))
     if longest.candidates:
         return Refusal(f"{said} may be {', '.join(longest.candidates)}: say which")
-    return Refusal(f"{said} is none of the task's objects")
+    return Refusal(f"{said} is none of the known objects")
 
 
 def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:

@@ -172,12 +172,10 @@ class _Reader:
         choices = self._choices_of(done, clauses)
         in_order = [clauses[place] for place in order] if choices else []
         if needs_free_hand(in_order):
-            self._miss(
-                len(done),
-                units[-1],
-                "needs a free hand: say first where to put what was picked up",
-            )
-        elif in_order and not is_placed_after_moving(in_order):
+            self._miss(len(done), units[-1], "needs a free hand: say first where to put what was picked up")
+        elif is_placed_after_moving(in_order):
+            self._miss(len(done), units[-1], "names an object by its place after another part moves one: use its name")
+        elif in_order:
             every = (tuple(chain.from_iterable(parts)) for parts in product(*(choices[place] for place in order)))
             yield from (steps for steps in every if left_out.isdisjoint(steps))
 

@@ -166,7 +166,7 @@ def test_a_refusal_lists_what_the_task_knows():
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        ("pull the red button", "'pull' in 'pull the red button' is no action that the task was taught"),
+        ("pull the red button", "'pull' in 'pull the red button' is no action that was taught"),
         ("push the red button slowly", "'slowly' in 'push the red button slowly' is not understood"),
         ("push the red button up", "'up' in 'push the red button up' is no part of a taught instruction: 'push the"),
         ("push on", "'push on' has the form of no taught instruction"),
