@@ -33,6 +33,7 @@ from roboprompt_client.types.arrays import Array
 
 GOES_TO_M = 0.2  # a hand that closes, opens or is lowest within this of an object's origin may act on it,
 CLEARLY = 2.0  # if all others of its name are so many times as far
+PLACE_EXAMPLE = "the left one, the one next to another object"
 Reading = tuple[int, str, tuple[str, ...]]  # number of clauses, text, names in the order in which a hand goes to them
 
 
@@ -114,11 +115,11 @@ def check_named(order: Order, followed: frozenset[str], groups: Sequence[Alike])
     said = {phrase.object_name for phrase in order.phrases if phrase.by == "name"}
     for alike in groups:
         if close := sorted(said & alike.unsteady):
-            message = f"{close[0]!r} has its number by chance: another {alike.called} stands as far left"
-            raise UngroundedInstructionError(FIELD, message, f"the {alike.called} by its place, in words")
+            message = f"{close[0]!r} may be another {alike.called} at the next look: two stand almost equally far left"
+            raise UngroundedInstructionError(FIELD, message, f"words of place instead of a number: {PLACE_EXAMPLE}")
         if unnamed := sorted((followed & alike.positions_m.keys()).difference(order.objects)):
             message = f"does not say which {alike.called} is meant, and the motion follows {unnamed[0]}"
-            valid = f"the {alike.called} by its place, also in demonstrations"
+            valid = f"words of place, also in demonstrations: {PLACE_EXAMPLE}"
             raise UngroundedInstructionError(FIELD, message, valid)
 
 
@@ -141,7 +142,7 @@ def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequen
     by_hand = tuple(name for name in names if name not in not_meant.difference(*gone))
     read = {*_readings(instruction, lexicon, layout), *_readings(instruction, Lexicon(by_hand, {}, (), is_word), None)}
     found = [reading for reading in sorted(read) if reading[0] == min(read)[0]]
-    valid = f"plain words that say by its place which {called} is meant"
+    valid = f"words of place that say which {called} is meant: {PLACE_EXAMPLE}"
     if len(found) != 1:
         either = " or ".join(repr(text) for _, text, _ in found[:3])
         message = f"may mean {either}" if found else f"does not say clearly which {called} is meant"

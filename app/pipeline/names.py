@@ -89,7 +89,7 @@ def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str])
             if vocabulary.NAMELESS.issuperset(phrase_of(word)):
                 raise InvalidInputError(field, f"{word!r} names nothing by itself", "a noun")
             if other := next((other for other in names if other != name and _may_mean(other, word)), None):
-                message = f"{word!r} is in the name of {other!r}, or its color"
+                message = f"{word!r} may also mean {other!r}, by its name or its color"
                 raise InvalidInputError(field, message, "words that fit no other object")
 
 

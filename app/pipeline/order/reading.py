@@ -75,7 +75,7 @@ def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
     try:
         for forms in islice(sentences.readings(), MAX_READINGS):
             for plan in next(filter(None, (list(_plans(taught, form)) for form in forms)), []):
-                if (text := _canonical(taught, plan)) is not None:
+                if text := _canonical(taught, plan):
                     named = {phrase for filled in plan for phrase in filled.clause.phrases}
                     groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
                     order = Order(text, taught.names, groundings or taught.mentioned(phrases.text.instruction))
@@ -140,9 +140,7 @@ def closest(every: list[FilledFrame]) -> list[FilledFrame]:
     return [each for each in every if each.frame.clause.fixed_phrases == each.clause.fixed_phrases] or every
 
 
-def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str | None:
-    texts = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
-    known = [text for text in texts if text is not None]
-    if len(known) < len(texts):
-        return None
-    return _JOINT.join([*(text.rstrip(". ") for text in known[:-1]), known[-1]])
+def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str:
+    """Return the taught texts with the clauses' objects; empty if one of them cannot be written."""
+    *texts, last = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
+    return _JOINT.join([*(text.rstrip(". ") for text in texts), last]) if last and all(texts) else ""

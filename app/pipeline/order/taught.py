@@ -90,10 +90,10 @@ class Frame:
         clear = number == 1 or clause.verb is None or " " not in clause.verb or clause.verb == self.clause.verb
         return {name: name} if number <= 1 and clear else None
 
-    def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str | None:
-        """Return the taught text with other objects; None if it would then not mention them in the same order."""
+    def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str:
+        """Return the taught text with other objects; empty if it would then not mention them in the same order."""
         if any(filled.get(name, name) != name for name in self._scattered):
-            return None
+            return ""
         wanted = tuple(filled[name] for name in clause_of(self.text, tuple(names)).objects if name in filled)
         for whole in (False, True):
             text = self.text
@@ -102,7 +102,7 @@ class Frame:
                     text = text[:start] + _called(filled[name], text[start:end], name, names, whole) + text[end:]
             if clause_of(text, tuple(names)).objects == wanted:
                 return text
-        return None
+        return ""
 
     @cached_property
     def _scattered(self) -> frozenset[str]:
@@ -202,11 +202,8 @@ class TaughtWords:
     @cached_property
     def choices(self) -> tuple[str, ...]:
         """The instructions that an unclear one may mean: the taught ones, and the same with other objects."""
-        found = dict.fromkeys(self.instructions)
-        for text in islice(self._about_others(), MAX_CHOICES):
-            if len(found) < MAX_CHOICES and self.literal(text) is not None:
-                found.setdefault(text)
-        return tuple(found)
+        others = filter(self.literal, islice(self._about_others(), MAX_CHOICES))
+        return tuple(dict.fromkeys((*self.instructions, *others)))[: max(MAX_CHOICES, len(self.instructions))]
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
@@ -224,7 +221,7 @@ class TaughtWords:
         for frame in self.frames:
             mine = tuple(dict.fromkeys(mention.name for mention in frame.named))
             for others in permutations(self.names, len(mine)) if frame.may_stand_alone else ():
-                if (text := frame.text_for(dict(zip(mine, others, strict=True)), self.names)) is not None:
+                if text := frame.text_for(dict(zip(mine, others, strict=True)), self.names):
                     yield text
 
     @cached_property

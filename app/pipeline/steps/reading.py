@@ -57,7 +57,7 @@ class Skill:
         for frame in self.taught.frames if asked <= set(names) else ():
             named = asked or not frame.clause.phrases
             filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
-            text = None if filled is None else frame.text_for(filled, names)
+            text = frame.text_for(filled, names) if filled is not None else ""
             if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
                 yield FilledFrame(frame, filled, clause), PlanStep(self.task, text.rstrip(". "))
 
