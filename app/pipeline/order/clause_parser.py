@@ -22,7 +22,6 @@ from app.pipeline.order.vocabulary import NUMBERS, PhraseTable
 from app.pipeline.order.words import VERB_FORMS, verb_forms
 
 MAX_OBJECTS = 8  # of one role
-_NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it", "again", "use"])
 Parsed = Iterator[tuple[ParsedClause, int]]  # clauses, and where their words end
 Objects = Iterator[tuple[tuple[NounPhrase, ...], int]]  # objects, and where their words end
 
@@ -194,7 +193,7 @@ class ClauseParser:
         while self._text.at(start) in vocabulary.SOME:
             start += 1
         word = self._text.words[start] if self._text.at(start) else None
-        if word is None or word.text in _NEVER_FIXED or not word.text[0].isalnum():
+        if word is None or word.text in vocabulary.NEVER_FIXED or not word.text[0].isalnum():
             return
         # as written, for "blocks" differs from "block"
         said = word.text if word.corrected or word.text in NUMBERS.values() else word.token.text

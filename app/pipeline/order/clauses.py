@@ -14,22 +14,18 @@ from typing import NamedTuple
 
 from app.pipeline.order.descriptions import NounPhrase
 from app.pipeline.order.verbs import FAMILIES, PICKING, Family
-from app.pipeline.order.vocabulary import ADJECTIVES, DESTINATIONS, NUMBERS, RETURNING
+from app.pipeline.order.vocabulary import (
+    ADJECTIVES,
+    ALTERING,
+    DECIDING,
+    DESTINATIONS,
+    DIRECTIONS,
+    LOCATIONS,
+    RETURNING,
+)
 
 DIRECT = ""  # the role of a direct object; the others are named after prepositions
 INSTRUMENT, SOURCE = "with", "off"  # the roles that may be left out
-# Words that change what a clause asks for, as numbers do: "in the reverse order"
-_ALTERING = frozenset({
-    "reverse", "reversed", "backward", "inverse", "inverted", "opposite", "contrary", "alternate",
-    "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
-    "nearly", "slightly", "only", "except", "without", "once", "twice", "thrice", "never",
-})  # fmt: skip
-_DIRECTIONS = frozenset({
-    "left", "right", "up", "down", "forward", "backward", "clockwise", "counterclockwise", "sideways", "upside",
-    "inside", "outside", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
-})  # fmt: skip
-_DECIDING = _ALTERING | _DIRECTIONS | ADJECTIVES | set(NUMBERS.values())
-_PLACES = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
 
 
 class FixedPhrase(NamedTuple):
@@ -47,7 +43,7 @@ class FixedPhrase(NamedTuple):
     @property
     def decides(self) -> bool:
         """Whether a clause would mean something else without them."""
-        deciding = _DECIDING if self.role not in _PLACES else _ALTERING
+        deciding = ALTERING if self.role in LOCATIONS else DECIDING
         decides = any(word in deciding or word.isdigit() for word in self.words)
         return decides and not (self.describes and ADJECTIVES.issuperset(self.words))
 
@@ -112,7 +108,7 @@ class ParsedClause:
     def families_with(self, verb: str | None) -> list[Family]:
         """Return the families of similar verbs that contain both its verb and another."""
         roles = {role for role, _ in self.roles if role != DIRECT}
-        sides = any(not _DIRECTIONS.isdisjoint(phrase.words) for phrase in self.fixed if phrase.role in ("", "to"))
+        sides = any(not DIRECTIONS.isdisjoint(phrase.words) for phrase in self.fixed if phrase.role in ("", "to"))
         toward = roles | {"to"} if sides else roles
         alike = [family for family in FAMILIES if {verb, self.verb} <= family.verbs]
         return [family for family in alike if family.holds(roles) or family.holds(toward)]

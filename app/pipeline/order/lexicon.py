@@ -7,16 +7,7 @@ from typing import Any, NamedTuple
 
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.vocabulary import (
-    ADJECTIVES,
-    FUNCTION_WORDS,
-    GENERIC_NOUNS,
-    NEVER_LOOSE,
-    NOUN_KINDS,
-    NUMBERS,
-    Phrase,
-    PhraseTable,
-)
+from app.pipeline.order.vocabulary import FUNCTION_WORDS, NUMBERS, Phrase, PhraseTable
 from app.pipeline.order.words import (
     VERB_FORMS,
     IsWord,
@@ -30,7 +21,7 @@ from app.pipeline.order.words import (
 )
 
 MAX_STEPS = 4000  # of one parse; an instruction that needs more is refused as too involved
-_NOUNS = GENERIC_NOUNS.union(*NOUN_KINDS)
+_NOUNS = vocabulary.GENERIC_NOUNS.union(*vocabulary.NOUN_KINDS)
 
 
 class TooInvolvedError(UngroundedInstructionError):
@@ -85,7 +76,7 @@ class Lexicon:
                 for word in phrase:
                     self.objects_of[word] = self.objects_of.get(word, frozenset()) | {name}
         self.called = PhraseTable(called)
-        self.loose = self.objects_of.keys() - NEVER_LOOSE
+        self.loose = self.objects_of.keys() - vocabulary.NEVER_LOOSE
         self._taught = {token.text for text in taught for token in tokens_of(text)}
         self._is_word = is_word
 
@@ -95,7 +86,7 @@ class Lexicon:
 
     def kind_of(self, noun: str) -> frozenset[str]:
         """Return the objects that a synonym of their noun may name: "block" for `red cube`."""
-        kinds = [kind for kind in NOUN_KINDS if noun in kind]
+        kinds = [kind for kind in vocabulary.NOUN_KINDS if noun in kind]
         return frozenset(name for kind in kinds for other in kind for name in self.objects_of.get(other, ()))
 
     def is_meant(self, name: str, words: Iterable[str]) -> bool:
@@ -106,7 +97,7 @@ class Lexicon:
         said = frozenset(words)
         nouns = {noun_of(phrase) for phrase in self.phrases[name]}
         own = {word for word in self.phrases[name][0] if self.objects_of[word] == {name}}
-        return bool(said & nouns) or said <= ADJECTIVES or (bool(own) and own <= said)
+        return bool(said & nouns) or said <= vocabulary.ADJECTIVES or (bool(own) and own <= said)
 
     def with_noun(self, noun: str) -> frozenset[str]:
         """Return the objects with a name or alias that ends in this noun."""
@@ -213,4 +204,6 @@ class Text:
         """
         self.steps += 1
         if self.steps > MAX_STEPS:
-            raise TooInvolvedError("instruction", "is too involved to be sure of", "fewer things at once")
+            raise TooInvolvedError(
+                "instruction", "is too involved: it can be read in too many ways", "fewer things at once"
+            )

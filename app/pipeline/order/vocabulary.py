@@ -235,6 +235,19 @@ def look_alike(one: str, other: str) -> bool:
 # Sets of words that other modules ask for
 
 ADJECTIVES = PLACE_ADJECTIVES | BASIC | ORDINALS.keys() | NUMBERS.keys() | set(NUMBERS.values()) | {"1"}
+# Words that change what a clause asks for, as numbers do: "in the reverse order"
+ALTERING = _words(
+    "reverse reversed backward inverse inverted opposite contrary alternate alternating ascending descending first "
+    "last half halfway partly partially almost nearly slightly only except without once twice thrice never"
+)
+DIRECTIONS = _words(
+    "left right up down forward backward clockwise counterclockwise sideways upside inside outside north south east "
+    "west open closed shut on off in out"
+)
+DECIDING = ALTERING | DIRECTIONS | ADJECTIVES | set(NUMBERS.values())  # without them a clause means something else
+# Roles that say where something is, rather than in which direction it goes
+LOCATIONS = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
+NEVER_FIXED = _words("and but or nor not never then it again use")  # they never stand for themselves
 _TABLES: tuple[Iterable[Phrase], ...] = (
     *(FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, PASSIVE, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY),
     *(SIDES, RELATIONS),
