@@ -1,4 +1,4 @@
-"""Sentences over tasks that were taught apart: how many become the right steps, are refused, or become wrong ones.
+"""Counts the sentences over several tasks that become the right steps, are refused, or become wrong steps.
 
 ``python -m benchmarks.plans [FILE] [--room NAME] [--json]``. The file has rooms, each with its objects, its tasks
 (their objects and taught instructions), what people ask with the plans that are right, and what must be refused.
@@ -28,10 +28,10 @@ RIGHT, REFUSED, UNCLEAR, WRONG = "right", "refused rightly", "refused though cle
 
 
 class Answer(NamedTuple):
-    """What became of one request.
+    """The outcome of one request.
 
     Attributes:
-        steps: their instructions; none where it was refused, for the reason `why`.
+        steps: their instructions; empty if it was refused, for the reason `why`.
         took_ms: to read it.
     """
 
@@ -44,7 +44,7 @@ class Answer(NamedTuple):
 
 
 def answers(rooms: dict[str, Any]) -> Iterator[Answer]:
-    """What becomes of every request."""
+    """Yield the outcome of every request."""
     for name, room in rooms.items():
         skills = [
             Skill(task, TaughtWords(taught["objects"], {}, taught["instructions"], is_english))
@@ -70,7 +70,7 @@ def _kind(steps: list[str], ask: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Read every request and print what became of it."""
+    """Print the outcome of every request, and their counts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", nargs="?", type=Path, default=ASKED)
     parser.add_argument("--room", action="append", help="only this one, may be repeated")

@@ -1,20 +1,18 @@
-"""Names of objects: when two spellings are one name, and whether given names are those of a task.
+"""Names of objects and their aliases: when two spellings are one name, and which names and aliases are refused.
 
 Instructions, prompts, settings and the store must all mean the same object by a name.
 """
 
 import re
-import unicodedata
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from app.pipeline.errors import ObjectSetError
+from app.pipeline.order import vocabulary
+from app.pipeline.order.words import folded_characters, phrase_of, plurals_of, singulars_of
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.names import checked_name
 
 _SEPARATORS = re.compile(r"[\s_\-\u2010\u2011]+")
-
-
-def folded_characters(text: str) -> str:
-    """The text without differences of case, width or Unicode form (NFKC)."""
-    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
 
 
 def folded_name(name: str) -> str:
@@ -54,3 +52,85 @@ def check_object_names(given: Sequence[str], names: Sequence[str], needed: Colle
     differences = {"missing": missing, "not of this task": unknown, "given twice": twice, "one name": same}
     if said := "; ".join(f"{what}: {', '.join(which)}" for what, which in differences.items() if which):
         raise ObjectSetError("objects", said, ", ".join(names))
+
+
+def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """Return the aliases by object, checked: each may stand in an instruction and belongs to one object only.
+
+    Raises:
+        InvalidInputError: names the alias and the object that has it already.
+    """
+    owners = {form: name for name in aliases for form in _singular_and_plurals(name)}
+    for name, words in aliases.items():
+        checked_name("aliases", name)
+        for word in words:
+            field = f"aliases[{name}]"
+            forms = _singular_and_plurals(checked_name(field, word))
+            owner = next((owners[form] for form in forms if owners.get(form, name) != name), name)
+            owners |= dict.fromkeys(forms, owner)
+            if owner != name:
+                raise InvalidInputError(field, f"{word!r} stands for {owner!r} already", "a word of one object only")
+    return {name: tuple(words) for name, words in aliases.items()}
+
+
+def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
+    """Refuse aliases of unknown objects, those that may be said of another object, too, and those that name nothing.
+
+    With the alias "azure" for a red cube, beside a blue cube, "pick up the azure cube" could move the red one.
+
+    Args:
+        names: the task's objects.
+    """
+    for name, words in aliases.items():
+        field = f"aliases[{name}]"
+        if name not in names:
+            raise InvalidInputError(field, "is no object of the task", ", ".join(names))
+        for word in words:
+            if vocabulary.NAMELESS.issuperset(phrase_of(word)):
+                raise InvalidInputError(field, f"{word!r} names nothing by itself", "a noun")
+            if other := next((other for other in names if other != name and _may_mean(other, word)), None):
+                message = f"{word!r} may also mean {other!r}, by its name or its color"
+                raise InvalidInputError(field, message, "words that fit no other object")
+
+
+def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return the aliases from several tasks, by object, without those that also fit another object of the scene.
+
+    Args:
+        of_tasks: the aliases of each task.
+        names: the objects of the scene.
+    """
+    words = {name: tuple(dict.fromkeys(word for of in of_tasks for word in of.get(name, ()))) for name in names}
+
+    def is_own(name: str, word: str) -> bool:
+        others = (called for other in names if other != name for called in (other, *words[other]))
+        return not any(_may_mean(called, word) for called in others)
+
+    return {name: tuple(word for word in words[name] if is_own(name, word)) for name in names}
+
+
+def _may_mean(name: str, words: str) -> bool:
+    """Return whether the words may be said of an object with this name: a part of it, or a color like its own alone."""
+    said = set(phrase_of(words)) - vocabulary.NAMELESS - vocabulary.SHADES_OF - vocabulary.COLORED
+    own = vocabulary.COLORS.keys() & phrase_of(name)
+    is_color = bool(said) and said <= vocabulary.COLORS.keys()
+    return _contains(name, words) or (
+        is_color and any(vocabulary.look_alike(one, other) for one in said for other in own)
+    )
+
+
+def _contains(name: str, words: str) -> bool:
+    """Return whether the name contains the words, each in the singular or in the plural."""
+    shown, said = folded_name(name).split(), folded_name(words).split()
+    starts = range(len(shown) - len(said) + 1)
+    return any(
+        all(one in {other, *plurals_of(other), *singulars_of(other)} for one, other in zip(part, said, strict=True))
+        for part in (shown[k : k + len(said)] for k in starts)
+    )
+
+
+def _singular_and_plurals(words: str) -> tuple[str, ...]:
+    """Return the folded words, and the same with the last one in the plural."""
+    said = folded_name(words)
+    before, space, last = said.rpartition(" ")
+    return (said, *(f"{before}{space}{plural}" for plural in plurals_of(last)))

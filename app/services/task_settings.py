@@ -24,8 +24,7 @@ from app.perception.strict import WHOLE, Number
 from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion
-from app.pipeline.names import spelling_variants
-from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
+from app.pipeline.names import check_aliases_of, checked_aliases, spelling_variants
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation.base import check_style
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, Point, WorkspaceSettings

@@ -58,5 +58,5 @@ def test_an_unfamiliar_instruction_may_be_allowed(client):
     answer = client.predict("words", "pull the red button", SEEN, **fields).response
     found = [(item["code"], item["severity"]) for item in answer["findings"]]
     assert ("unfamiliar-instruction", "danger") in found
-    with pytest.raises(ServiceProblemError, match="none of the task's objects"):
+    with pytest.raises(ServiceProblemError, match="none of the known objects"):
         client.predict("words", "pull the purple button", SEEN, **fields)

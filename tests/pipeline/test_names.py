@@ -1,8 +1,7 @@
 import pytest
 
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.names import check_object_names, folded_name, spelling_variants
-from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
+from app.pipeline.names import check_aliases_of, check_object_names, checked_aliases, folded_name, spelling_variants
 from app.pipeline.order.words import tokens_of
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError
@@ -66,7 +65,7 @@ def test_a_letter_that_grows_in_lower_case_leaves_the_others_readable():
     ["blue", "Blue", "cube", "blue_cube", "BLUE  cube", "blue cubes", "Cubes", "azure", "the teal one", "dark navy"],
 )
 def test_an_alias_is_no_word_of_another_objects_name(alias):
-    with pytest.raises(InvalidInputError, match="is in the name of 'blue cube'") as caught:
+    with pytest.raises(InvalidInputError, match="may also mean 'blue cube'") as caught:
         check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
     assert caught.value.field == "aliases[red cube]"
 

@@ -11,8 +11,8 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.places import FIXED_M, Range
 from app.pipeline.findings.rules import ARRANGED, PARTED, SIDES
-from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.vocabulary import PLACE_WORDS
+from app.pipeline.order.words import phrase_of
 from app.pipeline.representation.anchors import OBJECT_FRAMES, AnchorFrame, object_rotation, tilted_objects
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose

@@ -19,9 +19,9 @@ from app.pipeline.findings.places import (
     estimated_error_m,
 )
 from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
+from app.pipeline.order.words import phrase_of
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.severity import SEVERITIES

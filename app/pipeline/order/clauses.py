@@ -1,4 +1,4 @@
-"""A parsed clause: its verb, its objects by role, and its remaining words as fixed phrases.
+"""A parsed clause: its verb, its objects by role, and its other words as fixed phrases; which sequences are possible.
 
 Fixed phrases are "to the left", "in the top drawer", "the dirt", "away". They are compared as wholes, with their
 prepositions: "from 5 to 2" has the same words as "from 2 to 5". A phrase of direction, number or manner must not be
@@ -9,27 +9,23 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
-from app.pipeline.order.noun_phrases import NounPhrase
-from app.pipeline.order.verbs import DESTINATIONS, FAMILIES, PICKING, Family
-from app.pipeline.order.vocabulary import ADJECTIVES, RETURNING
-from app.pipeline.order.words import NUMBERS
+from app.pipeline.order.descriptions import NounPhrase
+from app.pipeline.order.verbs import FAMILIES, PICKING, Family
+from app.pipeline.order.vocabulary import (
+    ADJECTIVES,
+    ALTERING,
+    DECIDING,
+    DESTINATIONS,
+    DIRECTIONS,
+    LOCATIONS,
+    RETURNING,
+)
 
 DIRECT = ""  # the role of a direct object; the others are named after prepositions
 INSTRUMENT, SOURCE = "with", "off"  # the roles that may be left out
-# Words that change what a clause asks for, as numbers do: "in the reverse order"
-_ALTERING = frozenset({
-    "reverse", "reversed", "backward", "inverse", "inverted", "opposite", "contrary", "alternate",
-    "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
-    "nearly", "slightly", "only", "except", "without", "once", "twice", "thrice", "never",
-})  # fmt: skip
-_DIRECTIONS = frozenset({
-    "left", "right", "up", "down", "forward", "backward", "clockwise", "counterclockwise", "sideways", "upside",
-    "inside", "outside", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
-})  # fmt: skip
-_DECIDING = _ALTERING | _DIRECTIONS | ADJECTIVES | set(NUMBERS.values())
-_PLACES = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
 
 
 class FixedPhrase(NamedTuple):
@@ -47,7 +43,7 @@ class FixedPhrase(NamedTuple):
     @property
     def decides(self) -> bool:
         """Whether a clause would mean something else without them."""
-        deciding = _DECIDING if self.role not in _PLACES else _ALTERING
+        deciding = ALTERING if self.role in LOCATIONS else DECIDING
         decides = any(word in deciding or word.isdigit() for word in self.words)
         return decides and not (self.describes and ADJECTIVES.issuperset(self.words))
 
@@ -105,10 +101,14 @@ class ParsedClause:
         """Return the objects in a role; empty if there are none."""
         return dict(self.roles).get(role, ())
 
+    def names_in(self, role: str) -> set[str]:
+        """Return the names of the objects in a role."""
+        return {phrase.name for phrase in self.objects_in(role) if phrase.name}
+
     def families_with(self, verb: str | None) -> list[Family]:
         """Return the families of similar verbs that contain both its verb and another."""
         roles = {role for role, _ in self.roles if role != DIRECT}
-        sides = any(not _DIRECTIONS.isdisjoint(phrase.words) for phrase in self.fixed if phrase.role in ("", "to"))
+        sides = any(not DIRECTIONS.isdisjoint(phrase.words) for phrase in self.fixed if phrase.role in ("", "to"))
         toward = roles | {"to"} if sides else roles
         alike = [family for family in FAMILIES if {verb, self.verb} <= family.verbs]
         return [family for family in alike if family.holds(roles) or family.holds(toward)]
@@ -125,14 +125,14 @@ class ParsedClause:
         return somewhere and any(phrase.superfluous for phrase in self.phrases)
 
     @property
-    def takes_somewhere(self) -> bool:
-        """Whether it has a destination, or "off"."""
-        return self.has_destination or any(role == SOURCE for role, _ in self.roles)
-
-    @property
     def picks_up(self) -> bool:
         """Whether its object stays in the hand."""
         return self.verb in PICKING and {role for role, _ in self.roles} <= {DIRECT}
+
+    @property
+    def moves_object(self) -> bool:
+        """Whether its object is elsewhere afterwards: it picks up, has a destination, or "off"."""
+        return self.picks_up or self.has_destination or bool(self.objects_in(SOURCE))
 
     @property
     def phrases(self) -> tuple[NounPhrase, ...]:
@@ -161,7 +161,53 @@ class ParsedClause:
             fixed = (*fixed[:-1], fixed[-1]._replace(describes=True))
         return replace(self, roles=(*self.roles, (role, phrases)), fixed=fixed, goes_on=False)
 
-    def about(self, phrase: NounPhrase) -> "ParsedClause":
-        """Return it with this direct object, in place of "it" or of none."""
-        others = tuple((role, phrases) for role, phrases in self.roles if role != DIRECT)
-        return replace(self, roles=((DIRECT, (phrase,)), *others))
+    def with_role(self, role: str, phrases: tuple[NounPhrase, ...]) -> "ParsedClause":
+        """Return it with these objects in the role, instead of those that were there."""
+        return replace(self, roles=tuple((dict(self.roles) | {role: phrases}).items()))
+
+    def about(self, phrases: tuple[NounPhrase, ...]) -> "ParsedClause":
+        """Return it with these objects in place of its pronoun ("it", "them")."""
+        roles = tuple((role, phrases if any(each.name is None for each in had) else had) for role, had in self.roles)
+        return replace(self, roles=roles)
+
+
+def uses_moved_object(clauses: Sequence[ParsedClause]) -> bool:
+    """Return whether a clause uses an object that an earlier one moved, or moves one that something was put on.
+
+    Places are known only before the first action, and a covered object cannot be grasped as it was taught. Picking the
+    same object up twice in a row is allowed.
+    """
+    moved, covered = set[str](), set[str]()
+    for before, clause in pairwise((None, *clauses)):
+        assert clause is not None
+        direct = clause.names_in(DIRECT)
+        again = before is not None and before.picks_up and clause.picks_up and direct == before.names_in(DIRECT)
+        if not again and not moved.isdisjoint(phrase.name for phrase in clause.phrases):
+            return True
+        if clause.moves_object:
+            if not covered.isdisjoint(direct):
+                return True
+            moved |= direct
+            covered |= clause.names_in("on")
+    return False
+
+
+def needs_free_hand(clauses: Sequence[ParsedClause]) -> bool:
+    """Return whether a clause is about other objects than the one that the hand holds, or picks up another one."""
+    held = set[str]()
+    for clause in clauses:
+        direct = clause.names_in(DIRECT)
+        elsewhere = bool(held) and held.isdisjoint(phrase.name for phrase in clause.phrases)
+        if elsewhere or (clause.picks_up and len(held | direct) > 1):
+            return True
+        if clause.moves_object:
+            held = direct if clause.picks_up else set()
+    return False
+
+
+def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
+    """Return whether a clause identifies an object by its place after something was moved."""
+    return any(
+        earlier.moves_object and any(phrase.by == "relation" for phrase in later.phrases)
+        for earlier, later in combinations(clauses, 2)
+    )

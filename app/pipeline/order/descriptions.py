@@ -1,14 +1,46 @@
-"""Description: the properties that a noun phrase states, and the objects that have them."""
+"""What a noun phrase states about an object, and which objects have these properties."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from app.pipeline.order.lexicon import Lexicon, noun_of
+from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.space import Layout, Pick, by_distance, extreme
 from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES
+from app.pipeline.order.words import noun_of
 
 # How a phrase was matched to an object, by decreasing certainty. An answer reports the least certain of several.
 MEANS = ("name", "alias", "taught", "spelling", "color", "relation")
+
+
+class NounPhrase(NamedTuple):
+    """The words from `start` to `end` stand for `name`.
+
+    Attributes:
+        name: of the object; None for "it" and "them", and for an unknown thing in a clause that forbids something.
+        by: how it was matched, one of `MEANS`.
+        plural: whether its noun is in the plural, as the last one of "the red and the blue buttons".
+        with_noun: whether it has a noun, unlike "the red" there.
+        nested: whether it ends with another noun phrase: "the cup next to the plate".
+        superfluous: whether it names the object without the relation at its end, which may then be a destination:
+            "put mug 1 next to mug 2 on the tray".
+    """
+
+    start: int
+    end: int
+    name: str | None
+    by: str
+    plural: bool = False
+    with_noun: bool = True
+    nested: bool = False
+    superfluous: bool = False
+
+
+class Unmatched(NamedTuple):
+    """The words from `start` to `end` are a noun phrase that matches no object of the task, or several."""
+
+    start: int
+    end: int
+    candidates: tuple[str, ...]
 
 
 class Description(NamedTuple):
@@ -24,6 +56,7 @@ class Description(NamedTuple):
         plural: whether its noun is in the plural.
         nested: whether it ends with another noun phrase: "the cup next to the plate".
         needed: the number of `picks` before the first relation that follows the noun without "that is".
+        means: how its words are matched, of `MEANS`.
     """
 
     end: int
@@ -43,8 +76,7 @@ class Description(NamedTuple):
     @property
     def says_something(self) -> bool:
         """Whether it can name an object. Colors and places need a noun: "the yellow" names none."""
-        noun = bool(self.exact or self.words or self.kinds or self.generic)
-        return noun and not (self.colors and not self.has_noun)
+        return self.has_noun or (bool(self.words) and not self.colors)
 
     @property
     def has_noun(self) -> bool:
@@ -77,10 +109,10 @@ class Description(NamedTuple):
         """Return the objects that it matches, in the task's order."""
         complete = self.reaching(None, self.end) if self.reach else self
         named = complete._named(lexicon)
-        if not complete.picks:
-            return () if complete.place else named
-        if layout is None or complete.place:
+        if complete.place or (complete.picks and layout is None):
             return ()
+        if not complete.picks or layout is None:
+            return named
         if len(named) > 1:
             for pick in complete.picks:
                 named = pick(layout, named)

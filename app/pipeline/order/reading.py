@@ -4,21 +4,18 @@ Every word must have a role in a taught form. A refusal says which word has none
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice, product
 
-from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
-from app.pipeline.order.descriptions import MEANS
-from app.pipeline.order.frames import Frame
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_free_hand, uses_moved_object
+from app.pipeline.order.descriptions import MEANS, NounPhrase
+from app.pipeline.order.lexicon import TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.post_modifiers import TooInvolvedError
-from app.pipeline.order.refusals import refusal, unfamiliar_text
+from app.pipeline.order.refusals import Refusal, refusal, unfamiliar_text, valid_instructions
 from app.pipeline.order.sentences import Sentences
-from app.pipeline.order.sequence import needs_full_hand, uses_moved_object
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import TaughtWords
+from app.pipeline.order.taught import Frame, TaughtWords
 
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "
@@ -43,16 +40,24 @@ def read(
     found = _meanings(taught, phrases)
     if len(found) == 1:
         return found[0]
-    error = refusal(taught, phrases, [order.text for order in found])
-    if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
-        error.choices = taught.choices
-        raise error
-    text, named = unfamiliar_text(taught, phrases)
-    return taught.order(text, _groundings(phrases, named), error.message)
+
+    def is_clear(text: str) -> bool:
+        return bool(taught.literal(text)) or len(_meanings(taught, NounPhrases(text, taught.lexicon, layout))) == 1
+
+    why = refusal(taught, phrases, [order.text for order in found], is_clear)
+    if not (allow_unfamiliar and why.is_unfamiliar):
+        raise why.error(valid_instructions(taught), taught.choices)
+    passed_on = unfamiliar_text(taught, phrases)
+    if isinstance(passed_on, Refusal):
+        raise passed_on.error(valid_instructions(taught))
+    text, named = passed_on
+    return Order(text, taught.names, _groundings(phrases, named), why.message)
 
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
-    return tuple(Grounding(phrases.text_of(each.start, each.end), each.name, each.by) for each in named if each.name)
+    return tuple(
+        Grounding(phrases.text.written(each.start, each.end), each.name, each.by) for each in named if each.name
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +70,15 @@ class FilledFrame:
 
 
 def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
-    sentences = Sentences(phrases, taught.fixed_words, taught.verbs)
+    sentences = Sentences(phrases, taught.accepted)
     found: dict[str, Order] = {}
     try:
         for forms in islice(sentences.readings(), MAX_READINGS):
             for plan in next(filter(None, (list(_plans(taught, form)) for form in forms)), []):
-                if (text := _canonical(taught, plan)) is not None:
+                if text := _canonical(taught, plan):
                     named = {phrase for filled in plan for phrase in filled.clause.phrases}
                     groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
-                    order = taught.order(text, groundings or taught.mentioned(phrases.instruction))
+                    order = Order(text, taught.names, groundings or taught.mentioned(phrases.text.instruction))
                     found[text] = min(found.get(text, order), order, key=_uncertainty)
     except TooInvolvedError:
         return []
@@ -92,7 +97,7 @@ def _plans(taught: TaughtWords, reading: Sequence[ParsedClause]) -> Iterator[tup
         signatures = tuple(filled.frame.clause.signature for filled in plan)
         alone = all(filled.frame.may_stand_alone for filled in plan)
         clauses = [filled.clause for filled in plan]
-        possible = alone and not uses_moved_object(clauses) and not needs_full_hand(clauses)
+        possible = alone and not uses_moved_object(clauses) and not needs_free_hand(clauses)
         if possible or any(signatures == frame.plan for frame in taught.frames):
             yield plan
 
@@ -104,7 +109,7 @@ def _choices(taught: TaughtWords, clause: ParsedClause) -> list[tuple[FilledFram
     objects = clause.objects_in(DIRECT)
     if len(objects) < 2 or len(clause.roles) > 1:
         return []
-    parts = [_best(taught, replace(clause, roles=((DIRECT, (phrase,)),))) for phrase in objects]
+    parts = [_best(taught, clause.with_role(DIRECT, (phrase,))) for phrase in objects]
     return list(product(*parts)) if all(parts) else []
 
 
@@ -135,9 +140,7 @@ def closest(every: list[FilledFrame]) -> list[FilledFrame]:
     return [each for each in every if each.frame.clause.fixed_phrases == each.clause.fixed_phrases] or every
 
 
-def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str | None:
-    texts = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
-    known = [text for text in texts if text is not None]
-    if len(known) < len(texts):
-        return None
-    return _JOINT.join([*(text.rstrip(". ") for text in known[:-1]), known[-1]])
+def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str:
+    """Return the taught texts with the clauses' objects; empty if one of them cannot be written."""
+    *texts, last = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
+    return _JOINT.join([*(text.rstrip(". ") for text in texts), last]) if last and all(texts) else ""

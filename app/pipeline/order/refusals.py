@@ -1,72 +1,127 @@
-"""Why an instruction has no meaning that was taught: the error that names the words and lists what the task knows."""
+"""Why an instruction is refused: which phrase, and what is wrong with it.
 
-from collections.abc import Sequence
+In this order: it has several meanings; its verb was not taught; a noun phrase stands for no object or for several; a
+word is unknown; no taught instruction has its form.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, Unmatched
+from app.pipeline.order.descriptions import NounPhrase, Unmatched
+from app.pipeline.order.lexicon import Text
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, clause_of
 from app.pipeline.order.taught import TaughtWords
-from app.pipeline.order.words import Word
 
 MAX_LISTED = 12  # instructions that a refusal repeats
+MAX_LEFT_OUT = 4  # words without which an instruction may be understood,
+MAX_WORDS, MAX_STEPS = 12, 500  # if it has at most so many words, and its parse so many steps: each try is a parse
 
 
-def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str]) -> InstructionError:
-    """Return the error for an instruction with no reading, or with several.
+class Refusal(NamedTuple):
+    """Why an instruction is refused."""
+
+    message: str
+    kind: type[InstructionError] = UngroundedInstructionError
+
+    @property
+    def is_unfamiliar(self) -> bool:
+        """Whether the instruction is unlike every taught one, though it may be clear which objects it names."""
+        return issubclass(self.kind, UnfamiliarInstructionError)
+
+    def error(self, valid: str, choices: tuple[str, ...] = ()) -> InstructionError:
+        """Return it as an exception that says what would be valid."""
+        error = self.kind(FIELD, self.message, valid)
+        error.choices = choices
+        return error
+
+
+def refusal(
+    taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str], is_clear: Callable[[str], bool] | None = None
+) -> Refusal:
+    """Return why an instruction with no reading, or with several, is refused.
 
     Args:
         meanings: the canonical instructions that it may mean.
+        is_clear: whether a text would be understood; None: the refusal suggests none.
     """
-    valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
+    said, words = repr(phrases.text.instruction), phrases.text.words
     if meanings:
-        listed = " or ".join(repr(text) for text in meanings[:3])
-        return UngroundedInstructionError(FIELD, f"{instruction!r} may mean {listed}", valid)
-    if not _asks_for_taught(taught, words):
-        return UnfamiliarInstructionError(FIELD, f"{instruction!r} is unlike what the task was taught", valid)
+        return Refusal(f"{said} may mean {' or '.join(map(repr, meanings[:3]))}: say which")
+    if (verb := _untaught_verb(taught, phrases)) is not None:
+        return Refusal(f"{verb!r} in {said} is no action that was taught", UnfamiliarInstructionError)
     if (missed := _missed(phrases)) is not None:
-        return _ungrounded(phrases, missed, valid)
+        return missed
     if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
-        message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
-        return UnfamiliarInstructionError(FIELD, message, valid)
-    what = "says what not to do in a way that is not understood"
-    if not vocabulary.forbids(words):
-        what = "is no order in a form that was taught: another place, direction, number, role or sequence, or a report"
-    return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
+        message = f"{', '.join(unknown)} in {said} {'is' if len(unknown) == 1 else 'are'} not understood"
+        return Refusal(message, UnfamiliarInstructionError)
+    if phrases.text.forbids:
+        what = "says what not to do in a way that is not understood: say only what to do"
+    elif is_clear and (suggested := _suggestion(phrases.text, is_clear)):
+        return suggested
+    else:
+        what = "has the form of no taught instruction: it says another place, direction, number, role or sequence"
+    return Refusal(f"{said} {what}", UnfamiliarInstructionError)
 
 
-def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]]:
-    """Return the unfamiliar instruction with objects by their names, and the phrases that name them.
+def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]] | Refusal:
+    """Return an unfamiliar instruction with objects by their names, and the phrases that name them.
 
-    Raises:
-        UngroundedInstructionError: if it names an unknown thing, names no object though taught instructions do, or
-            forbids something: the object acted on would be arbitrary.
+    It is refused if it names an unknown thing, names no object though taught instructions do, or forbids something: the
+    object acted on would be arbitrary.
     """
-    valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
-    if vocabulary.forbids(words):
-        raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
+    said = repr(phrases.text.instruction)
+    if phrases.text.forbids:
+        return Refusal(f"{said} says what not to do: an instruction that was not taught may only say what to do")
     if (missed := _missed(phrases)) is not None:
-        raise _ungrounded(phrases, missed, valid)
+        return missed
     found = _longest(phrases)
     if not found and any(clause_of(text, taught.names).objects for text in taught.instructions):
-        raise UngroundedInstructionError(FIELD, f"{instruction!r} names no object of the task", valid)
+        return Refusal(f"{said} names none of the known objects")
     text = phrases.with_names(phrase for phrase in found if phrase.by != "name")
     if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
-        raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
+        return Refusal(f"{said} does not name its objects clearly: call each by its name")
     return text, found
+
+
+def valid_instructions(taught: TaughtWords) -> str:
+    """Return the objects and taught instructions of a task, as a refusal lists them."""
+    aliases = {name: f" (or {', '.join(words)})" for name, words in taught.aliases.items() if words}
+    objects = ", ".join(f"{name}{aliases.get(name, '')}" for name in taught.names)
+    listed = ", ".join(map(repr, taught.instructions[:MAX_LISTED]))
+    more = len(taught.instructions) - MAX_LISTED
+    return f"objects {objects}" + (f"; taught {listed}" if listed else "") + (f" and {more} more" if more > 0 else "")
+
+
+def _suggestion(text: Text, is_clear: Callable[[str], bool]) -> Refusal | None:
+    """Return the refusal of the fewest words without which the instruction is understood; None if there are none."""
+    number, said = len(text.words), text.instruction
+    if number > MAX_WORDS or text.steps > MAX_STEPS:
+        return None
+    for length in range(1, min(MAX_LEFT_OUT, number - 1) + 1):
+        for start in range(number - length + 1):
+            first, last = text.words[start].token, text.words[start + length - 1].token
+            rest = " ".join(f"{said[: first.start]}{said[last.end :]}".split())
+            if is_clear(rest):
+                extra = said[first.start : last.end]
+                message = f"{extra!r} in {said!r} is no part of a taught instruction: {rest!r} would be understood"
+                return Refusal(message, UnfamiliarInstructionError)
+    return None
 
 
 def _longest(phrases: NounPhrases) -> list[NounPhrase]:
     """Return the phrases that name objects, from left to right, each as long as possible, without overlap."""
     found: list[NounPhrase] = []
-    for k in range(len(phrases.words)):
+    for k in range(len(phrases.text.words)):
         if (not found or k >= found[-1].end) and (here := phrases.at(k)) and here[0].name:
             found.append(here[0])
     return found
 
 
-def _missed(phrases: NounPhrases) -> Unmatched | None:
-    """Return the longest noun phrase that matches no single object (nor is part of one that does), or unknown noun."""
+def _missed(phrases: NounPhrases) -> Refusal | None:
+    """Return why the longest noun phrase without an object of its own, or else an unknown noun, is refused."""
     found = _longest(phrases)
 
     def is_part(missed: Unmatched) -> bool:
@@ -74,7 +129,12 @@ def _missed(phrases: NounPhrases) -> Unmatched | None:
 
     missed = [each for each in phrases.unmatched if not is_part(each)]
     longest = max(missed, key=lambda each: (each.end - each.start, -each.start, each.candidates), default=None)
-    return longest or _unknown_thing(phrases.words)
+    if (longest := longest or _unknown_thing(phrases)) is None:
+        return None
+    said = repr(phrases.text.written(longest.start, longest.end))
+    if longest.candidates:
+        return Refusal(f"{said} may be {', '.join(longest.candidates)}: say which")
+    return Refusal(f"{said} is none of the known objects")
 
 
 def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:
@@ -82,40 +142,29 @@ def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:
     return missed.start <= phrase.start and phrase.end <= missed.end and missed[:2] != phrase[:2]
 
 
-def _unknown_thing(words: Sequence[Word]) -> Unmatched | None:
+def _unknown_thing(phrases: NounPhrases) -> Unmatched | None:
     """Return the first unknown word in the position of a noun: after an article, a preposition or a verb."""
     before = vocabulary.DETERMINERS | verbs.FIRST_WORDS | {phrase[-1] for phrase in vocabulary.PREPOSITIONS}
-    for k, word in enumerate(words[1:], start=1):
-        if not word.known and words[k - 1].text in before:
-            return Unmatched(k - 1 if words[k - 1].text in vocabulary.DETERMINERS else k, k + 1, ())
+    texts = phrases.text.texts
+    for k, word in enumerate(phrases.text.words[1:], start=1):
+        if not word.known and texts[k - 1] in before:
+            return Unmatched(k - 1 if texts[k - 1] in vocabulary.DETERMINERS else k, k + 1, ())
     return None
 
 
-def _asks_for_taught(taught: TaughtWords, words: Sequence[Word]) -> bool:
-    """Return whether a verb of the instruction equals or resembles a taught one; True for a clause without a verb."""
-    clauses = [frame.clause for frame in taught.frames]
-    said = [word.text for word in words if word.text in verbs.FIRST_WORDS or any(c.verb == word.text for c in clauses)]
+def _untaught_verb(taught: TaughtWords, phrases: NounPhrases) -> str | None:
+    """Return the verb, or the unknown first word, of an instruction of which no verb equals or resembles a taught one.
+
+    None for a clause without a verb.
+    """
+    words, clauses = phrases.text.words, [frame.clause for frame in taught.frames]
+    said = [word for word in words if word.text in verbs.FIRST_WORDS or any(c.verb == word.text for c in clauses)]
     if not said:
-        return bool(words) and (words[0].known or words[0].text in vocabulary.DETERMINERS)
-    return any(
-        verb == clause.verb or (clause.verb or "").split()[:1] == [verb] or clause.families_with(verb)
-        for verb in said
+        known = bool(words) and (words[0].known or words[0].text in vocabulary.DETERMINERS)
+        return None if known else words[0].token.text if words else ""
+    resembles = any(
+        word.text == clause.verb or (clause.verb or "").split()[:1] == [word.text] or clause.families_with(word.text)
+        for word in said
         for clause in clauses
     )
-
-
-def _ungrounded(phrases: NounPhrases, missed: Unmatched, valid: str) -> UngroundedInstructionError:
-    text = phrases.text_of(missed.start, missed.end)
-    if missed.candidates:
-        return UngroundedInstructionError(FIELD, f"{text!r} may be {', '.join(missed.candidates)}", valid)
-    return UngroundedInstructionError(FIELD, f"{text!r} is none of the task's objects", valid)
-
-
-def _valid(taught: TaughtWords) -> str:
-    objects = [
-        f"{name} (or {', '.join(taught.aliases[name])})" if taught.aliases.get(name) else name for name in taught.names
-    ]
-    listed = [repr(text) for text in taught.instructions[:MAX_LISTED]]
-    more = len(taught.instructions) - len(listed)
-    known = f"; taught {', '.join(listed)}" + (f" and {more} more" if more > 0 else "") if listed else ""
-    return f"objects {', '.join(objects)}{known}"
+    return None if resembles else said[0].token.text

@@ -1,7 +1,13 @@
-"""Parse an instruction into the clauses to carry out, in their order; forbidden clauses are left out.
+"""Sentences: the clauses to carry out, in their order; what is forbidden is left out.
 
-Every word must have a role. Otherwise there is no parse, and the instruction is refused: an unknown word may change the
-meaning of the others.
+    sentence  = ["before" | "after"] unit {separator unit | forbidden} [separator]
+    unit      = {lead} (clause | forbidden)
+    forbidden = ("do not" | "skip" | "instead of" | "except") clause
+    separator = {"," | ";" | "." | "and" | "but" | "then" | "before" | "after"}
+    lead      = "please" | "could you" | "first" | ...
+
+"Before", "after" and "except" only where a sentence may ask for several steps. Every word must have a role: an unknown
+one may change the meaning of the others, so that there is no parse.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,13 +16,14 @@ from itertools import chain, pairwise
 from typing import Literal
 
 from app.pipeline.order import vocabulary
-from app.pipeline.order.clause_parser import ClauseParser
+from app.pipeline.order.clause_parser import Accepted, ClauseParser
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause
+from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.verbs import PICKING
-from app.pipeline.order.words import PhraseTable
+from app.pipeline.order.vocabulary import PhraseTable
 
 Mood = Literal["do", "not", "skip", "rather", "except"]
-FORBIDDING: dict[Mood, PhraseTable] = {
+FORBIDDING: dict[Mood, PhraseTable[None]] = {
     "not": vocabulary.NOT, "skip": vocabulary.SKIP, "rather": vocabulary.RATHER, "except": vocabulary.EXCEPT,
 }  # fmt: skip
 
@@ -28,7 +35,7 @@ class Unit:
     Attributes:
         clause: with the verb of the one before where it has none of its own.
         mood: "do", or the kind of words that forbid it.
-        joined: the kinds of words between it and the unit before, see `ClauseParser._separator`.
+        joined: the kinds of words between it and the unit before, see `ClauseParser.separator`.
         start, end: the range of its words.
     """
 
@@ -40,8 +47,14 @@ class Unit:
     end: int
 
 
-class Sentences(ClauseParser):
+class Sentences:
     """The parses of one instruction."""
+
+    def __init__(self, phrases: NounPhrases, accepted: Accepted) -> None:
+        self._text = phrases.text
+        self._clauses = ClauseParser(phrases, accepted)
+        self._forbidden = ClauseParser(phrases, accepted, forbidden=True)
+        self._of_steps = accepted.of_steps
 
     def units(self) -> Iterator[tuple[Unit, ...]]:
         """Yield every parse of the whole text that is an order.
@@ -71,7 +84,7 @@ class Sentences(ClauseParser):
             return True
         phrases = units[0].clause.phrases
         named = all(phrase.name for phrase in phrases) and any(phrase.with_noun for phrase in phrases)
-        return (len(units) > 1 or named) and all(word.text != "?" for word in self._words)
+        return (len(units) > 1 or named) and "?" not in self._text.texts
 
     def _units(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[tuple[Unit, ...]]:
         """Yield every parse of the text from word `at` on.
@@ -79,39 +92,39 @@ class Sentences(ClauseParser):
         Args:
             joined: the kinds of words between the unit that begins here and the one before.
         """
-        self._phrases.count_step()
-        start = self._skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
-        if self._of_steps and not units and not joined and self._text(start) in vocabulary.ORDERING:
-            yield from self._units(start + 1, units, frozenset({self._text(start)}))
+        self._text.count_step()
+        start = self._clauses.skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
+        if self._of_steps and not units and not joined and self._text.at(start) in vocabulary.ORDERING:
+            yield from self._units(start + 1, units, frozenset({self._text.at(start)}))
         goes_on = joined & {"then", "but", *vocabulary.ORDERING}  # "turn it left, then right now"
-        if units and not goes_on and all(self._text(k) in ".?," for k in range(start, len(self._words))):
+        if units and not goes_on and all(text in ".?," for text in self._text.texts[start:]):
             yield units
             return
         wanted = [self._wanted(begin, units, joined) for begin in sorted({at, start})]
-        for unit in chain(self._forbidden(start, units, joined), *wanted):
+        for unit in chain(self._forbidding(start, units, joined), *wanted):
             yield from self._after(unit.end, (*units, unit))
 
-    def _forbidden(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
-        """Yield the units that begin there with "do not", "skip", "instead of" or "except"."""
+    def _forbidding(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
+        """Parse forbidden."""
         for mood, table in FORBIDDING.items():
-            if (self._of_steps or mood != "except") and (end := self._end(at, table)) is not None:
-                for clause, after in self._clauses_at(end, forbidden=True):
+            if (self._of_steps or mood != "except") and (end := self._text.end(at, table)) is not None:
+                for clause, after in self._forbidden.at(end):
                     yield _unit(clause, units, mood, joined, at, after)
 
     def _wanted(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
         """Yield the units that begin there and are to be carried out."""
-        for clause, after in self._clauses_at(at, forbidden=False):
-            if _may_follow(clause, units, joined) and not self._goes_on(clause, units, joined):
+        for clause, after in self._clauses.at(at):
+            if _may_follow(clause, units, joined) and not self._describes(clause, units, joined):
                 yield _unit(clause, units, "do", joined, at, after)
 
-    def _goes_on(self, clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
+    def _describes(self, clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
         """Return whether a clause without a verb may be a further description of the object before it."""
         before = units[-1].clause.phrases[-1:] if units else ()
-        if clause.verb is not None or "then" in joined:
+        if clause.verb is not None or "then" in joined or not before:
             return False
-        return bool(before) and self._is_one_thing((*before, *clause.phrases[:1]))
+        return self._clauses.is_one_thing((*before, *clause.phrases[:1]))
 
-    def _leads_after(self, units: tuple[Unit, ...], joined: frozenset[str]) -> tuple[PhraseTable, ...]:
+    def _leads_after(self, units: tuple[Unit, ...], joined: frozenset[str]) -> tuple[PhraseTable[None], ...]:
         """Return the words that may begin the next unit.
 
         A later "first" would change the sequence, and "instead" after a wanted clause would take it back.
@@ -124,20 +137,16 @@ class Sentences(ClauseParser):
 
     def _after(self, at: int, units: tuple[Unit, ...]) -> Iterator[tuple[Unit, ...]]:
         """Yield every parse of what follows a unit: the end, a separator, or a forbidden clause."""
-        if (
-            len(units) == 1
-            and units[0].mood == "do"
-            and (first := self._end(at, vocabulary.FIRST)) is not None
-            and self._separator(first)[1]
-        ):
+        first = self._text.end(at, vocabulary.FIRST)
+        if len(units) == 1 and units[0].mood == "do" and first is not None and self._clauses.separator(first)[1]:
             at = first  # "push the red button first, then the blue one"
-        if self._of_steps and len(units) > 1 and self._text(at) == "again":
+        if self._of_steps and len(units) > 1 and self._text.at(at) == "again":
             at += 1  # "open the box, put it in and close the box again"
-        end, joined = self._separator(at)
-        if not self._text(end):
+        end, joined = self._clauses.separator(at)
+        if not self._text.at(end):
             if joined <= {",", "stop"}:  # "now and then" and "after that" say when
                 yield units
-        elif end > at or units[-1].mood == "rather" or self._forbids(at):
+        elif end > at or units[-1].mood == "rather" or self._clauses.forbids(at):
             yield from self._units(end, units, joined)
 
 
@@ -228,7 +237,7 @@ def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedCl
             resolved.append(clause)
             merged.append(clause)
             continue
-        whole = clause.about(antecedent[0])
+        whole = clause.with_role(DIRECT, antecedent)
         picked = merged[-1].verb in PICKING and len(merged[-1].roles) == 1
         announced = resolved[-1].verb is None  # "the red button, push it"
         merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]

@@ -1,96 +1,86 @@
 """Verbs of manipulation that ask for the same motion, by family.
 
-Two verbs are alike if some family has both and the family's condition holds for what the instruction names: "push the
-block to the wall" is a kind of sliding, "push the button" a kind of pressing. What stands in no family is like itself
-only. The families keep apart what differs for a robot: pulling is not opening, wiping is not sweeping.
+Two verbs are alike if some family has both and the clause fills its roles: "push the block to the wall" is a kind of
+sliding, "push the button" a kind of pressing. What stands in no family is like itself only. The families keep apart
+what differs for a robot: pulling is not opening, wiping is not sweeping.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import NamedTuple
 
-from app.pipeline.order.words import PhraseTable, verb_forms
-
-DESTINATIONS = frozenset({
-    "to", "on", "in", "against", "next to", "left of", "right of", "behind", "in front of", "under", "above", "between",
-})  # fmt: skip
-
-
-def _nowhere(roles: Collection[str]) -> bool:
-    return not roles
-
-
-def _somewhere(roles: Collection[str]) -> bool:
-    return not DESTINATIONS.isdisjoint(roles)
+from app.pipeline.order.vocabulary import DESTINATIONS, PhraseTable
 
 
 class Family(NamedTuple):
-    """Verbs that are alike where `holds` is true of the roles that a clause fills besides the direct object.
+    """Verbs that are alike if a clause has certain roles besides the direct object.
 
     Attributes:
+        roles: of which the clause must fill one; if there is none here, it must fill none; None: any clause.
         one_destination: whether "to", "into" and "onto" say the same with these verbs.
     """
 
     verbs: frozenset[str]
-    holds: Callable[[Collection[str]], bool] = lambda _roles: True
-    one_destination: bool = False
+    roles: frozenset[str] | None
+    one_destination: bool
+
+    def holds(self, roles: Collection[str]) -> bool:
+        """Return whether the verbs are alike in a clause that fills these roles besides the direct object."""
+        if self.roles is None:
+            return True
+        return not self.roles.isdisjoint(roles) if self.roles else not roles
 
 
-def _verbs(text: str) -> frozenset[str]:
-    return frozenset(part.strip() for part in text.split(","))
+def _family(verbs: str, roles: Collection[str] | None = None, *, one_destination: bool = False) -> Family:
+    return Family(frozenset(verbs.split(", ")), None if roles is None else frozenset(roles), one_destination)
 
 
-PICKING = _verbs("pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of")
-FAMILIES: tuple[Family, ...] = (
-    Family(
-        _verbs(
-            "push, press, tap, hit, poke, click, depress, push down, press down, push in, press in, push on, press on,"
-            "tap on, click on, push down on, press down on"
-        ),
-        _nowhere,
-    ),
-    Family(PICKING, _nowhere),
-    Family(
-        _verbs("take, remove, lift, lift up, pick, pick up, get, grab, destack, unstack, de stack, un stack"),
-        lambda roles: "off" in roles,
-    ),
-    Family(_verbs("put, put down, place, set, set down, lay, lay down, position")),
-    Family(
-        _verbs("stack, stack up, pile, put, put down, place, set, set down, lay, lay down, move"),
-        lambda roles: not {"on", "in"}.isdisjoint(roles),
-    ),
-    Family(
-        _verbs("insert, put, place, move, drop, deposit, stow, store, load, transfer, bring, fit"),
-        lambda roles: "in" in roles,
-    ),
-    Family(_verbs("put, place, set, lay, move, shift, bring, transfer, carry"), _somewhere),
-    Family(_verbs("give, hand, pass, hand over, pass over")),
-    Family(_verbs("turn on, switch on")),
-    Family(_verbs("turn off, switch off")),
-    Family(_verbs("open, open up, pull open, slide open"), _nowhere),
-    Family(_verbs("close, shut, push shut, push closed, slide shut, slide closed"), _nowhere),
-    Family(_verbs("turn, rotate, twist, turn around, rotate around")),
-    Family(_verbs("slide, push, shove, move"), _somewhere, one_destination=True),
-    Family(_verbs("sweep, brush"), one_destination=True),
-    Family(_verbs("wipe, wipe down")),
-    Family(_verbs("pull, tug, yank")),
-    Family(_verbs("pour, pour out")),
-    Family(_verbs("screw, screw in")),
-    Family(_verbs("unscrew, screw out")),
-    Family(_verbs("unplug, disconnect")),
-    Family(_verbs("plug, plug in, connect")),
-    Family(_verbs("destack, unstack, de stack, un stack")),
-    Family(_verbs("flip, toggle")),
-    Family(_verbs("hang, hang up")),
+_NO_ROLE: tuple[str, ...] = ()
+_PRESSING = (
+    "push, press, tap, hit, poke, click, depress, push down, press down, push in, press in, push on, press on, tap on, "
+    "click on, push down on, press down on"
 )
+_PICKING = "pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of"
+FAMILIES = (
+    _family(_PRESSING, _NO_ROLE),
+    _family(_PICKING, _NO_ROLE),
+    _family("take, remove, lift, lift up, pick, pick up, get, grab, destack, unstack, de stack, un stack", ["off"]),
+    _family("put, put down, place, set, set down, lay, lay down, position"),
+    _family("stack, stack up, pile, put, put down, place, set, set down, lay, lay down, move", ["on", "in"]),
+    _family("insert, put, place, move, drop, deposit, stow, store, load, transfer, bring, fit", ["in"]),
+    _family("put, place, set, lay, move, shift, bring, transfer, carry", DESTINATIONS),
+    _family("give, hand, pass, hand over, pass over"),
+    _family("turn on, switch on"),
+    _family("turn off, switch off"),
+    _family("open, open up, pull open, slide open", _NO_ROLE),
+    _family("close, shut, push shut, push closed, slide shut, slide closed", _NO_ROLE),
+    _family("turn, rotate, twist, turn around, rotate around"),
+    _family("slide, push, shove, move", DESTINATIONS, one_destination=True),
+    _family("sweep, brush", one_destination=True),
+    _family("wipe, wipe down"),
+    _family("pull, tug, yank"),
+    _family("pour, pour out"),
+    _family("screw, screw in"),
+    _family("unscrew, screw out"),
+    _family("unplug, disconnect"),
+    _family("plug, plug in, connect"),
+    _family("destack, unstack, de stack, un stack"),
+    _family("flip, toggle"),
+    _family("hang, hang up"),
+)
+PICKING = frozenset(_PICKING.split(", "))
 PHRASES = frozenset(phrase for family in FAMILIES for phrase in family.verbs)
+TABLE = PhraseTable({tuple(phrase.split()): None for phrase in PHRASES})
+PARTICLES = frozenset(word for phrase in PHRASES for word in phrase.split()[1:])
 FIRST_WORDS = frozenset(phrase.split()[0] for phrase in PHRASES) | {
     "shake", "fold", "throw", "drop", "drag", "squeeze", "stir", "touch", "release", "cut", "spin", "roll", "shove",
 }  # fmt: skip
-TABLE = PhraseTable(tuple(phrase.split()) for phrase in PHRASES)
-PARTICLES = frozenset(word for phrase in PHRASES for word in phrase.split()[1:])
-_IRREGULAR = {"took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep"}
-
-
-# From every form of the verbs to their base form
-FORMS = {form: verb for verb in FIRST_WORDS for form in verb_forms(verb)}
-FORMS |= _IRREGULAR | {verb: verb for verb in FIRST_WORDS}
+IRREGULAR = {"took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep"}
+# Verbs without and with a destination: "press the button next to the plate" says which, "put the bowl next to the
+# plate" where to. "Push" and "take" may have one.
+STAYING = frozenset({
+    "pick", "pick up", "grasp", "grab", "grip", "press", "tap", "hit", "click", "poke", "touch", "open", "close",
+    "shut",
+})  # fmt: skip
+GOING = frozenset({"put", "put down", "place", "set", "set down", "lay", "lay down", "position", "stack", "insert"})
+CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
+TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C

@@ -1,72 +1,29 @@
-"""Tokens of an instruction, inflection, spelling correction, and tables of phrases to look up at a word."""
+"""Tokens of a text, regular forms of words, and the correction of spellings.
+
+    text  = {token}
+    token = letters and digits, perhaps with an apostrophe | a negative number | a punctuation mark
+
+`Lexicon.read` looks each token up. A word that it does not know has no place in any parse.
+"""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
-from app.pipeline.names import folded_characters
+from app.pipeline.order import verbs, vocabulary
+from app.pipeline.order.vocabulary import ADJECTIVES, Phrase
 
-Phrase = tuple[str, ...]
 IsWord = Callable[[str], bool]
-
-_TOKEN = re.compile(
-    r"[^\W_]+-(?:most|clockwise)\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE
-)
-_DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
-_STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
-_CONTRACTIONS = {
-    "don't": "do not", "dont": "do not", "doesn't": "does not", "mustn't": "must not", "shouldn't": "should not",
-    "can't": "can not", "cannot": "can not", "won't": "will not", "isn't": "is not", "i'd": "i would",
-    "i'll": "i will", "let's": "let us", "that's": "that is", "it's": "it is", "you'd": "you would",
-    "you'll": "you will", "there's": "there is", "which's": "which is",
-}  # fmt: skip
-# Spellings of one direction
-_DIRECTIONS = {
-    "anticlockwise": "counterclockwise", "leftward": "left", "leftwards": "left", "rightward": "right",
-    "rightwards": "right", "forwards": "forward", "backwards": "backward", "upward": "up", "upwards": "up",
-    "downward": "down", "downwards": "down",
-}  # fmt: skip
-_GENITIVE = re.compile(r"(\w)'s$")
-NUMBERS = {
-    "two": "2", "three": "3", "four": "4", "five": "5", "six": "6", "seven": "7", "eight": "8", "nine": "9",
-    "ten": "10", "eleven": "11", "twelve": "12",
-}  # fmt: skip
-# Not "one", which stands for a thing: "the blue one"
 MIN_CORRECTED_CHARS = 3  # of three letters only an exchange of neighbors is corrected: "rug" is no misspelled "mug"
 MIN_FREE_CHARS = 4
 MIN_TWO_ERRORS_CHARS = 8
-
-
-class PhraseTable:
-    """A set of phrases, found by their first word."""
-
-    def __init__(self, phrases: Iterable[Phrase]) -> None:
-        self._by_first: dict[str, list[Phrase]] = {}
-        for phrase in sorted(phrases, key=len, reverse=True):
-            self._by_first.setdefault(phrase[0], []).append(phrase)
-
-    def __iter__(self) -> Iterator[Phrase]:
-        return (phrase for phrases in self._by_first.values() for phrase in phrases)
-
-    def all_at(self, texts: Sequence[str], at: int) -> Iterator[Phrase]:
-        """Yield the phrases of the table that begin at word `at`, the longest first."""
-        if at < len(texts):
-            for phrase in self._by_first.get(texts[at], ()):
-                if len(phrase) == 1 or tuple(texts[at : at + len(phrase)]) == phrase:
-                    yield phrase
-
-    def end_at(self, texts: Sequence[str], at: int) -> int | None:
-        """Return the end of the longest phrase that begins at word `at`; None without one."""
-        phrase = next(self.all_at(texts, at), None)
-        return None if phrase is None else at + len(phrase)
-
-
-def phrases(text: str) -> PhraseTable:
-    """Return a table of the phrases in a comma-separated text."""
-    return PhraseTable(tuple(part.split()) for part in text.split(","))
+_TOKEN = re.compile(
+    r"[^\W_]+-(?:most|clockwise)\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE
+)
+_GENITIVE = re.compile(r"(\w)'s$")
 
 
 class Token(NamedTuple):
@@ -77,22 +34,9 @@ class Token(NamedTuple):
     end: int
 
 
-@dataclass(frozen=True)
-class Word:
-    """A token looked up in the lexicon.
-
-    Attributes:
-        text: its base form; the token's own text if it is unknown.
-        known: whether the lexicon has it.
-        corrected: whether its spelling was corrected.
-        plural: whether the token is the plural of `text`.
-    """
-
-    token: Token
-    text: str
-    known: bool = True
-    corrected: bool = False
-    plural: bool = False
+def folded_characters(text: str) -> str:
+    """The text without differences of case, width or Unicode form (NFKC)."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
 
 
 def tokens_of(text: str) -> list[Token]:
@@ -101,10 +45,20 @@ def tokens_of(text: str) -> list[Token]:
     for match in _TOKEN.finditer(text):
         said = folded_characters(match[0]) if match[0].isalnum() else match[0].lower()
         token = said.replace("\u2019", "'").replace("-most", "most").replace("-clock", "clock")
-        if token not in _DROPPED:
-            written_out = _CONTRACTIONS.get(token) or _STOPS.get(token) or _DIRECTIONS.get(token) or token
-            found += [Token(part, *match.span()) for part in _GENITIVE.sub(r"\1 's", written_out).split()]
+        if token not in vocabulary.DROPPED:
+            written_out = _GENITIVE.sub(r"\1 's", vocabulary.WRITTEN_OUT.get(token, token))
+            found += [Token(part, *match.span()) for part in written_out.split()]
     return found
+
+
+def phrase_of(text: str) -> Phrase:
+    """Return the words of a name or an alias."""
+    return tuple(token.text for token in tokens_of(text))
+
+
+def noun_of(phrase: Phrase) -> str:
+    """Return the last word that is no adjective: "drawer" of `drawer_top`."""
+    return next((word for word in reversed(phrase) if word not in ADJECTIVES), phrase[-1])
 
 
 def plurals_of(singular: str) -> set[str]:
@@ -128,6 +82,11 @@ def verb_forms(verb: str) -> set[str]:
     doubled = verb + verb[-1] if re.fullmatch(r".*[^aeiou][aeiou][bdgmnpt]", verb) else short
     past = f"{verb[:-1]}ied" if verb.endswith("y") else f"{doubled}ed"
     return plurals_of(verb) | {f"{short}ing", f"{doubled}ing", past, f"{short}ed"}
+
+
+# The base form of each verb's forms
+VERB_FORMS = {form: verb for verb in verbs.FIRST_WORDS for form in verb_forms(verb)}
+VERB_FORMS |= verbs.IRREGULAR | {verb: verb for verb in verbs.FIRST_WORDS}
 
 
 class Speller:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.order.lexicon import noun_of, phrase_of
+from app.pipeline.order.words import noun_of, phrase_of
 from app.pipeline.representation.anchors import Anchor, AnchorFrame, anchor_pose
 from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array

@@ -5,31 +5,30 @@ objects of these kinds. A sentence with two meanings is refused.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, product
 from typing import NamedTuple
 
-from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.findings.scene import strangers
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
-from app.pipeline.order.frames import Frame
-from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases
-from app.pipeline.order.order import FIELD, Order, clause_of
-from app.pipeline.order.post_modifiers import TooInvolvedError
+from app.pipeline.order.clause_parser import Accepted
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, is_placed_after_moving, needs_free_hand
+from app.pipeline.order.descriptions import NounPhrase
+from app.pipeline.order.lexicon import TooInvolvedError
+from app.pipeline.order.noun_phrases import NounPhrases
+from app.pipeline.order.order import Order, clause_of
 from app.pipeline.order.reading import FilledFrame, closest
-from app.pipeline.order.refusals import refusal
+from app.pipeline.order.refusals import Refusal, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
-from app.pipeline.order.sequence import is_placed_after_moving, needs_full_hand
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import TaughtWords
+from app.pipeline.order.taught import Frame, TaughtWords
+from app.pipeline.order.verbs import CONTAINING, TOGETHER
 from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
 MAX_STEPS = 24  # that one sentence asks for
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
-CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
-TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 
 
 class PlanStep(NamedTuple):
@@ -58,7 +57,7 @@ class Skill:
         for frame in self.taught.frames if asked <= set(names) else ():
             named = asked or not frame.clause.phrases
             filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
-            text = None if filled is None else frame.text_for(filled, names)
+            text = frame.text_for(filled, names) if filled is not None else ""
             if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
                 yield FilledFrame(frame, filled, clause), PlanStep(self.task, text.rstrip(". "))
 
@@ -108,9 +107,8 @@ def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, oth
     found = found or reader.read()
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
-    error = reader.refusal(found)
     valid = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in scene.skills]
-    raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
+    raise reader.refusal(found).error("; ".join([*valid, others] if others else valid))
 
 
 def _folded(text: str) -> str:
@@ -131,8 +129,9 @@ class _Reader:
 
     def read(self) -> list[tuple[PlanStep, ...]]:
         """Return the meanings, each a sequence of steps; at most `MAX_LISTED`."""
-        fixed = self._scene.fixed_words | several.TIMES_WORDS
-        sentences = Sentences(self._phrases, fixed, self._scene.verbs, of_steps=True)
+        verbs, fixed, _ = self._scene.accepted
+        accepted = Accepted(verbs, (fixed or frozenset()) | several.TIMES_WORDS, of_steps=True)
+        sentences = Sentences(self._phrases, accepted)
         found: dict[tuple[PlanStep, ...], None] = {}
         try:
             for steps in (steps for units in sentences.units() for steps in self._of_units(units)):
@@ -143,18 +142,20 @@ class _Reader:
             return []
         return list(found)
 
-    def refusal(self, found: Sequence[tuple[PlanStep, ...]]) -> InstructionError:
-        """Return the error for a sentence with no meaning or several."""
+    def refusal(self, found: Sequence[tuple[PlanStep, ...]]) -> Refusal:
+        """Return why a sentence with no meaning or several, or with too many steps, is refused."""
+        said = repr(self._phrases.text.instruction)
+        if len(found) == 1:
+            return Refusal(f"{said} asks for over {MAX_STEPS} steps: ask for fewer at once")
         if found:
-            meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found[:MAX_LISTED]]
-            message = f"{self._phrases.instruction!r} may mean {' or '.join(meanings)}"
-            return UngroundedInstructionError(FIELD, message if len(found) > 1 else f"asks for over {MAX_STEPS} steps")
+            meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found]
+            return Refusal(f"{said} may mean {' or '.join(meanings)}: say which")
         if self._missed[1]:
-            return UnfamiliarInstructionError(FIELD, self._missed[1])
+            return Refusal(self._missed[1], UnfamiliarInstructionError)
         return refusal(self._scene, self._phrases, [])
 
     def _miss(self, place: int, unit: Unit, why: str) -> None:
-        part = self._phrases.text_of(unit.start, unit.end)
+        part = self._phrases.text.written(unit.start, unit.end)
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:
@@ -166,13 +167,15 @@ class _Reader:
             return
         order = several.order_of(done, units)
         if done and not order:
-            self._miss(len(done), units[-1], 'leaves open what comes first: say "then"')
+            self._miss(len(done), units[-1], 'leaves open what comes first: say it with "then"')
         clauses = self._resolved(done) if order else ()
         choices = self._choices_of(done, clauses)
         in_order = [clauses[place] for place in order] if choices else []
-        if needs_full_hand(in_order):
-            self._miss(len(done), units[-1], "needs a hand that still holds something")
-        elif in_order and not is_placed_after_moving(in_order):
+        if needs_free_hand(in_order):
+            self._miss(len(done), units[-1], "needs a free hand: say first where to put what was picked up")
+        elif is_placed_after_moving(in_order):
+            self._miss(len(done), units[-1], "names an object by its place after another part moves one: use its name")
+        elif in_order:
             every = (tuple(chain.from_iterable(parts)) for parts in product(*(choices[place] for place in order)))
             yield from (steps for steps in every if left_out.isdisjoint(steps))
 
@@ -195,12 +198,12 @@ class _Reader:
             if any(phrase.name is None for phrase in clause.phrases):
                 meant = self._antecedent(clause, found[-1]) if found and unit.own_verb else ()
                 if not meant:
-                    self._miss(place, unit, "does not say for certain what 'it' or 'them' is")
+                    self._miss(place, unit, "leaves open what 'it' or 'them' stands for: name the object")
                     return ()
-                clause = several.with_objects(clause, meant)
+                clause = clause.about(several.as_pronoun(meant))
             akin = any(several.is_akin(clause, other) for other in found)
             if several.counted(clause)[1] > 1 and unit.joined == {"and"} and akin:
-                self._miss(place, unit, "does not say what is done so often: all that is said, or only this")
+                self._miss(place, unit, 'leaves open whether this part alone is repeated: begin it with "then"')
                 return ()
             found.append(clause)
         return tuple(found)
@@ -223,7 +226,7 @@ class _Reader:
         found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
         contains, with_tool = clause.verb in CONTAINING, found.keys() == {DIRECT, INSTRUMENT}
         if len(found) > 1 and at == DIRECT and (contains or with_tool or DIRECT not in found):
-            done = {role: one for role, one in found.items() if self._choices(several.with_objects(clause, [one]))}
+            done = {role: one for role, one in found.items() if self._choices(clause.about(several.as_pronoun([one])))}
             found = done if (DIRECT in done) == with_tool else {}
         elif (same := found.get(at)) is not None and same.by == several.IT:
             found = {at: same}
@@ -247,10 +250,8 @@ class _Reader:
         to_both = repeated != [DIRECT] and clause.objects_in(DIRECT)  # one lid is not put on two pots
         if len(repeated) != 1 or to_both or clause.verb in TOGETHER:
             return []
-        each = [
-            replace(clause, roles=tuple((role, (phrase,) if role == repeated[0] else of) for role, of in clause.roles))
-            for phrase in clause.objects_in(repeated[0])
-        ]
+        (role,) = repeated
+        each = [clause.with_role(role, (phrase,)) for phrase in clause.objects_in(role)]
         return list(product(*map(self._whole, each)))
 
     def _whole(self, clause: ParsedClause) -> list[PlanStep]:

@@ -5,28 +5,18 @@ from dataclasses import replace
 from itertools import pairwise
 
 from app.pipeline.order.clauses import DIRECT, FixedPhrase, ParsedClause, without
-from app.pipeline.order.noun_phrases import NounPhrase
+from app.pipeline.order.descriptions import NounPhrase
 from app.pipeline.order.sentences import Unit
 from app.pipeline.order.verbs import PICKING
-from app.pipeline.order.vocabulary import ORDERING
-from app.pipeline.order.words import NUMBERS
+from app.pipeline.order.vocabulary import ORDERING, TIMES
 
 IT = "taught"  # how the object of a pronoun was matched, see `NounPhrase.by`
-TIMES: dict[tuple[str, ...], int] = {
-    ("twice",): 2,
-    ("thrice",): 3,
-    **{(number, "times"): int(number) for number in NUMBERS.values()},
-}
 TIMES_WORDS = frozenset(word for words in TIMES for word in words)
 
 
-def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedClause:
-    """Return the clause with objects in place of its pronoun."""
-    they = tuple(phrase._replace(by=IT) for phrase in meant)
-    roles = tuple(
-        (role, they if any(phrase.name is None for phrase in phrases) else phrases) for role, phrases in clause.roles
-    )
-    return replace(clause, roles=roles)
+def as_pronoun(meant: Sequence[NounPhrase]) -> tuple[NounPhrase, ...]:
+    """Return the objects as those of a pronoun."""
+    return tuple(phrase._replace(by=IT) for phrase in meant)
 
 
 def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
@@ -73,9 +63,7 @@ def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
         left = without(kept[-1].clause.objects_in(DIRECT) if kept else (), unit.clause.objects_in(DIRECT))
         if not left or unit.own_verb or len(unit.clause.roles) != 1:
             return ()
-        others = tuple(item for item in kept[-1].clause.roles if item[0] != DIRECT)
-        clause = replace(kept[-1].clause, roles=((DIRECT, left), *others))
-        kept[-1] = replace(kept[-1], clause=clause)
+        kept[-1] = replace(kept[-1], clause=kept[-1].clause.with_role(DIRECT, left))
     return tuple(kept)
 
 

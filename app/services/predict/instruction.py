@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
-from app.pipeline.alike_instructions import check_named
+from app.pipeline.alike import check_named
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read

@@ -8,8 +8,7 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
-from app.pipeline.names import check_object_names
-from app.pipeline.order.lexicon import shared_aliases
+from app.pipeline.names import check_object_names, shared_aliases
 from app.pipeline.order.space import Layout
 from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps
 from app.services.cache import Cache

@@ -11,8 +11,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
-from app.pipeline.alike import Alike
-from app.pipeline.alike_instructions import with_numbers
+from app.pipeline.alike import Alike, with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import MIN_AGREEING

@@ -164,6 +164,26 @@ def test_a_refusal_lists_what_the_task_knows():
 
 
 @pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ("pull the red button", "'pull' in 'pull the red button' is no action that was taught"),
+        ("push the red button slowly", "'slowly' in 'push the red button slowly' is not understood"),
+        ("push the red button up", "'up' in 'push the red button up' is no part of a taught instruction: 'push the"),
+        ("push on", "'push on' has the form of no taught instruction"),
+        ("don't push the red button", "says what not to do in a way that is not understood: say only what to do"),
+    ],
+)
+def test_a_refusal_names_the_words_and_what_is_wrong_with_them(said, why):
+    with pytest.raises(UnfamiliarInstructionError, match=why):
+        read(said, taught(BUTTONS, PUSH))
+
+
+def test_a_word_said_twice_is_no_compound_of_itself():
+    with pytest.raises(UnfamiliarInstructionError):
+        read("mur", taught(("murmur", "plate"), ["push the murmur"]))
+
+
+@pytest.mark.parametrize(
     ("names", "phrase", "candidates"),
     [
         (BUTTONS, "the button", "red button, blue button"),

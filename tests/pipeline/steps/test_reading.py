@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.errors import InstructionError
-from app.pipeline.order.lexicon import shared_aliases
+from app.pipeline.names import shared_aliases
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
@@ -161,8 +161,8 @@ def test_what_is_not_certain_is_refused(said):
     [
         ("open the upper box, then rinse the tin", "'rinse the tin' is nothing that a task was taught"),
         ("open the upper box, wipe it", "'wipe it' is nothing"),
-        ("shake the tin and close it twice", "'close it twice' does not say what is done so often"),
-        ("put the tin in the upper box, then close it", "'close it' does not say for certain what 'it' or 'them' is"),
+        ("shake the tin and close it twice", "'close it twice' leaves open whether this part alone is repeated"),
+        ("put the tin in the upper box, then close it", "'close it' leaves open what 'it' or 'them' stands for"),
         ("press the left button after the right one and shake the tin", "leaves open what comes first"),
         ("press the spoon", "'the spoon' is none"),
         ("shake the tin " + "and shake the tin " * 24, "over 24 steps"),
