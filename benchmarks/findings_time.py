@@ -15,13 +15,12 @@ from app.pipeline.episode import Query
 from app.pipeline.findings.actions import passing_findings
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings
+from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.implausible import hand_findings
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.scene import scene_findings
-from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.findings.sources import source_findings
-from app.pipeline.findings.start import frame_findings, held_findings, start_findings
+from app.pipeline.findings.scenes import ShownScenes
 from app.pipeline.findings.turning import turning_findings
 from app.pipeline.findings.ways import ways_findings
 from app.services.predict.task_reading import TaskCaches, TaskReading

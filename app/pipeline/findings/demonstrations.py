@@ -6,15 +6,14 @@ from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
-from app.pipeline.findings.arrangement import MIN_AGREEING, rigid_pairs
 from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
+from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
-from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.scenes import MIN_AGREEING, ShownScenes, rigid_pairs
 from app.pipeline.findings.turning import Rotations, turning_findings
 from app.pipeline.findings.ways import ways_findings
 from app.pipeline.order.order import Order

@@ -193,6 +193,6 @@ def _wrapped_deg(angles_rad: Array) -> Array:
     return wrapped
 
 
-def apart_m(one: ObjectPose, other: ObjectPose) -> float:
+def distance_m(one: ObjectPose, other: ObjectPose) -> float:
     """Return the distance between two objects."""
     return float(np.linalg.norm(one.position_m - other.position_m))

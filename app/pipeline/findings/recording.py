@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
-from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
@@ -38,20 +37,6 @@ def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> 
         keyframes: found by `rule`.
     """
     return (*_steps(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
-
-
-def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
-    """Yield a finding for each object whose given pose differs from the one found in images, which prompts show."""
-    for item in compared:
-        if not item.agrees:
-            message = (
-                f"The given pose of {item.given.name} differs by {100 * item.off_m:.1f} cm and {item.off_deg:.0f}"
-                f" degrees from the one found in the images ({item.found.estimator}), which is used. Give the pose of"
-                " the same point and axes of the object, or check the camera's calibration."
-            )
-            numbers = {"off_m": item.off_m, "off_deg": item.off_deg}
-            where = f"objects[{item.given.name}].position"
-            yield Finding("given-pose-unlike-images", "warning", message, where, numbers)
 
 
 def _steps(motion: Motion) -> Iterator[Finding]:

@@ -91,7 +91,7 @@ TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=1
 TURNED_BEYOND_MANY = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0, danger=20.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.03)
 ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)
-PARTED = Rule("objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", danger=0.035)
+FOLLOWED_ARRANGED = Rule("objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", danger=0.035)
 
 SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration has it", "m", danger=0.05)
 

@@ -9,16 +9,15 @@ import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules, worst_severity
-from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
     MANY,
     MIN_DEMONSTRATIONS,
     ShownPlaces,
-    apart_m,
+    distance_m,
     estimated_error_m,
 )
-from app.pipeline.findings.shown import ShownScenes
+from app.pipeline.findings.scenes import ShownScenes, arrangement_findings
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
@@ -53,9 +52,9 @@ def scene_findings(
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
         found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
-    parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
-    parted = _greater(list(sided_findings(query, scenes.sides, followed)), parted) or parted
-    found += [] if confused else _greater(parted, found)
+    arranged = list(arrangement_findings(query, scenes, followed))
+    arranged = [item for item in arranged if item.severity == "danger"][:1] or arranged[:1]
+    found += [] if confused else _greater(arranged, found)
     found += _greater(_noise(observed, places), found)
     return (*uncertain, *found)
 
@@ -153,7 +152,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
         )
         if swapped := rules.HEIGHTS_EXCHANGED.findings(off_m, message, f"objects[{one.name}]", {"off_m": off_m}):
             return list(swapped), (one, other)
-        off_m = apart_m(one, other)
+        off_m = distance_m(one, other)
         least_m = scenes.least_apart_m(one.name, other.name)
         if least_m > FIXED_M and off_m < APART_SHARE * least_m:
             message = (

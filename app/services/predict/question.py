@@ -8,11 +8,10 @@ import numpy as np
 from app.pipeline.alike import alike_findings
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
+from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
 from app.pipeline.findings.scatter import not_shown_findings
 from app.pipeline.findings.scene import other_objects, scene_findings, strangers
-from app.pipeline.findings.sources import source_findings
-from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt

@@ -1,28 +1,124 @@
-"""Findings about the present pose of the end effector, compared with the poses at which recordings start.
+"""Findings about poses that are measured in different ways in the scene and in demonstrations.
 
-A constant offset between the two shows that they are measured differently: at the flange or at the fingertips, in the
-base frame or in the world frame.
+Objects: given, or found in images. The hand: at the flange or at the fingertips, in the base frame or in the world;
+recordings then start at a constant offset from `end_effector`.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.shown import ShownScenes
+from app.pipeline.findings.scenes import ShownScenes
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import Pose
+from roboprompt_client.types.poses import ObjectPose, Pose
+
+GIVEN = "given"
+SAME_M, SAME_DEG = 0.015, 15.0  # a given and a found pose that differ by less use the same object frame
+REPEATED_M = 0.001  # a given pose this near to a demonstration's was read from that demonstration
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
 BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
 NOT_AT_M = 0.20  # what is farther from the hand is not in it
 SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An object in an episode that has both a given pose and images in which the object was found.
+
+    Attributes:
+        turn_deg: the turn about its z axis that leaves it unchanged: 0 any, None none.
+    """
+
+    given: ObjectPose
+    found: ObjectPose
+    turn_deg: float | None = None
+
+    @property
+    def off_m(self) -> float:
+        """The distance between the two positions."""
+        return float(np.linalg.norm(self.given.position_m - self.found.position_m))
+
+    @property
+    def off_deg(self) -> float:
+        """The least angle between the two rotations under the symmetry; 0 where one is not known."""
+        if self.given.quaternion_xyzw is None or self.found.quaternion_xyzw is None:
+            return 0.0
+        between = Rotation.from_quat(self.given.quaternion_xyzw).inv() * Rotation.from_quat(self.found.quaternion_xyzw)
+        if self.turn_deg == 0:
+            return float(np.degrees(np.arccos(np.clip(between.as_matrix()[2, 2], -1, 1))))
+        turns = Rotation.from_euler("z", np.arange(0, 360, self.turn_deg or 360)[:, None], degrees=True)
+        return float(np.degrees((between * turns).magnitude().min()))
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both use the same object frame."""
+        return self.off_m <= SAME_M and self.off_deg <= SAME_DEG
+
+
+def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
+    """Yield a finding of an upload for each object whose given pose differs from the one found in its images."""
+    for item in compared:
+        if not item.agrees:
+            message = (
+                f"The given pose of {item.given.name} differs by {100 * item.off_m:.1f} cm and {item.off_deg:.0f}"
+                f" degrees from the one found in the images ({item.found.estimator}), which is used. Give the pose of"
+                " the same point and axes of the object, or check the camera's calibration."
+            )
+            numbers = {"off_m": item.off_m, "off_deg": item.off_deg}
+            where = f"objects[{item.given.name}].position"
+            yield Finding("given-pose-unlike-images", "warning", message, where, numbers)
+
+
+def source_findings(
+    observed: Sequence[ObjectPose], shown: Sequence[Demonstration], compared: Sequence[Compared]
+) -> Iterator[Finding]:
+    """Yield a finding for each object whose pose is from another source, unless an episode shows that both agree.
+
+    Args:
+        observed: the objects of the scene.
+        shown: the demonstrations.
+        compared: the given and found poses of the task's episodes that have both.
+    """
+    for pose in observed:
+        taught = [item for one in shown for item in one.objects if item.name == pose.name]
+        sources = {item.estimator for item in taught} - {pose.estimator}
+        repeated = any(np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught)
+        if not sources or (repeated and pose.estimator == GIVEN):  # it is a demonstration's pose
+            continue
+        measured = [item for item in compared if item.given.name == pose.name]
+        if not measured or not all(item.agrees for item in measured):
+            yield _other_source(pose, sources, measured)
+
+
+def _other_source(pose: ObjectPose, sources: set[str], measured: Sequence[Compared]) -> Finding:
+    now = "was given" if pose.estimator == GIVEN else f"was found in images ({pose.estimator})"
+    then = " or ".join("given" if source == GIVEN else f"found in images ({source})" for source in sorted(sources))
+    message = f"The pose of {pose.name} {now}, those of demonstrations were {then}: "
+    numbers = {}
+    if measured:
+        off_m, off_deg = max(item.off_m for item in measured), max(item.off_deg for item in measured)
+        numbers = {"off_m": off_m, "off_deg": off_deg}
+        message += (
+            f"where episodes have both, they differ by up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees. Give poses"
+            " of the same point and axes of the object, or use one source for all."
+        )
+    else:
+        message += (
+            "whether both use the same point and axes of the object is unknown. Upload an episode with a given pose and"
+            " images with color and depth to compare them."
+        )
+    worse = bool(measured) or pose.estimator != GIVEN
+    return rules.OTHER_SOURCE.finding(message, f"objects[{pose.name}]", numbers, value=float(worse))
 
 
 def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]:
