@@ -11,7 +11,12 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING, UNSUPPORTED
+from app.pipeline.findings.rules import (
+    PASSES_CLOSE,
+    SAMPLES_DISAGREE,
+    STRAYING_ACTION,
+    UNSUPPORTED,
+)
 from app.pipeline.findings.scenes import ShownScenes, distances_m, path_m
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -55,7 +60,7 @@ def action_findings(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
             f" {off_deg:.0f} degrees outside of the demonstrated range, relative to {worst.seen_from}."
         )
         numbers = {"num_actions": len(straying), "off_m": worst.off_m, "off_deg": off_deg}
-        found.append(STRAYING.finding(message, f"actions[{straying[0].index}]", numbers))
+        found.append(STRAYING_ACTION.finding(message, f"actions[{straying[0].index}]", numbers))
     return tuple(found)
 
 

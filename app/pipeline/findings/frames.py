@@ -118,7 +118,7 @@ def _other_source(pose: ObjectPose, sources: set[str], measured: Sequence[Compar
             " images with color and depth to compare them."
         )
     worse = bool(measured) or pose.estimator != GIVEN
-    return rules.OTHER_SOURCE.finding(message, f"objects[{pose.name}]", numbers, value=float(worse))
+    return rules.POSES_OF_ANOTHER_SOURCE.finding(message, f"objects[{pose.name}]", numbers, value=float(worse))
 
 
 def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]:
@@ -131,7 +131,7 @@ def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]
         f" {off.range_text}, and the motion is relative to its start. Send `end_effector` in the world frame, or move"
         " the hand to where demonstrations start."
     )
-    return rules.START_BEYOND.findings(off.doubtful_m, message, "end_effector", {"beyond_m": off.far_m})
+    return rules.START_BEYOND_DEMONSTRATIONS.findings(off.doubtful_m, message, "end_effector", beyond_m=off.far_m)
 
 
 def frame_findings(
@@ -181,24 +181,24 @@ def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand])
     held = Counter(name for hand in holding for name in hand.may_hold)
     for pose in scene.objects:
         share, far_m = held[pose.name] / len(hands), float(np.linalg.norm(pose.position_m - now.position_m))
-        if far_m > NOT_AT_M and rules.NOT_HELD.severity(share) is not None:
+        if far_m > NOT_AT_M and rules.NOT_IN_THE_HAND.severity(share) is not None:
             message = (
                 f"Recordings start with {pose.name} in the hand, which is {100 * far_m:.0f} cm from it now. Put it into"
                 " the hand, or record how the hand takes it."
             )
-            yield rules.NOT_HELD.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
+            yield rules.NOT_IN_THE_HAND.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
             return
 
 
 def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
     share = float(off.mean())
-    if rules.OTHER_FRAME.severity(share) is not None:
+    if rules.HAND_IN_ANOTHER_FRAME.severity(share) is not None:
         message = (
             f"In {off.sum()} of {len(off)} recordings the hand starts {100 * float(np.median(off_m[off])):.0f} cm from"
             f" `end_effector`, {how}: record and report the same point in the same frame. If the hand is elsewhere now,"
             " move it to where recordings start and ask again."
         )
-        yield rules.OTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
+        yield rules.HAND_IN_ANOTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
 
 
 def _turned_deg(now: Pose, start_xyzw: Array) -> float:

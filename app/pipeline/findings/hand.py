@@ -8,7 +8,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import PATH_LEFT, PATH_NOT_KEPT
+from app.pipeline.findings.rules import PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
 from app.pipeline.findings.scenes import distances_m
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import BLIP_S, Switch
@@ -252,10 +252,10 @@ def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
             f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
         )
         yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
-    elif PATH_LEFT.severity(left_m) is not None:
-        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
+    elif PATH_NOT_KEPT_BETWEEN.severity(left_m) is not None:
+        number = sum(PATH_NOT_KEPT_BETWEEN.severity(path.left_m) is not None for path in paths)
         message = (
             f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
             f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
         )
-        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)
+        yield PATH_NOT_KEPT_BETWEEN.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

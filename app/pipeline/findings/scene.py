@@ -118,7 +118,7 @@ def _of_a_demonstration(
         f" {'them' if where == 'objects' else 'it'}; no camera measures that twice. This is probably an old"
         " observation: observe the scene again."
     )
-    return rules.OLD_SCENE.finding(message, where)
+    return rules.SCENE_OF_A_DEMONSTRATION.finding(message, where)
 
 
 def _stale(pose: ObjectPose, places_m: Array) -> bool:
@@ -150,7 +150,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
             " demonstration; with their names exchanged they would not be. The estimator probably took one for the"
             " other: check the names."
         )
-        if swapped := rules.HEIGHTS_EXCHANGED.findings(off_m, message, f"objects[{one.name}]", {"off_m": off_m}):
+        if swapped := rules.OBJECTS_IN_EACH_OTHERS_PLACE.findings(off_m, message, f"objects[{one.name}]", off_m=off_m):
             return list(swapped), (one, other)
         off_m = distance_m(one, other)
         least_m = scenes.least_apart_m(one.name, other.name)
@@ -160,7 +160,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
                 " in every demonstration. The estimator probably found one object twice."
             )
             numbers = {"apart_m": off_m, "least_m": least_m}
-            return [rules.ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
+            return [rules.OBJECTS_IN_ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
     return [], ()
 
 
@@ -182,13 +182,13 @@ def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
         f"The tilt of {pose.name} differs by {tilt_deg:.0f} degrees from every demonstration. If it has fallen over,"
         " stand it up."
     )
-    tilted = rules.TILTED.findings(tilt_deg, message, where, {"tilt_deg": tilt_deg})
+    tilted = rules.OBJECT_TILTED.findings(tilt_deg, message, where, tilt_deg=tilt_deg)
     off_m = places.lifted_m(pose) if places.leans_deg(pose) < UPRIGHT_DEG else 0.0
     message = (
         f"{pose.name} is {100 * off_m:.1f} cm above or below its height in every demonstration. It is another object,"
         " or stands on something."
     )
-    lifted = rules.HEIGHT.findings(off_m, message, where, {"off_m": off_m})
+    lifted = rules.OBJECT_AT_ANOTHER_HEIGHT.findings(off_m, message, where, off_m=off_m)
     turned = () if tilted else _turned(pose, places)  # the yaw of an object that has fallen over means nothing
     return [*tilted, *lifted, *_beyond(pose, places), *turned]
 
@@ -199,20 +199,21 @@ def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
         f"{pose.name} is {100 * off.far_m:.0f} cm outside of the demonstrated range along {off.axis}, which is"
         f" {off.range_text}. Check that it is the right object; if it is, record demonstrations nearer to it."
     )
-    return rules.BEYOND.findings(off.doubtful_m, message, f"objects[{pose.name}]", {"beyond_m": off.far_m})
+    where = f"objects[{pose.name}]"
+    return rules.OBJECT_BEYOND_DEMONSTRATIONS.findings(off.doubtful_m, message, where, beyond_m=off.far_m)
 
 
 def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
     beyond_deg, range_deg = places.turned_beyond_deg(pose)
-    if rules.TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
+    if rules.OBJECT_TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
         return ()
     message = (
         f"{pose.name} is turned about the vertical by {beyond_deg:.0f} degrees beyond the demonstrations, which span"
         f" {range_deg:.0f} degrees. Turn it back, record demonstrations at this angle, or, if it looks the same after"
         " a part of a turn, set the task's yaw_symmetry_deg."
     )
-    rule = rules.TURNED_BEYOND_MANY if places.number >= MANY else rules.TURNED
-    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
+    rule = rules.OBJECT_TURNED_OF_MANY if places.number >= MANY else rules.OBJECT_TURNED
+    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", beyond_deg=beyond_deg)
 
 
 def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tuple[Finding, ...]:
@@ -222,7 +223,7 @@ def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tup
         f"Heights and tilts differ from those in all demonstrations: poses have an error of about {100 * error_m:.1f}"
         " cm, so that grasps may miss. Check the camera's calibration and the estimator."
     )
-    return rules.NOISY.findings(error_m, message, "objects", {"error_m": error_m})
+    return rules.NOISY_OBSERVATION.findings(error_m, message, "objects", error_m=error_m)
 
 
 class Stranger(NamedTuple):

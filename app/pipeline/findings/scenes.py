@@ -11,7 +11,12 @@ import numpy as np
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.places import FIXED_M, Range, ShownPlaces, distance_m
-from app.pipeline.findings.rules import ARRANGED, FOLLOWED_ARRANGED, SIDES, Rule
+from app.pipeline.findings.rules import (
+    ARRANGEMENT,
+    ARRANGEMENT_OF_FOLLOWED,
+    ARRANGEMENT_OF_SIDES,
+    Rule,
+)
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
@@ -198,10 +203,10 @@ def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[
     off: list[tuple[Rule, RigidPair, float]] = []
     for pair in scenes.pairs:
         follows = not followed.isdisjoint({_name(pair.one, query), _name(pair.other, query)})
-        off.append((FOLLOWED_ARRANGED if follows else ARRANGED, pair, pair.off_m(query)))
+        off.append((ARRANGEMENT_OF_FOLLOWED if follows else ARRANGEMENT, pair, pair.off_m(query)))
     found = [item for item in off if item[0].severity(item[2]) is not None]
     if found:
-        rule, pair, off_m = max(found, key=lambda item: (item[0] is FOLLOWED_ARRANGED, item[2]))
+        rule, pair, off_m = max(found, key=lambda item: (item[0] is ARRANGEMENT_OF_FOLLOWED, item[2]))
         one, other = _name(pair.one, query), _name(pair.other, query)
         message = (
             f"{one} is {100 * off_m:.1f} cm from its place relative to {other}, which is the same in every"
@@ -211,12 +216,12 @@ def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[
     matter = followed.union(query.order.objects)
     for side in scenes.sides:
         off_m = side.off_m(query)
-        if not matter.isdisjoint((side.one, side.other)) and SIDES.severity(off_m) is not None:
+        if not matter.isdisjoint((side.one, side.other)) and ARRANGEMENT_OF_SIDES.severity(off_m) is not None:
             message = (
                 f"{side.one} is {100 * off_m:.1f} cm on the wrong side of {side.other} along {'xy'[side.axis]}: in"
                 " every demonstration it is on the other side. Check that neither is taken for the other."
             )
-            yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
+            yield ARRANGEMENT_OF_SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
             return
 
 

@@ -6,8 +6,8 @@ from typing import Any
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.elsewhere import unlike_findings
 from app.pipeline.findings.frames import Compared, compared_findings
+from app.pipeline.findings.outliers import unlike_findings
 from app.pipeline.findings.recording import contact_findings, recording_findings
 from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.elsewhere import unlike_findings
+from app.pipeline.findings.outliers import unlike_findings
 from app.pipeline.findings.hand import Kept, kept, missed_m, path_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan

@@ -9,7 +9,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import RecordedHand, Reversals
-from app.pipeline.findings.rules import CONTRADICTING, SEVERAL_WAYS
+from app.pipeline.findings.rules import SCATTER_OF_A_THIRD, SEVERAL_WAYS
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
@@ -109,9 +109,9 @@ def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
         return False
     rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
     each = zip(plan_rows(first), plan_rows(second), strict=True)
-    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows) and not any(
-        _turned_apart(row, beside, round_objects) for row, beside in each
-    )
+    if any(two_ways(row) is not None or SCATTER_OF_A_THIRD.severity(row.way_off_m) is not None for row in rows):
+        return False
+    return not any(_turned_apart(row, beside, round_objects) for row, beside in each)
 
 
 def _is_aligned(group: Group) -> bool:
