@@ -14,9 +14,9 @@ import numpy as np
 from app.pipeline.episode import Query
 from app.pipeline.findings.actions import passing_findings
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.outliers import answer_findings, elsewhere_findings, exchanged_findings
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.gripper import hand_findings
+from app.pipeline.findings.outliers import answer_findings, elsewhere_findings, exchanged_findings
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.scene import scene_findings

@@ -65,20 +65,6 @@ class Compared:
         return self.off_m <= SAME_M and self.off_deg <= SAME_DEG
 
 
-def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
-    """Yield a finding of an upload for each object whose given pose differs from the one found in its images."""
-    for item in compared:
-        if not item.agrees:
-            message = (
-                f"The given pose of {item.given.name} differs by {100 * item.off_m:.1f} cm and {item.off_deg:.0f}"
-                f" degrees from the one found in the images ({item.found.estimator}), which is used. Give the pose of"
-                " the same point and axes of the object, or check the camera's calibration."
-            )
-            numbers = {"off_m": item.off_m, "off_deg": item.off_deg}
-            where = f"objects[{item.given.name}].position"
-            yield Finding("given-pose-unlike-images", "warning", message, where, numbers)
-
-
 def source_findings(
     observed: Sequence[ObjectPose], shown: Sequence[Demonstration], compared: Sequence[Compared]
 ) -> Iterator[Finding]:

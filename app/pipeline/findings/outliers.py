@@ -14,20 +14,19 @@ import numpy as np
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ACTS_ELSEWHERE, LEFT_OUT, NAMES_EXCHANGED, NOT_SHOWN
+from app.pipeline.findings.rules import ACTS_ELSEWHERE, NAMES_EXCHANGED, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import half_turned
-from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, RARE_SHARE, WAY_SHARE
+from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
 SCATTERS = 2.0  # within so many times a row's median scatter, a demonstration acts at the same place
 MAX_LISTED = 3  # ids that a message names
 ALIKE_M = BEYOND_NOISE_M / 2  # within this of where the usual plan would act, a demonstration does the same
-MIN_OTHERS = 3  # demonstrations from which the usual use of the gripper is known
 
 
 def elsewhere_findings(
@@ -145,9 +144,8 @@ def off_plans_m(support: Support, other: Demonstration, round_objects: frozenset
         elif _states(row.gripper_open for row in rows) == _way(other):
             last = touching_rows(rows)[-1]
             takes = last > 0 and rows[last - 1].gripper_open and not rows[last].gripper_open
-            found_m.append(
-                _acts_off_m([*acting, (plan[-1].action, rows[-1])] if takes else acting, other, round_objects)
-            )
+            acting += [(plan[-1].action, rows[-1])] if takes else []
+            found_m.append(_acts_off_m(acting, other, round_objects))
         else:
             found_m.append(NEVER_M)
     return min(found_m, default=0.0)
@@ -221,26 +219,6 @@ def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
 def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
     names = {one: other, other: one}
     return replace(shown, objects=tuple(replace(p, name=names.get(p.name, p.name)) for p in shown.objects))
-
-
-def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
-    """Yield a finding if the new demonstration's gripper switches differently than in most that ask for the same.
-
-    Args:
-        new, others: with the keyframes of their recordings.
-    """
-    ways = Counter(_way(shown) for shown in others if shown.order.form == new.order.form)
-    if ways.total() < MIN_OTHERS:
-        return
-    own, (usual, number) = _way(new), ways.most_common(1)[0]
-    ways[own] += 1
-    if own != usual and ways[own] <= RARE_SHARE * ways.total():
-        message = (
-            f"The gripper switches {len(own) - 1} times here, and {len(usual) - 1} times in {number} of the"
-            f" {ways.total() - 1} other demonstrations. Prompts leave this one out, unless more are like it or its"
-            " scene explains the difference. If something was dropped or grasped twice, delete it."
-        )
-        yield LEFT_OUT.finding(message, "trajectory.gripper_open", {"alike": ways[own], "demonstrations": ways.total()})
 
 
 def _way(shown: Demonstration) -> tuple[bool, ...]:
