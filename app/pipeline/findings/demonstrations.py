@@ -6,20 +6,19 @@ from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
+from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes, rigid_pairs
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.gripper import dropping_findings, hand_findings
 from app.pipeline.findings.hand import RecordedHand, path_findings
 from app.pipeline.findings.outliers import (
     answer_findings,
     elsewhere_findings,
-    exchanged_findings,
     off_plans_m,
     prompt_findings,
 )
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
-from app.pipeline.findings.scenes import MIN_AGREEING, ShownScenes, rigid_pairs
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.findings.yaw import Rotations, turning_findings
 from app.pipeline.order.order import Order
@@ -218,7 +217,6 @@ class Taught:
             left_out = [id(item) not in self._off_plan_m for item in alike]
             hands = self._hands_of(alike)
             yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
-            yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             yield from path_findings([hand.kept for hand in hands])
             of_each = [tuple(hand_findings(group, self._hands_of(group))) for group in (alike, *_of_ways(alike))]

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.scenes import ShownScenes
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose, Pose

@@ -12,9 +12,9 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.ends import PRESSING, PUTTING, TAKING, Recorded, backwards_findings, end_faults
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.findings.relative import places_by_object, spread_m
+from app.pipeline.findings.places import places_by_object, spread_m
+from app.pipeline.findings.recording_ends import PRESSING, PUTTING, TAKING, Recorded, backwards_findings, end_faults
 from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
 
 # What the instruction says to take or press, where it follows right upon the verb

@@ -8,8 +8,8 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.demonstrated_scenes import distances_m
 from app.pipeline.findings.rules import PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
-from app.pipeline.findings.scenes import distances_m
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.keyframes.resting import path_left_m

@@ -1,4 +1,4 @@
-"""Outlier demonstrations: they act elsewhere, have two names exchanged, or use the gripper differently.
+"""Outlier demonstrations: they act elsewhere, or use the gripper differently.
 
 A prompt leaves out a rare plan and shows the robust center of each row, so that the answer does not follow them.
 """
@@ -7,14 +7,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby, permutations
+from itertools import groupby
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ACTS_ELSEWHERE, NAMES_EXCHANGED, NOT_SHOWN
+from app.pipeline.findings.rules import ACTS_ELSEWHERE, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
@@ -183,42 +183,6 @@ def _distances_by_role_m(shown: Demonstration) -> dict[str, float]:
     lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
     at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
     return {shown.order.placeholder(pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
-
-
-def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
-    """Yield a finding for two objects whose names seem to be exchanged in several demonstrations.
-
-    With the names exchanged back, these would act where the usual plan acts. The instruction must name one of the two;
-    otherwise the scene may decide between them.
-
-    Args:
-        alike: demonstrations that ask for the same.
-    """
-    kinds = Counter(demonstration.kind for demonstration in alike)
-    usual = kinds.most_common(1)[0][0]
-    if len(kinds) == 1 or not all(demonstration.actions for demonstration in alike):
-        return
-    support = Support.of([[item for item in alike if item.kind == usual]])
-    others = [d for d in alike if d.kind != usual and off_plans_m(support, d) > BEYOND_NOISE_M]
-    explained: Counter[tuple[str, str]] = Counter()
-    for other in others:
-        for one, second in permutations((pose.name for pose in other.objects), 2):
-            if one in other.order.objects and off_plans_m(support, _exchanged(other, one, second)) < ALIKE_M:
-                explained[one, second] += 1
-    if not explained:
-        return
-    (one, second), number = explained.most_common(1)[0]
-    share = number / len(alike)
-    message = (
-        f"In {number} of {len(alike)} demonstrations of {alike[0].instruction!r} the names of {one} and {second} seem"
-        " to be exchanged: with them exchanged back, the hand acts as in the others. Correct or delete these."
-    )
-    yield from NAMES_EXCHANGED.findings(share, message, "demonstrations", share=share)
-
-
-def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
-    names = {one: other, other: one}
-    return replace(shown, objects=tuple(replace(p, name=names.get(p.name, p.name)) for p in shown.objects))
 
 
 def _way(shown: Demonstration) -> tuple[bool, ...]:

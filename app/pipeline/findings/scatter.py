@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.relative import places_by_object
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import left_out_errors_m, two_ways
+from app.pipeline.plans.agreement import left_out_errors_m
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import MIN_TURNED, TURNED_SHARE, asked_anchor, much_less, scatters_m
@@ -141,25 +140,6 @@ class ActingRow:
                 causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
         return causes
 
-    def left_by_most_m(self) -> float:
-        """Return the scatter if most hands are at one place relative to an object that the row does not follow."""
-        followed = self.shown[0].order.placeholder(self.row.anchors[0].object_name)
-        for (role, _), places_m in places_by_object(self.shown, self.row.positions_m).items():
-            off_m = np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1)
-            if role != followed and np.median(off_m) < SCATTER_M:
-                return self.row.scatter_m
-        return 0.0
-
-    def hands_in_two_deg(self) -> float:
-        """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""
-        row = self.row
-        only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
-        least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
-        ways = None if self.is_round else two_ways(only_turns, least_m=least_m)
-        if ways is None:
-            return 0.0
-        return math.degrees((row.rotations[ways].mean().inv() * row.rotations[~ways].mean()).magnitude())
-
     def on_a_circle_m(self) -> float:
         """Return the scatter of places on a circle about a round object's vertical axis; else 0."""
         if not self.is_round:
@@ -222,23 +202,12 @@ def _causes_of_scatter(item: ActingRow) -> Iterator[tuple[int, Finding]]:
         " base frame; delete the recordings made otherwise. Send a place between objects as an object of its own."
     )
     found.append(item.findings(rules.SCATTER_EXPLAINED, explained_m, message))
-    message = (
-        f"Where {item.text}, they scatter by {100 * row.scatter_m:.1f} cm, but most of them agree relative to another"
-        " object. Delete the others, or correct the names of their objects."
-    )
-    found.append(item.findings(rules.SCATTER_LEFT_BY_MOST, item.left_by_most_m(), message))
     turn_deg = 0.0 if item.touches else turn_off_deg(item.rows, item.index)
     message = (
         f"Where {item.text}, more than a third turn the held object by {turn_deg:.0f} degrees more, or less, than the"
         " others, as if only some of them poured. Delete the wrong ones."
     )
     found.append(item.findings(rules.SCATTER_OF_TURN_OF_HELD, turn_deg, message))
-    two_deg = item.hands_in_two_deg() if item.touches else 0.0
-    message = (
-        f"Where {item.text}, the hand is turned in two ways, {two_deg:.0f} degrees apart. Check whether some have"
-        " another model of the object, or other axes of the hand; delete the wrong ones."
-    )
-    found.append(item.findings(rules.SCATTER_OF_HANDS_IN_TWO, two_deg, message))
     message = (
         f"Where {item.text}, they act on several sides of it, at one distance. They follow its yaw, although the task's"
         " yaw_symmetry_deg declares it symmetric. Correct this setting."

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules, worst_severity
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 from app.pipeline.findings.places import (
     FIXED_M,
     MANY,
@@ -17,7 +18,6 @@ from app.pipeline.findings.places import (
     distance_m,
     estimated_error_m,
 )
-from app.pipeline.findings.scenes import ShownScenes, arrangement_findings
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS

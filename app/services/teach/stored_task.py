@@ -15,9 +15,9 @@ from app.pipeline.alike import Alike
 from app.pipeline.alike_instructions import with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
+from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
-from app.pipeline.findings.scenes import MIN_AGREEING
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_object_names
 from app.pipeline.order.order import Order

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.episode import Query
-from app.pipeline.findings.scenes import ShownScenes, arrangement_findings, rigid_pairs
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings, rigid_pairs
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 WORDS = "press here"

@@ -8,7 +8,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.findings.relative import places_by_object, spread_m
+from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
 from roboprompt_client.types.arrays import Array
 
