@@ -1,7 +1,6 @@
-"""Gripper timing, and what else no recorded hand can have done, or not with these words.
+"""Gripper timing and other motions of recorded hands that are impossible, or that the words exclude.
 
-All recordings may agree on it and be wrong: a gripper that is said to be open where it is closed, a hand that is far
-from all objects.
+All recordings may agree and be wrong: a gripper that is recorded as open where it is closed, a hand far from objects.
 """
 
 import re
@@ -19,7 +18,7 @@ from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
 
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
-CARRIES_M = 0.05
+CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
 PART_M = 0.02  # spread of the places at which hands act on one part of an object
 
