@@ -117,7 +117,7 @@ def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]
         f" {off.range_text}, and the motion is relative to its start. Send `end_effector` in the world frame, or move"
         " the hand to where demonstrations start."
     )
-    return rules.START_BEYOND_DEMONSTRATIONS.findings(off.doubtful_m, message, "end_effector", beyond_m=off.far_m)
+    return rules.START_BEYOND_DEMONSTRATIONS.findings(off.beyond_slack_m, message, "end_effector", beyond_m=off.far_m)
 
 
 def frame_findings(

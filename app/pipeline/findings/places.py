@@ -59,13 +59,13 @@ class OffBox(NamedTuple):
 
     Attributes:
         far_m: the distance from the box.
-        doubtful_m: the same less the slack, within which unseen places may well lie.
+        beyond_slack_m: the same less the slack, within which unseen places may well lie.
         range_text: the box along that axis.
     """
 
     axis: str
     far_m: float
-    doubtful_m: float
+    beyond_slack_m: float
     range_text: str
 
 

@@ -200,7 +200,7 @@ def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
         f" {off.range_text}. Check that it is the right object; if it is, record demonstrations nearer to it."
     )
     where = f"objects[{pose.name}]"
-    return rules.OBJECT_BEYOND_DEMONSTRATIONS.findings(off.doubtful_m, message, where, beyond_m=off.far_m)
+    return rules.OBJECT_BEYOND_DEMONSTRATIONS.findings(off.beyond_slack_m, message, where, beyond_m=off.far_m)
 
 
 def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
