@@ -148,11 +148,11 @@ def frame_findings(
         for k, item in enumerate(zip(ways_m, shown, hands, strict=True))
     ]
     how = "straight along the hand's own axis. One is the flange's pose and the other the fingertips'"
-    yield from _off(how, alike & along, along_m)
+    yield from _in_another_frame(how, alike & along, along_m)
     how = "and it acts as far beside an object, on the same side. One is in another frame, or another point of the hand"
-    yield from _off(how, alike & beside, far_m)
+    yield from _in_another_frame(how, alike & beside, far_m)
     how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
-    yield from _off(how, alike & turned, far_m)
+    yield from _in_another_frame(how, alike & turned, far_m)
 
 
 def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
@@ -176,7 +176,7 @@ def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand])
             return
 
 
-def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
+def _in_another_frame(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
     share = float(off.mean())
     if rules.HAND_IN_ANOTHER_FRAME.severity(share) is not None:
         message = (

@@ -47,15 +47,15 @@ def scene_findings(
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
-    if (old := _of_a_demonstration(observed, places, (*shown, *scenes.left_out), followed)) is not None:
+    if (old := _repeated_scene(observed, places, (*shown, *scenes.left_out), followed)) is not None:
         return (*uncertain, old)
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
         found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
     arranged = list(arrangement_findings(query, scenes, followed))
     arranged = [item for item in arranged if item.severity == "danger"][:1] or arranged[:1]
-    found += [] if confused else _greater(arranged, found)
-    found += _greater(_noise(observed, places), found)
+    found += [] if confused else _severer(arranged, found)
+    found += _severer(_noise(observed, places), found)
     return (*uncertain, *found)
 
 
@@ -70,7 +70,7 @@ def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, .
     return (rules.OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
 
 
-def _greater(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
+def _severer(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
     """Return the findings that are severer than all `known` ones, which explain the others."""
     worst = worst_severity(known)
     return [item for item in findings if worst is None or SEVERITIES.index(item.severity) > SEVERITIES.index(worst)]
@@ -89,7 +89,7 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             yield rules.UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
 
 
-def _of_a_demonstration(
+def _repeated_scene(
     observed: Sequence[ObjectPose],
     places: Sequence[ShownPlaces],
     shown: Sequence[Demonstration],
@@ -144,7 +144,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
     That explains every other finding about the two.
     """
     for one, other in combinations(observed, 2):
-        off_m = _exchanged_m(one, other, scenes)
+        off_m = _height_error_if_exchanged_m(one, other, scenes)
         message = (
             f"{one.name} and {other.name} are {100 * off_m:.1f} cm or more above or below their height in every"
             " demonstration; with their names exchanged they would not be. The estimator probably took one for the"
@@ -164,7 +164,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
     return [], ()
 
 
-def _exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
+def _height_error_if_exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
     """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0."""
     places = scenes.places(one.name), scenes.places(other.name)
     if max(place.box_m.width[2] for place in places) >= FIXED_M:
