@@ -80,9 +80,8 @@ def answer_findings(
     """
     off_m = _answer_off_m(support, asked, actions, round_objects)
     message = (
-        f"The answer acts {100 * off_m:.0f} cm or more from where most demonstrations of the task do (10 degrees of"
-        " rotation count as 1 cm), or uses the gripper differently, as the few demonstrations in the prompt do. Raise"
-        " num_demonstrations, choose others, or delete the wrong ones."
+        f"The answer {_difference(off_m)} most demonstrations of the task, as the few in the prompt do. Raise"
+        " num_demonstrations, choose other demonstrations, or delete the wrong ones."
     )
     if off_m > TWO_WAYS_M:
         yield ACTS_ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
@@ -104,11 +103,16 @@ def prompt_findings(
         (_answer_off_m(support, asked, [row.action for row in plan], round_objects) for plan in plans), default=0.0
     )
     message = (
-        f"The prompt's demonstrations imply actions {100 * off_m:.1f} cm from those that all demonstrations of the task"
-        " imply (10 degrees of rotation count as 1 cm): they are too few to show what the hand follows. Raise"
-        " num_demonstrations."
+        f"A motion as the prompt's demonstrations show it {_difference(off_m)} all demonstrations of the task: they are"
+        " too few to show what the hand follows. Raise num_demonstrations."
     )
     yield from NOT_SHOWN.findings(off_m, message, "demonstrations", off_m=off_m)
+
+
+def _difference(off_m: float) -> str:
+    if off_m >= NEVER_M:
+        return "switches the gripper differently from"
+    return f"acts {100 * off_m:.1f} cm (10 degrees of rotation count as 1 cm) from where the hand acts in"
 
 
 def _answer_off_m(
