@@ -13,17 +13,16 @@ import numpy as np
 
 from app.pipeline.episode import Query
 from app.pipeline.findings.actions import passing_findings
+from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings
-from app.pipeline.findings.implausible import hand_findings
+from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
+from app.pipeline.findings.gripper import hand_findings
+from app.pipeline.findings.outliers import answer_findings, elsewhere_findings
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.scene import scene_findings
-from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.findings.sources import source_findings
-from app.pipeline.findings.start import frame_findings, held_findings, start_findings
-from app.pipeline.findings.turning import turning_findings
-from app.pipeline.findings.ways import ways_findings
+from app.pipeline.findings.several_ways import ways_findings
+from app.pipeline.findings.yaw import turning_findings
 from app.services.predict.task_reading import TaskCaches, TaskReading
 from app.store.store import Store
 from benchmarks import scenes, service_time
@@ -72,10 +71,7 @@ def _of_a_version(taught: Taught) -> dict[str, Callable[[], Iterable[object]]]:
         "once: scatter": lambda: scatter_findings(support, order),
         "once: turning": lambda: turning_findings(support, order),
         "once: several ways": lambda: ways_findings(shown, taught.hands, frozenset(), declared=False),
-        "once: elsewhere, names": lambda: (
-            *elsewhere_findings(shown, none, [False] * len(shown), declared=False),
-            *exchanged_findings(shown),
-        ),
+        "once: elsewhere": lambda: elsewhere_findings(shown, none, [False] * len(shown), declared=False),
         "once: hand and gripper": lambda: hand_findings(shown, taught.hands),
         "once: order of quaternions": lambda: objects_order_findings(shown),
     }

@@ -21,7 +21,7 @@ from app.perception.base import ESTIMATOR_NAMES, GivenPoses, ObjectQuery
 from app.perception.models import AsObjectModel, model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.strict import WHOLE, Number
-from app.pipeline.findings.sources import GIVEN, Compared
+from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_aliases_of, checked_aliases, spelling_variants

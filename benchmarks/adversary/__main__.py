@@ -66,7 +66,7 @@ def _run(asked: argparse.Namespace, folder: Path) -> list[Outcome]:
 
 
 def _followed(outcomes: Iterable[tuple[Outcome, Mapping[str, Any]]], *, show: bool) -> list[Outcome]:
-    """The outcomes, their progress told on the way."""
+    """Return the outcomes, and report progress."""
     started, done = time.monotonic(), []
     for outcome, answer in outcomes:
         done.append(outcome)
@@ -74,8 +74,8 @@ def _followed(outcomes: Iterable[tuple[Outcome, Mapping[str, Any]]], *, show: bo
             sys.stdout.write(shown(outcome, answer))
         elif (outcome.wrong and outcome.ending == "silent") or len(done) % 25 == 0:
             silent = sum(item.wrong and item.ending == "silent" for item in done)
-            told = f"{time.monotonic() - started:.0f} s: {len(done)} cases, {silent} failed silently; last: "
-            sys.stderr.write(f"{told}{outcome.kind}, {outcome.task} {outcome.seed}: {outcome.ending}\n")
+            progress = f"{time.monotonic() - started:.0f} s: {len(done)} cases, {silent} failed silently; last: "
+            sys.stderr.write(f"{progress}{outcome.kind}, {outcome.task} {outcome.seed}: {outcome.ending}\n")
     return done
 
 

@@ -1,4 +1,4 @@
-"""What the outcomes say, as Markdown: what moved wrongly and silently first."""
+"""Outcomes as Markdown tables, silent failures first."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -94,13 +94,15 @@ def _line(name: str, group: Sequence[Outcome]) -> str:
 
 
 def _by_code(outcomes: Sequence[Outcome]) -> str:
-    """What each finding caught, and what it cried wolf on."""
+    """Return how many wrong and right cases each finding has."""
     found = {
-        "caught": Counter(kind for o in outcomes if o.wrong and not o.succeeded for kind in o.findings),
-        "in vain": Counter(kind for o in outcomes if o.wrong and o.succeeded for kind in o.findings),
-        "wolf": Counter(kind for o in outcomes if not o.wrong for kind in o.findings),
+        "wrong, fails": Counter(kind for o in outcomes if o.wrong and not o.succeeded for kind in o.findings),
+        "wrong, solved": Counter(kind for o in outcomes if o.wrong and o.succeeded for kind in o.findings),
+        "right": Counter(kind for o in outcomes if not o.wrong for kind in o.findings),
     }
-    kinds = sorted({kind for counter in found.values() for kind in counter}, key=lambda kind: -found["caught"][kind])
+    kinds = sorted(
+        {kind for counter in found.values() for kind in counter}, key=lambda kind: -found["wrong, fails"][kind]
+    )
     lines = ["| finding of the answer | severity | wrong, fails | wrong, solved | right |", "|---|---|---|---|---|"]
     for kind in kinds:
         lines.append(f"| `{kind[0]}` | {kind[1]} | " + " | ".join(str(c[kind]) for c in found.values()) + " |")

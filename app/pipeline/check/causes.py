@@ -5,12 +5,14 @@ A row cannot be predicted if it depends on an unknown object, or if the pose of 
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 
 import numpy as np
 
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.pipeline.check.settings import many_rows, missed_path, path_left, recorded_otherwise
 from app.pipeline.findings import Finding
+from app.pipeline.groups import grouped
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.thresholds import BEYOND_NOISE_M
 from roboprompt_client.types.severity import SEVERITIES
@@ -119,28 +121,19 @@ def find_causes(plans: Sequence[PlanCheck], rule: KeyframeRule) -> tuple[tuple[F
     Args:
         plans: those with most demonstrations first.
     """
-    findings, unlike_ids = missed_path(plans, rule), []
-    if not findings:
-        for group in _by_instruction(plans):
-            found, ids = _of_instruction(group, plans, rule)
-            findings += found
-            unlike_ids += ids
-        findings += [finding for k, plan in enumerate(plans) for finding in path_left(plan, k, rule)]
-    findings += [finding for k, plan in enumerate(plans) for finding in many_rows(plan, k)]
-    for group in _by_instruction(plans):
-        findings += _few(group)
+    missed = missed_path(plans, rule)
+    findings, unlike_ids = [*missed], []
+    by_instruction = grouped(plans, attrgetter("asks_for")).values()
+    for group in () if missed else by_instruction:
+        found, ids = _of_instruction(group, plans, rule)
+        findings += found
+        unlike_ids += ids
+    for k, plan in enumerate(plans):
+        findings += [] if missed else path_left(plan, k, rule)
+        findings += many_rows(plan, k)
+    findings += [finding for group in by_instruction for finding in _few(group)]
     severest_first = sorted(findings, key=lambda finding: -SEVERITIES.index(finding.severity))
     return tuple(severest_first), tuple(unlike_ids)
-
-
-def _by_instruction(plans: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
-    asked = dict.fromkeys(plan.asks_for for plan in plans)
-    return [[plan for plan in plans if plan.asks_for == each] for each in asked]
-
-
-def _by_gripper(group: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
-    ways = dict.fromkeys(plan.gripper for plan in group)
-    return [[plan for plan in group if plan.gripper == way] for way in ways]
 
 
 def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
@@ -162,7 +155,9 @@ def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: 
     if unexplained and number >= MIN_COMPARED and shown <= COMMON_SHARE * number:
         return [_no_common_plan(group, number, rule)], []
     findings, ids = [], []
-    otherwise = [one for alike in _by_gripper(group) for one in recorded_otherwise(_episodes(alike))]
+    otherwise = [
+        one for alike in grouped(group, attrgetter("gripper")).values() for one in recorded_otherwise(_episodes(alike))
+    ]
     for plan in unexplained:
         for episode, reason in _odd_ones(plan, group[0]):
             if episode in otherwise:

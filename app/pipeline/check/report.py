@@ -26,23 +26,23 @@ class Off:
 
     @classmethod
     def of(cls, way_m: Array, turn: Rotation) -> "Off":
-        """By the way (3,) and the turn from one to the other."""
+        """Return it for the offset (3,) and the turn from one pose to the other."""
         return cls(float(np.linalg.norm(way_m)), float(np.degrees(turn.magnitude())))
 
     @classmethod
     def median(cls, offs: Sequence["Off"]) -> "Off":
-        """The middle distance and the middle angle."""
+        """Return the median distance and the median angle."""
         return cls(float(np.median([off.m for off in offs])), float(np.median([off.deg for off in offs])))
 
     @property
     def together_m(self) -> float:
-        """Both as one distance: 10 degrees weigh as much as 1 cm."""
+        """Both as one distance: 10 degrees count as 1 cm."""
         return self.m + M_PER_RAD * math.radians(self.deg)
 
 
 @dataclass(frozen=True)
 class RowCheck:
-    """One row of a plan, each demonstration's action held against what the others predict.
+    """One row of a plan: each demonstration's action compared with the prediction of the others.
 
     Attributes:
         objects: which the row follows, of every demonstration; empty if it follows none.
@@ -158,14 +158,14 @@ class ReplyCheck:
 
 
 def check_reply(episode: EpisodeCheck, actions: Sequence[EndEffectorAction]) -> ReplyCheck:
-    """Hold a reply's actions against the demonstration's own."""
+    """Compare a reply's actions with the demonstration's."""
     if len(actions) != len(episode.actions):
         problem = f"{len(actions)} actions instead of {len(episode.actions)}"
         return ReplyCheck(episode.id, len(actions), problem=problem)
     pairs = list(zip(actions, episode.actions, strict=True))
     turned = [k for k, (predicted, shown) in enumerate(pairs) if predicted.gripper_open != shown.gripper_open]
     if turned:
-        problem = f"the gripper is the other way in action {turned[0] + 1}"
+        problem = f"the gripper has the other state in action {turned[0] + 1}"
         return ReplyCheck(episode.id, len(actions), problem=problem)
     return ReplyCheck(episode.id, len(actions), tuple(_off_between(*pair) for pair in pairs))
 
@@ -176,15 +176,15 @@ def _off_between(predicted: EndEffectorAction, shown: EndEffectorAction) -> Off:
 
 
 def reply_findings(model: str, replies: Sequence[ReplyCheck]) -> tuple[Finding, ...]:
-    """Whether the model fails."""
+    """Return a finding if the model's replies are wrong."""
     wrong = [reply for reply in replies if reply.is_wrong]
     if not wrong:
         return ()
     severity: Severity = "danger" if 2 * len(wrong) > len(replies) else "warning"
     shown = wrong[0].problem or f"{100 * max(off.m for off in wrong[0].errors):.1f} cm off"
     message = (
-        f"{model} gets {len(wrong)} of {len(replies)} demonstrations wrong that it was not shown, the first"
-        f" {wrong[0].id}: {shown}. If nothing else is found, try another model, representation or number of"
+        f"{model} gets {len(wrong)} of {len(replies)} demonstrations wrong that its prompt did not show, the first"
+        f" {wrong[0].id}: {shown}. Without other findings, try another model, representation or number of"
         " demonstrations."
     )
     numbers = {"wrong": len(wrong), "asked": len(replies)}

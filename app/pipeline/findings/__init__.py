@@ -1,4 +1,4 @@
-"""What deserves a look: doubts about a recording, an observation or a prediction, in one form for all who show them."""
+"""Findings: reasons why a recording, an observation or a prediction may be wrong."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from roboprompt_client.types.severity import SEVERITIES, Severity
 
 @dataclass(frozen=True)
 class Finding:
-    """One doubt and its cause.
+    """One reason for doubt and its cause.
 
     Attributes:
         code: kebab-case name of the kind, stable for programs.

@@ -10,9 +10,14 @@ from dataclasses import dataclass
 from app.pipeline.episode import Query
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, distances_m, path_m
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING, UNSUPPORTED
-from app.pipeline.findings.shown import ShownScenes, distances_m, way
+from app.pipeline.findings.rules import (
+    PASSES_CLOSE,
+    SAMPLES_DISAGREE,
+    STRAYING_ACTION,
+    UNSUPPORTED,
+)
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_LISTED = 4  # numbers of actions that a message lists
@@ -55,7 +60,7 @@ def action_findings(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
             f" {off_deg:.0f} degrees outside of the demonstrated range, relative to {worst.seen_from}."
         )
         numbers = {"num_actions": len(straying), "off_m": worst.off_m, "off_deg": off_deg}
-        found.append(STRAYING.finding(message, f"actions[{straying[0].index}]", numbers))
+        found.append(STRAYING_ACTION.finding(message, f"actions[{straying[0].index}]", numbers))
     return tuple(found)
 
 
@@ -89,11 +94,11 @@ def passing_findings(
     """
     if len(shown.demonstrations) < MIN_DEMONSTRATIONS or not actions:
         return
-    way_m = way(query.start, actions)
+    hand_m = path_m(query.start, actions)
     roles: dict[str, str | int] = {name: place for place, name in enumerate(query.order.objects)}
     kept_m = [(pose, shown.passed_m.get(roles.get(pose.name, pose.name))) for pose in query.objects]
     for pose, least_m in (*kept_m, *((pose, math.inf) for pose in bystanders)):
-        all_m = distances_m(way_m, pose.position_m)
+        all_m = distances_m(hand_m, pose.position_m)
         near_m = float(all_m.min())
         if least_m is None or near_m > min(PASSES_CLOSE.levels["warning"], NEARER * least_m, least_m - NEARER_M):
             continue

@@ -1,29 +1,33 @@
 """All demonstrations of a task, and the findings about those that ask for the same: contradictions and scatter."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
-from app.pipeline.findings.arrangement import MIN_AGREEING, rigid_pairs
-from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
+from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes, rigid_pairs
+from app.pipeline.findings.frames import Compared
+from app.pipeline.findings.gripper import dropping_findings, hand_findings
 from app.pipeline.findings.hand import RecordedHand, path_findings
-from app.pipeline.findings.implausible import dropping_findings, hand_findings
+from app.pipeline.findings.outliers import (
+    answer_findings,
+    elsewhere_findings,
+    off_plans_m,
+    prompt_findings,
+)
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
-from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.findings.sources import Compared
-from app.pipeline.findings.turning import Rotations, turning_findings
-from app.pipeline.findings.ways import ways_findings
+from app.pipeline.findings.several_ways import ways_findings
+from app.pipeline.findings.yaw import Rotations, turning_findings
 from app.pipeline.groups import by_plan, shown_together, usual_ways
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import acting_rows
-from app.pipeline.plans.support import Support
+from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from app.pipeline.thresholds import BEYOND_NOISE_M
 from roboprompt_client.types.poses import EndEffectorAction
@@ -124,6 +128,23 @@ class Taught:
             self._known[form, number, asked.objects] = known
         return known
 
+    def of_prompt(
+        self, parts: Sequence[Query], plans: Mapping[str, Sequence[PlacedPlan] | None], shown_ids: Collection[str]
+    ) -> Iterator[Finding]:
+        """Yield a finding if a prompt that lacks some usual demonstrations implies other actions than all of them.
+
+        Args:
+            parts: the parts of the instruction.
+            plans: by a part's instruction, those of the prompt, placed in the scene.
+            shown_ids: of the demonstrations in the prompt.
+        """
+        for part in parts if self._lacks(shown_ids) else ():
+            yield from prompt_findings(self.support, part, plans.get(part.instruction) or (), self.round_objects)
+
+    def _lacks(self, shown_ids: Collection[str]) -> bool:
+        """Return whether a prompt leaves out demonstrations that prompts usually show."""
+        return not self.several_ways and any(item.id not in shown_ids for item in self.usual)
+
     def of_answer(
         self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
     ) -> Iterator[Finding]:
@@ -133,7 +154,7 @@ class Taught:
             parts: the parts of the instruction.
             actions: the answer to all of them.
         """
-        if not self.several_ways and any(item.id not in shown_ids for item in self.usual):
+        if self._lacks(shown_ids):
             for part in parts:
                 yield from answer_findings(self.support, part, actions, self.round_objects if len(parts) == 1 else None)
 
@@ -157,7 +178,7 @@ class Taught:
         return found
 
     @cached_property
-    def _shown_off_m(self) -> dict[int, float]:
+    def _off_plan_m(self) -> dict[int, float]:
         """By `id`, how far each demonstration in `usual` acts from where the others of its plan do.
 
         Between switches of the gripper, rows of one number may show different stages, as after a detour: a
@@ -169,16 +190,16 @@ class Taught:
             for i, demonstration in enumerate(group):
                 off_m = max((float(rows[j].off_m[i]) for j in acting), default=0.0)
                 at_switches_m = max((float(rows[j].off_m[i]) for j in switches), default=0.0)
-                if at_switches_m < BEYOND_NOISE_M < off_m and from_shown_m(self.support, demonstration) < TWO_WAYS_M:
+                if at_switches_m < BEYOND_NOISE_M < off_m and off_plans_m(self.support, demonstration) < TWO_WAYS_M:
                     off_m = at_switches_m
                 found[id(demonstration)] = off_m
         return found
 
     def _off_m(self, item: Demonstration) -> float:
         """Return how far it acts from where the others of its plan do, or from where the usual plans would act."""
-        if (shown_m := self._shown_off_m.get(id(item))) is not None:
+        if (shown_m := self._off_plan_m.get(id(item))) is not None:
             return shown_m
-        return 0.0 if item.plan is None else from_shown_m(self.support, item)
+        return 0.0 if item.plan is None else off_plans_m(self.support, item)
 
     @cached_property
     def _hands(self) -> dict[int, RecordedHand]:
@@ -193,10 +214,9 @@ class Taught:
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
-            left_out = [id(item) not in self._shown_off_m for item in alike]
+            left_out = [id(item) not in self._off_plan_m for item in alike]
             hands = self._hands_of(alike)
             yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
-            yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             yield from path_findings([hand.kept for hand in hands])
             of_each = [tuple(hand_findings(group, self._hands_of(group))) for group in (alike, *_of_ways(alike))]

@@ -1,4 +1,4 @@
-"""What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
+"""The hand of a recording: gripper switches, ends, speeds and reversals, which keyframes do not show."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,8 +8,8 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import PATH_LEFT, PATH_NOT_KEPT
-from app.pipeline.findings.shown import distances_m
+from app.pipeline.findings.demonstrated_scenes import distances_m
+from app.pipeline.findings.rules import PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.keyframes.resting import path_left_m
@@ -18,15 +18,15 @@ from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
-NEVER_M = 1.0  # from a switch that no action makes
+NEVER_M = 1.0  # the distance from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
-END_S = 0.2  # within which a hand that is on its way gets on
-DIPS_M = 0.03  # less up and down is no way to a place and back
+END_S = 0.2  # a moving hand leaves its place within this time
+DIPS_M = 0.03  # a smaller range of heights is no motion to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MOVING_M = 0.005  # between two frames of a moving hand
-LEAP_M, LEAP = 0.10, 4.0  # a step that long, and so many times as long as most others, is no motion of an arm
+LEAP_M, LEAP = 0.10, 4.0  # a step longer than this, and so many times as long as most others, is no motion of an arm
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.
@@ -37,8 +37,8 @@ class Kept(NamedTuple):
     """How far actions are from a recording.
 
     Attributes:
-        missed_m: from where the hand acts.
-        left_m: the way through them, from the recorded one, where that matters.
+        missed_m: from the places where the hand acts.
+        left_m: of the path through them from the recorded one, where the hand moves.
     """
 
     missed_m: float
@@ -46,15 +46,15 @@ class Kept(NamedTuple):
 
 
 def kept(motion: Motion, actions: Sequence[EndEffectorAction], delta_rad_s: float) -> Kept:
-    """How closely at least one action keeps to a recording; an arm slower than `delta_rad_s` rests."""
+    """Return how far at least one action is from a recording; an arm slower than `delta_rad_s` rests."""
     return Kept(missed_m(motion, actions), path_left_m(motion, manner_of(motion, delta_rad_s), actions))
 
 
 def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:
-    """How far the actions stay from the place where the recorded hand acts; of several places, the farthest.
+    """Return the distance of the actions from where the recorded hand acts; of several places, the farthest.
 
-    The hand acts where the gripper switches, at the nearest action with the gripper as it is then. Where it never does,
-    the hand acts at the lowest place of its way, which the straight way from action to action may pass.
+    The hand acts where the gripper switches; the nearest action with the same gripper state counts. Without a switch it
+    acts at its lowest place, which the straight path from action to action may pass.
 
     Args:
         actions: at least one.
@@ -70,19 +70,19 @@ def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:
 
 
 def off_from_m(place_m: Array, is_open: bool, action: EndEffectorAction) -> float:
-    """How far an action is from a place; `NEVER_M` with the gripper otherwise."""
+    """Return the distance of an action from a place; `NEVER_M` for another gripper state."""
     return float(np.linalg.norm(action.position_m - place_m)) if action.gripper_open == is_open else NEVER_M
 
 
 class Act(NamedTuple):
-    """The gripper switches.
+    """A switch of the gripper.
 
     Attributes:
-        opens: otherwise it closes.
-        away_m: by name, how far the objects are from the hand there.
+        opens: False where it closes.
+        away_m: the distances of the objects from the hand there, by name.
         earlier_m, later_m: the least distance from the nearest of them since the gripper switched before, or the
             recording began; and until it switches again, or the recording ends.
-        moved_m: how far the hand is from there when that happens; 10 degrees count as 1 cm.
+        moved_m: the distance of the hand from there at that time; 10 degrees count as 1 cm.
     """
 
     opens: bool
@@ -177,7 +177,7 @@ class RecordedHand:
 
     @classmethod
     def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
-        """What the demonstration's recording has."""
+        """Return the hand of the demonstration's recording."""
         trajectory, acting = motion.trajectory, motion.acting_switches
         objects_m = np.array([pose.position_m for pose in shown.objects])
         away_m = np.linalg.norm(trajectory.positions_m[:, None] - objects_m[None], axis=2)  # (T, N)
@@ -225,7 +225,7 @@ def _leaps(positions_m: Array) -> bool:
 
 
 def _gets_on_m_s(motion: Motion) -> float:
-    """How fast the hand leaves, in the last moment of a recording, where it was when that began."""
+    """Return the speed at which the hand leaves its place in the last `END_S` of a recording."""
     positions_m, times_s = motion.trajectory.positions_m, motion.times_s
     first = min(int(np.searchsorted(times_s, times_s[-1] - END_S)), max(len(times_s) - 2, 0))
     way_m = float(np.linalg.norm(positions_m[-1] - positions_m[first]))
@@ -233,17 +233,17 @@ def _gets_on_m_s(motion: Motion) -> float:
 
 
 def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
-    """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
+    """Yield a finding if actions miss where hands act, or leave their path, in more than a third of the recordings.
 
-    A thing that is not lifted is dragged, and may tear others along.
+    An object that is not lifted is dragged, and may pull others along.
     """
     if not paths:
         return
     rare = int(WAY_SHARE * len(paths))
     missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
     remedy = (
-        "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01; if they are so, the motion has"
-        " more corners than a reply has actions: teach its parts as tasks of their own."
+        "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01. If they already are, the"
+        " motion has more corners than a reply has actions: teach its parts as separate tasks."
     )
     if PATH_NOT_KEPT.severity(missed_m) is not None:
         number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
@@ -252,10 +252,10 @@ def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
             f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
         )
         yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
-    elif PATH_LEFT.severity(left_m) is not None:
-        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
+    elif PATH_NOT_KEPT_BETWEEN.severity(left_m) is not None:
+        number = sum(PATH_NOT_KEPT_BETWEEN.severity(path.left_m) is not None for path in paths)
         message = (
-            f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
-            f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
+            f"In {number} of {len(paths)} recordings the hand leaves the straight path from action to action by"
+            f" {100 * left_m:.1f} cm: a lift, or a path around an object, may be lost. {remedy}"
         )
-        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)
+        yield PATH_NOT_KEPT_BETWEEN.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

@@ -1,4 +1,4 @@
-"""The range of an object's poses in demonstrations, and how far an observed pose is outside of it."""
+"""Places of objects in demonstrations: their range, and what is constant relative to an object."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
+from app.pipeline.episode import Query
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -24,6 +26,7 @@ FEW_M, MANY = 0.5, 10  # the slack grows by FEW_M * (1/N - 1/MANY): 5 cm for fiv
 SLACK = 15.0  # times range / N^2: 0.15 of the range for ten demonstrations, 0.6 for five: docs/results/safety.md
 # Less than 10 cm it is at least 4.5 range / N: of places that are drawn evenly, one in 150 lies farther off on an axis
 EVENLY, EVENLY_LESS_M = 4.5, 0.10
+SPREAD_SHARE = 0.8  # of the places, which a spread counts; the others may be outliers
 LEAST_OF_A_LEVEL = 2  # demonstrations that have an object at one of several heights
 MIN_DEMONSTRATIONS = 3  # fewer demonstrations show no range
 
@@ -56,13 +59,13 @@ class OffBox(NamedTuple):
 
     Attributes:
         far_m: the distance from the box.
-        doubtful_m: the same less the slack, within which unseen places may well lie.
+        beyond_slack_m: the same less the slack, within which unseen places may well lie.
         range_text: the box along that axis.
     """
 
     axis: str
     far_m: float
-    doubtful_m: float
+    beyond_slack_m: float
     range_text: str
 
 
@@ -193,6 +196,30 @@ def _wrapped_deg(angles_rad: Array) -> Array:
     return wrapped
 
 
-def apart_m(one: ObjectPose, other: ObjectPose) -> float:
+def distance_m(one: ObjectPose, other: ObjectPose) -> float:
     """Return the distance between two objects."""
     return float(np.linalg.norm(one.position_m - other.position_m))
+
+
+def places_by_object(scenes: Sequence[Query], places_m: Array) -> dict[tuple[str, str], Array]:
+    """Return places (N, 3) of N scenes relative to each object that all have, by its role and the axes.
+
+    The role is its name, or its place in the instruction, as `<0>`. Axes are the world's (`w`), or the object's own
+    (`o`) where all its rotations are known.
+    """
+    by_role = [{scene.order.placeholder(pose.name): pose for pose in scene.objects} for scene in scenes]
+    found: dict[tuple[str, str], Array] = {}
+    for role in by_role[0]:
+        poses = [scene[role] for scene in by_role if role in scene]
+        if len(poses) < len(scenes):
+            continue
+        found[role, "w"] = places_m - np.array([pose.position_m for pose in poses])
+        turned = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
+        if len(turned) == len(scenes):
+            found[role, "o"] = Rotation.from_quat(np.array(turned)).inv().apply(found[role, "w"])
+    return found
+
+
+def spread_m(places_m: Array) -> float:
+    """Return the distance from their median within which most of the places (N, 3) lie."""
+    return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), SPREAD_SHARE))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import OBJECT_W_FIRST
+from app.pipeline.findings.rules import W_FIRST_OF_OBJECT
 from app.pipeline.keyframes import Motion
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
@@ -141,7 +141,7 @@ def objects_order_findings(demonstrations: Sequence[Demonstration]) -> Iterator[
                 f"In {share:.0%} of the demonstrations {name} is upright only if its quaternion has w first. Upload"
                 " these recordings again with quaternions in the order x y z w."
             )
-            yield from OBJECT_W_FIRST.findings(share, message, f"objects[{name}]", {"share": share})
+            yield from W_FIRST_OF_OBJECT.findings(share, message, f"objects[{name}]", share=share)
 
 
 def _is_inclined(tilts_deg: Array) -> npt.NDArray[np.bool_]:

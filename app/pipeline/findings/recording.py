@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from app.pipeline.alike import Alike, alike_findings
+from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
-from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES
@@ -31,6 +34,37 @@ PUSHING_N = 8.0  # above the median force; a carried kilogram is 10 N
 MOVING_M_S = 0.05  # at the last frame
 
 
+def upload_findings(
+    new: Demonstration,
+    motion: Motion,
+    rule: KeyframeRule,
+    *,
+    tracked: Sequence[str],
+    alike: Sequence[Alike],
+    compared: Sequence[Compared],
+    extra: Mapping[str, Any],
+) -> tuple[Finding, ...]:
+    """Return the findings about an uploaded demonstration, causes first.
+
+    Args:
+        new: the demonstration, with the keyframes that `rule` finds in `motion`.
+        tracked: the objects in the order of the trajectory's tracks.
+        alike: the objects that came with one name.
+        compared: the objects whose poses were given, and found in images as well.
+        extra: of the upload.
+
+    Raises:
+        InvalidInputError: if `extra` has commanded positions of another shape.
+    """
+    return (
+        *alike_findings(alike, new.instruction),
+        *unit_findings(motion.trajectory, new.objects),
+        *compared_findings(compared),
+        *recording_findings(motion, new.actions, rule),
+        *contact_findings(motion, tracked, extra),
+    )
+
+
 def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> tuple[Finding, ...]:
     """Return the findings, causes first.
 
@@ -41,7 +75,7 @@ def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> 
 
 
 def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
-    """Yield a finding for each object whose given pose differs from the one found in images, which prompts show."""
+    """Yield a finding of an upload for each object whose given pose differs from the one found in its images."""
     for item in compared:
         if not item.agrees:
             message = (

@@ -1,7 +1,8 @@
-"""Which doubt about an answer is how severe: every rule by its name, with where its numbers come from.
+"""Severity rules for findings about answers: every rule by its name, with the source of its numbers.
 
 This is the one place that decides what is a `danger`, on which robots stop. docs/findings.md describes the same rules,
-and a test holds the two together.
+and a test holds the two together. A rule has its code as name; several rules of one code are named after what they
+measure.
 """
 
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ MEASURED = "thresholds: docs/results/safety.md; no danger in 1056 right scenes o
 
 @dataclass(frozen=True)
 class Rule:
-    """From which value on a doubt is how severe.
+    """From which value on a finding has which severity.
 
     Attributes:
         code: of its findings.
@@ -44,7 +45,7 @@ class Rule:
         return {severity: value for severity, value in values if value is not None}
 
     def severity(self, value: float = ALWAYS) -> Severity | None:
-        """How severe the doubt is; None where there is none."""
+        """Return the severity of a value; None where there is no finding."""
         sign = -1 if self.nearer else 1
         reached = [severity for severity, level in self.levels.items() if sign * value >= sign * level]
         return reached[-1] if reached else None
@@ -52,7 +53,7 @@ class Rule:
     def finding(
         self, message: str, where: str = "", numbers: Mapping[str, float] | None = None, *, value: float = ALWAYS
     ) -> Finding:
-        """The doubt as a finding.
+        """Return the finding.
 
         Raises:
             ValueError: for a value of no severity.
@@ -62,11 +63,12 @@ class Rule:
             raise ValueError(f"{self.code} is no finding at {value}")
         return Finding(self.code, severity, message, where, numbers or {})
 
-    def findings(self, value: float, message: str, where: str, numbers: Mapping[str, float]) -> tuple[Finding, ...]:
-        """The doubt, if the value has a severity."""
+    def findings(self, value: float, message: str, where: str = "", **numbers: float) -> tuple[Finding, ...]:
+        """Return the finding, or none for a value of no severity."""
         return () if self.severity(value) is None else (self.finding(message, where, numbers, value=value),)
 
 
+# The words of a request
 UNFAMILIAR_INSTRUCTION = Rule("unfamiliar-instruction", danger=ALWAYS, source="not one motion is taught for it")
 NEW_INSTRUCTION = Rule("new-instruction", info=ALWAYS, source="its form was taught")
 NEW_ROLE = Rule(
@@ -74,27 +76,35 @@ NEW_ROLE = Rule(
 )
 PARTS_NOT_SHOWN = Rule("parts-not-shown", danger=ALWAYS, source="the reply is not held to demonstrations")
 
+# The poses of the observed scene
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
-OTHER_SOURCE = Rule("poses-of-another-source", "0 for a given pose that nothing compares", warning=0.0, danger=1.0)
-ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
-HEIGHTS_EXCHANGED = Rule("objects-in-each-others-place", "of both above or below", "m", danger=0.008)
-OLD_SCENE = Rule("scene-of-a-demonstration", danger=ALWAYS, source="no measured pose repeats itself to 0.01 mm")
-TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
-HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
+POSES_OF_ANOTHER_SOURCE = Rule(
+    "poses-of-another-source", "0 for a given pose that nothing compares", warning=0.0, danger=1.0
+)
+OBJECTS_IN_ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
+OBJECTS_IN_EACH_OTHERS_PLACE = Rule("objects-in-each-others-place", "height error of both", "m", danger=0.008)
+SCENE_OF_A_DEMONSTRATION = Rule("scene-of-a-demonstration", danger=ALWAYS, source="no pose is measured twice alike")
+OBJECT_TILTED = Rule("object-tilted", "tilt outside of its range", "degrees", danger=20.0)
+OBJECT_AT_ANOTHER_HEIGHT = Rule(
+    "object-at-another-height", "distance from the nearest height", "m", warning=0.011, danger=0.018
+)
 # of 4510 right scenes a danger in 0.4 % with ten demonstrations, 3.6 % with five, 2.8 % with three
-BEYOND = Rule("object-beyond-demonstrations", "beyond the widened box of places", "m", warning=0.05, danger=0.10)
-START_BEYOND = Rule("start-beyond-demonstrations", "the same, of the hand", "m", warning=0.10, danger=0.20)
-OTHER_FRAME = Rule("hand-in-another-frame", "share of the recordings", danger=0.34, source="docs/results/safety.md")
+OBJECT_BEYOND_DEMONSTRATIONS = Rule(
+    "object-beyond-demonstrations", "distance from the widened box of places", "m", warning=0.05, danger=0.10
+)
+START_BEYOND_DEMONSTRATIONS = Rule("start-beyond-demonstrations", "the hand's distance", "m", warning=0.10, danger=0.20)
+HAND_IN_ANOTHER_FRAME = Rule("hand-in-another-frame", "share of the recordings", danger=0.34)
 # a wrist cannot follow all the way round: people's stacks in robosuite, of three demonstrations
-TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0, danger=120.0)
+OBJECT_TURNED = Rule("object-turned", "yaw outside of its range", "degrees", warning=10.0, danger=120.0)
 # of ten or more demonstrations; a danger in 0.2 % of 10560 right scenes
-TURNED_BEYOND_MANY = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0, danger=20.0)
-NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.03)
-ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)
-PARTED = Rule("objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", danger=0.035)
+OBJECT_TURNED_OF_MANY = Rule("object-turned", "yaw outside of its range", "degrees", warning=10.0, danger=20.0)
+NOISY_OBSERVATION = Rule("noisy-observation", "mean error of poses", "m", warning=0.016, danger=0.03)
+# poses with a mean error of 0.5 cm: at most 1.6 cm in 600 right scenes of three rigid arrangements
+ARRANGEMENT = Rule("objects-arranged-otherwise", "distance from a constant relative place", "m", warning=0.025)
+ARRANGEMENT_OF_FOLLOWED = Rule("objects-arranged-otherwise", "the same, of what a row follows", "m", danger=0.025)
+ARRANGEMENT_OF_SIDES = Rule("objects-arranged-otherwise", "distance on the wrong side", "m", danger=0.05)
 
-SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration has it", "m", danger=0.05)
-
+# Which demonstrations a prompt shows
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
 SYMMETRY_SHOWN = Rule("symmetry-shown", info=ALWAYS, source="docs/plans.md")
 NUMBERED = Rule("numbered-by-place", info=ALWAYS, source="docs/instructions.md")
@@ -112,39 +122,39 @@ FEW_DEMONSTRATIONS = Rule(
 )
 MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="the longer a reply, the more goes wrong")
 
-SCATTERED = Rule("scattered-demonstrations", "that their center may be off", info=0.0, warning=0.012)
-MISSED = Rule("scattered-demonstrations", "the same where the hand takes or presses", "m", danger=0.012)
-APART = Rule("scattered-demonstrations", "rms of places that are alike along other axes", "m", danger=TURNED_M)
-HAND_APART = Rule("scattered-demonstrations", "the same of the hand's rotations", "degrees", danger=10.0)
-NOT_SHOWN_APART = Rule("scattered-demonstrations", danger=ALWAYS, source="the prompt's demonstrations are too few")
-CONTRADICTING = Rule("scattered-demonstrations", "of a third from the center", "m", danger=BEYOND_NOISE_M)
-EXPLAINED_AWAY = Rule("scattered-demonstrations", "from the center, where something explains it", "m", danger=0.015)
-UNLIKE_MOST = Rule("scattered-demonstrations", "where most agree relative to another object", "m", danger=0.02)
-TURNED_OTHERWISE = Rule("scattered-demonstrations", "that a third turn more or less", "degrees", danger=45.0)
+# Demonstrations that differ where the hand acts, relative to what the row follows
+SCATTER_OF_CENTER = Rule("scattered-demonstrations", "standard error of the center", info=0.0, warning=0.012)
+SCATTER_OF_CENTER_AT_TOUCH = Rule("scattered-demonstrations", "the same, at a grasp or press", "m", danger=0.012)
+SCATTER_OF_PLACES_BY_AXES = Rule("scattered-demonstrations", "rms along the wrong axes", "m", danger=TURNED_M)
+SCATTER_OF_HANDS_BY_AXES = Rule("scattered-demonstrations", "rms about the wrong axes", "degrees", danger=10.0)
+SCATTER_OF_A_THIRD = Rule("scattered-demonstrations", "distance that a third exceed", "m", danger=BEYOND_NOISE_M)
+SCATTER_EXPLAINED = Rule("scattered-demonstrations", "distance that something explains", "m", danger=0.015)
+SCATTER_OF_TURN_OF_HELD = Rule("scattered-demonstrations", "turn that a third exceed", "degrees", danger=45.0)
+SCATTER_OF_HANDS = Rule("scattered-demonstrations", "angle that a third exceed at a grasp", "degrees", danger=15.0)
+SCATTER_OF_HANDS_AT_UNTURNED = Rule("scattered-demonstrations", "of what never turns", "degrees", warning=15.0)
+NOT_SHOWN = Rule("scattered-demonstrations", "between plans of the prompt and of the task", "m", danger=0.02)
+SCATTER_ON_A_CIRCLE = Rule("scattered-demonstrations", "at one distance from an object", "m", danger=0.03)
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
-EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
-ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)
-TURNED_IN_TWO = Rule("scattered-demonstrations", "between two turns of the hand where it acts", "degrees", danger=20.0)
-TURNED_ANYHOW = Rule("scattered-demonstrations", "that a third are off, where it takes things", "degrees", danger=15.0)
-NEVER_TURNED = Rule("scattered-demonstrations", "the same, of what seems never to turn", "degrees", warning=15.0)
-ON_A_CIRCLE = Rule("scattered-demonstrations", "from the center, all at one distance from an object", "m", danger=0.03)
+ACTS_ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
-PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)
+PATH_NOT_KEPT_BETWEEN = Rule("path-not-kept", "from the path where the hand moves", "m", warning=0.03, danger=0.05)
 
+# What recorded hands did
 IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", danger=0.34)
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.21)
-STOPS_COMPLETE = Rule("broken-off", "the same, where the ends agree and all has been done", warning=0.01)
-BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
-NOT_HELD = Rule("not-in-the-hand", "share of the recordings", danger=0.34, source="what is not held is not put down")
-DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
-FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
-BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
-OBJECT_W_FIRST = Rule("w-first", "share of the demonstrations", danger=0.15)
+BROKEN_OFF_COMPLETE = Rule("broken-off", "the same, where the ends agree and all has been done", warning=0.01)
+BACKWARDS_IN_TIME = Rule("backwards-in-time", danger=ALWAYS)
+NOT_IN_THE_HAND = Rule("not-in-the-hand", "share of the recordings", danger=0.34)
+DROPS_WHAT_IT_HOLDS = Rule("drops-what-it-holds", danger=ALWAYS)
+ACTS_FAR_FROM_OBJECTS = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
+BESIDE_THE_OBJECT = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
+W_FIRST_OF_OBJECT = Rule("w-first", "share of the demonstrations", danger=0.15)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
-MISREAD = Rule("yaw-misread", "of the hand's rotations from their mean", "degrees", danger=8.0)
+YAW_MISREAD = Rule("yaw-misread", "of the hand's rotations from their mean", "degrees", danger=8.0)
 
+# An answer
 GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")
-STRAYING = Rule("straying-action", info=ALWAYS)
+STRAYING_ACTION = Rule("straying-action", info=ALWAYS)
 PASSES_CLOSE = Rule("passes-close", "from an object's center", "m", warning=0.08, danger=0.03, nearer=True)
 UNSUPPORTED = Rule("unsupported-action", danger=ALWAYS)
 SAMPLES_DISAGREE = Rule("samples-disagree", warning=ALWAYS, source="each reply is held to the demonstrations")

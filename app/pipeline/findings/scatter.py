@@ -1,72 +1,153 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows something unknown."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings import Finding
-from app.pipeline.findings.explained import SCATTER_M, explained_m, unlike_most_m
-from app.pipeline.findings.rules import (
-    APART,
-    CONTRADICTING,
-    EXPLAINED_AWAY,
-    HAND_APART,
-    MISSED,
-    NOT_SHOWN_APART,
-    ON_A_CIRCLE,
-    SCATTERED,
-    TURNED_IN_TWO,
-    TURNED_OTHERWISE,
-    UNLIKE_MOST,
-    Rule,
-)
+from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import two_ways
+from app.pipeline.plans.agreement import left_out_errors_m
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
-from app.pipeline.representation.anchors import MIXED_FRAMES, WORLD, Anchor, asked_anchor
+from app.pipeline.representation.anchors import asked_anchor
 from app.pipeline.thresholds import M_PER_RAD
+from roboprompt_client.types.arrays import Array
 
-APART_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
+AXES_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
 CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
+SCATTER_M = 0.01  # the least scatter of people and pose estimators
+EXPLAINED_M = 0.007  # the least scatter that is worth an explanation
+LEFT = 0.2  # the share of the scatter (leave one out) that is left where something explains it: then it is no noise
+FEWEST_EXPLAINED = 5  # demonstrations
+FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
+VARIES_M = 0.005  # what varies by less explains nothing
 
 
 @dataclass(frozen=True, eq=False)
-class _Acting:
-    """A row at which the hand acts.
+class ActingRow:
+    """A row in which the hand acts on something, itself or with a held object.
 
     Attributes:
-        seen_from: the object or frame that the row is relative to, by its name in the observed scene.
-        apart_m, hand_apart_deg: see `_apart`.
-        explained_m, by: see `app.pipeline.findings.explained.explained_m`.
-        two_turns_deg: see `_two_turns_deg`.
-        on_a_circle_m: see `_on_a_circle_m`.
-        unlike_most_m: see `app.pipeline.findings.explained.unlike_most_m`.
-        loosely: whether the hand releases something, or acts with a held object; both may happen anywhere, as in a bin.
-        turn_off_deg: see `app.pipeline.plans.rows.turn_off_deg`, of a held object.
+        shown: the demonstrations of its plan.
+        index: of the row.
+        touches: whether the hand itself acts; what is held may act anywhere, as in a bin.
+        asked: the requested instruction.
+        round_objects: objects with a declared yaw symmetry.
     """
 
+    shown: Sequence[Demonstration]
+    rows: Sequence[PlanRow]
     index: int
-    row: PlanRow
-    seen_from: str
-    apart_m: float
-    hand_apart_deg: float
-    explained_m: float
-    by: str
-    two_turns_deg: float
-    on_a_circle_m: float
-    unlike_most_m: float
-    loosely: bool
-    turn_off_deg: float
+    touches: bool
+    asked: Order
+    tilted: frozenset[str]
+    round_objects: frozenset[str]
 
-    def finding(self, rule: Rule, message: str, value: float) -> Finding:
+    @property
+    def row(self) -> PlanRow:
+        """The row itself."""
+        return self.rows[self.index]
+
+    @property
+    def loosely(self) -> bool:
+        """Whether the hand releases something, or acts with a held object."""
+        return not self.touches or (
+            self.index > 0 and self.row.gripper_open and not self.rows[self.index - 1].gripper_open
+        )
+
+    @property
+    def seen_from(self) -> str:
+        """The object or frame that the row is relative to, by its name in the observed scene."""
+        anchor = asked_anchor(self.row.anchors[0], self.shown[0].order, self.asked)
+        return anchor.object_name or f"the {anchor.frame}"
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the object that the row follows has a declared yaw symmetry."""
+        return self.row.anchors[0].object_name in self.round_objects
+
+    @property
+    def text(self) -> str:
+        """The row in messages."""
+        return f"{len(self.shown)} demonstrations act (action {self.index + 1}, relative to {self.seen_from})"
+
+    def findings(self, rule: Rule, value: float, message: str) -> tuple[Finding, ...]:
+        """Return the finding about this row, if the value has a severity."""
         row = self.row
         numbers = {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "center_off_m": row.center_off_m}
-        return rule.finding(message, f"actions[{self.index}]", numbers, value=value)
+        return rule.findings(value, message, f"actions[{self.index}]", **numbers)
+
+    def by_other_axes(self) -> tuple[float, float]:
+        """Return the scatter of places (m) and rotations (degrees), where the other axes of the object fit better.
+
+        Place and hand then need different axes, and demonstrations are too few or too noisy to choose them separately.
+        """
+        row, names = self.row, {anchor.object_name for anchor in self.row.anchors}
+        poses = [item.object(a.object_name) for item, a in zip(self.shown, row.anchors, strict=True) if all(names)]
+        if len(poses) < MIN_TURNED or names & self.round_objects or any(pose.quaternion_xyzw is None for pose in poses):
+            return 0.0, 0.0
+        world_m, own_m = (scatter_m[:, self.index] for scatter_m in scatters_m(self.shown, row.anchors, self.tilted))
+        turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
+        off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
+        place_m, hand_m = np.where(much_less(other_m, off_m, AXES_SHARES), off_m, 0.0).tolist()
+        if row.anchors[0].frame == "ow":  # no noise of poses turns the hand in the world: it follows something else
+            hand_m = max(hand_m, float(world_m[1]))
+        return place_m, math.degrees(hand_m / M_PER_RAD)
+
+    def explained_m(self) -> tuple[float, str]:
+        """Return the largest distance from the row's center, and what explains it; (0, "") if nothing does.
+
+        A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both
+        are measured at another point of it), a wrong scale or a turned frame by where the object stands, and a place
+        that depends on two objects by where the other one stands, seen from the first.
+        """
+        row = self.row
+        if len(self.shown) < FEWEST_EXPLAINED or row.scatter_m < EXPLAINED_M or not row.anchors[0].object_name:
+            return 0.0, ""
+        seen_m = (row.positions_m - self._followed_m, row.offsets_m)  # along the world's axes, and the row's own
+        for name, inputs in self._causes().items():
+            varied = inputs[:, inputs.std(axis=0) > VARIES_M]
+            freedom = len(self.shown) - varied.shape[1] - 1
+            most_left = LEFT * min(1, freedom / FREEDOM) * (row.off_m**2).sum()
+            if varied.shape[1] and any((left_out_errors_m(varied, m) ** 2).sum() < most_left for m in seen_m):
+                return float(row.off_m.max()), name
+        return 0.0, ""
+
+    @property
+    def _followed_m(self) -> Array:
+        """(N, 3) the places of the object that the row follows."""
+        anchors = zip(self.shown, self.row.anchors, strict=True)
+        return np.array([item.object(anchor.object_name).position_m for item, anchor in anchors])
+
+    def _causes(self) -> dict[str, Array]:
+        """Return (N, K) quantities that may explain scatter, by their text."""
+        number = len(self.shown)
+        starts_m = [item.start.position_m for item in self.shown if item.start is not None]
+        causes = {
+            "the order of the recordings": np.linspace(0, 1, number)[:, None],
+            "where the hand starts": np.array(starts_m if len(starts_m) == number else np.zeros((number, 3))),
+            f"the place of {self.row.anchors[0].object_name}": self._followed_m,
+        }
+        # what is held may depend on anything on its way
+        for poses in zip(*(item.ordered_objects for item in self.shown), strict=False) if self.touches else ():
+            other = all(pose.name != anchor.object_name for pose, anchor in zip(poses, self.row.anchors, strict=True))
+            if other:
+                places_m = np.array([pose.position_m for pose in poses])
+                causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
+        return causes
+
+    def on_a_circle_m(self) -> float:
+        """Return the scatter of places on a circle about a round object's vertical axis; else 0."""
+        if not self.is_round:
+            return 0.0
+        radii_m = np.linalg.norm(self.row.offsets_m[:, :2], axis=1)
+        off_circle_m = float(np.median(np.abs(radii_m - np.median(radii_m))))
+        return self.row.scatter_m if off_circle_m < CIRCLE_SHARE * self.row.scatter_m else 0.0
 
 
 def scatter_findings(support: Support, asked: Order, round_objects: frozenset[str] = frozenset()) -> Iterator[Finding]:
@@ -80,191 +161,69 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         round_objects: objects with a declared yaw symmetry.
     """
     acting = [
-        _Acting(
-            k,
-            rows[k],
-            _seen_from(rows[k], shown[0].order, asked),
-            *(_apart(shown, rows[k], k, support.tilted, round_objects) if k in touching else (0.0, 0.0)),
-            *explained_m(shown, rows[k], by_objects=k in touching),
-            _two_turns_deg(rows[k], round_objects) if k in touching else 0.0,
-            _on_a_circle_m(rows[k], round_objects),
-            unlike_most_m(shown, rows[k]),
-            loosely=k not in touching or (k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open),
-            turn_off_deg=0.0 if k in touching else turn_off_deg(rows, k),
-        )
+        ActingRow(shown, rows, k, k in touching_rows(rows), asked, support.tilted, round_objects)
         for shown, rows in support.alike(asked)
-        for touching in [touching_rows(rows)]
         for k in acting_rows(rows)
     ]
-    for rule, value, message in DOUBTS:
-        worst = max(acting, key=value, default=None)
-        if worst is not None and rule.severity(value(worst)) is not None:
-            yield worst.finding(rule, message(worst), value(worst))
-            return
-    if scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
-        yield _scattered_finding(scattered)
+    found = [(order, finding) for item in acting for order, finding in _causes_of_scatter(item)]
+    if found:
+        yield min(found, key=lambda each: (each[0], -each[1].numbers["scatter_m"]))[1]
+    elif scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
+        yield _scattered(scattered)
 
 
-def _apart_message(item: _Acting) -> str:
-    turns = "does not turn" if item.row.anchors[0].place_turns else "turns"
-    return (
-        f"The place where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) probably {turns} with"
-        f" {item.seen_from}, unlike the hand: it may be {200 * item.apart_m:.1f} cm off. Record more demonstrations"
-        f" with {item.seen_from} at other angles, or send the place as an object of its own."
+def _causes_of_scatter(item: ActingRow) -> Iterator[tuple[int, Finding]]:
+    """Yield the findings about the causes of a row's scatter, each with its rank: the first one is reported."""
+    row = item.row
+    found: list[tuple[Finding, ...]] = []
+    place_m, hand_deg = item.by_other_axes() if item.touches else (0.0, 0.0)
+    turns = "does not turn" if row.anchors[0].place_turns else "turns"
+    message = (
+        f"The place where {item.text} probably {turns} with {item.seen_from}, unlike the hand: it may be"
+        f" {200 * place_m:.1f} cm off. Record more demonstrations with {item.seen_from} at other angles, or send the"
+        " place as an object of its own."
     )
-
-
-def _hand_apart_message(item: _Acting) -> str:
-    turns = "does not turn" if item.row.anchors[0].hand_turns else "turns"
-    return (
-        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}), the hand probably {turns} with"
-        f" {item.seen_from}, unlike the place: it may be turned wrongly by {2 * item.hand_apart_deg:.0f} degrees."
-        f" Record more demonstrations with {item.seen_from} at other angles."
+    found.append(item.findings(rules.SCATTER_OF_PLACES_BY_AXES, place_m, message))
+    turns = "does not turn" if row.anchors[0].hand_turns else "turns"
+    message = (
+        f"Where {item.text}, the hand probably {turns} with {item.seen_from}, unlike the place: it may be turned"
+        f" wrongly by {2 * hand_deg:.0f} degrees. Record more demonstrations with {item.seen_from} at other angles."
     )
-
-
-def not_shown_findings(shown: Support | None, taught: Support, asked: Order) -> Iterator[Finding]:
-    """Yield a finding if only place or hand turns with an object, and the prompt shows too few demonstrations of that.
-
-    Args:
-        shown: the plans in the prompt; None where they are not known.
-        taught: the plans of all demonstrations of the task.
-    """
-    missing = _mixed(taught, asked) - (set() if shown is None else _mixed(shown, asked))
-    for name in sorted({anchor.object_name or "an object" for anchor in missing})[:1]:
-        message = (
-            f"What the hand does at {name} follows it in part: along some axes only, or only its position or rotation"
-            " turns with it. The prompt has too few demonstrations to show that. Raise num_demonstrations."
-        )
-        yield NOT_SHOWN_APART.finding(message, "demonstrations")
-
-
-def _mixed(support: Support, asked: Order) -> set[Anchor]:
-    """Return the anchors with a mixed frame at which the hand acts, by the names in the observed scene.
-
-    Those that have other origins along single axes count as one, as several may fit.
-    """
-    found = set()
-    for group, rows in support.alike(asked):
-        acting = [rows[k].anchors[0] for k in touching_rows(rows)]
-        found |= {asked_anchor(one, group[0].order, asked) for one in acting if one.frame in MIXED_FRAMES}
-        found |= {WORLD for row in rows if row.anchors[0].along}
-    return found
-
-
-def _contradicting_message(item: _Acting) -> str:
-    return (
-        f"More than a third of {len(item.row.off_m)} demonstrations act {100 * item.row.way_off_m:.1f} cm or more from"
-        f" where the others do (action {item.index + 1}, relative to {item.seen_from}): too far for noise. They do the"
-        " task in several ways, were recorded in another frame, or follow an object that is not in the scenes."
+    found.append(item.findings(rules.SCATTER_OF_HANDS_BY_AXES, hand_deg, message))
+    message = (
+        f"Where {item.text}, more than a third are {100 * row.way_off_m:.1f} cm or more from where the others act: too"
+        " far for noise. They do the task in several ways, were recorded in another frame, or follow an object that is"
+        " not in the scenes. Delete the wrong ones, or send that object."
     )
-
-
-def _explained_message(item: _Acting) -> str:
-    return (
-        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}, relative to {item.seen_from}), they"
-        f" are up to {100 * item.explained_m:.1f} cm from their center, and {item.by} explains it: this is no noise,"
-        " and the center is wrong. Check the point of the hand that is recorded, calibration, scale and base"
-        " frame; delete the recordings made otherwise. Send a place between objects as an object of its own."
+    found.append(item.findings(rules.SCATTER_OF_A_THIRD, row.way_off_m, message))
+    explained_m, cause = item.explained_m()
+    message = (
+        f"Where {item.text}, they are up to {100 * explained_m:.1f} cm from their center, and {cause} explains it: this"
+        " is no noise, and the center is wrong. Check the point of the hand that is recorded, calibration, scale and"
+        " base frame; delete the recordings made otherwise. Send a place between objects as an object of its own."
     )
-
-
-def _turned_message(item: _Acting) -> str:
-    return (
-        f"More than a third of {len(item.row.off_m)} demonstrations turn the held object by"
-        f" {item.turn_off_deg:.0f} degrees more, or less, than the others (action {item.index + 1}), as if only some of"
-        " them poured. Delete the wrong ones."
+    found.append(item.findings(rules.SCATTER_EXPLAINED, explained_m, message))
+    turn_deg = 0.0 if item.touches else turn_off_deg(item.rows, item.index)
+    message = (
+        f"Where {item.text}, more than a third turn the held object by {turn_deg:.0f} degrees more, or less, than the"
+        " others, as if only some of them poured. Delete the wrong ones."
     )
-
-
-def _two_turns_message(item: _Acting) -> str:
-    return (
-        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}), the hand is turned in two ways,"
-        f" {item.two_turns_deg:.0f} degrees apart relative to {item.seen_from}. Check whether some have another model"
-        " of the object, or other axes of the hand; delete the wrong ones."
+    found.append(item.findings(rules.SCATTER_OF_TURN_OF_HELD, turn_deg, message))
+    message = (
+        f"Where {item.text}, they act on several sides of it, at one distance. They follow its yaw, although the task's"
+        " yaw_symmetry_deg declares it symmetric. Correct this setting."
     )
+    found.append(item.findings(rules.SCATTER_ON_A_CIRCLE, item.on_a_circle_m(), message))
+    yield from ((rank, finding) for rank, findings in enumerate(found) for finding in findings)
 
 
-def _circle_message(item: _Acting) -> str:
-    return (
-        f"{len(item.row.off_m)} demonstrations act on several sides of {item.seen_from}, at one distance from it"
-        f" (action {item.index + 1}). They follow its yaw, although the task's yaw_symmetry_deg declares it symmetric."
-        " Correct this setting."
-    )
-
-
-def _unlike_most_message(item: _Acting) -> str:
-    return (
-        f"Where the hand acts (action {item.index + 1}), {len(item.row.off_m)} demonstrations scatter by"
-        f" {100 * item.row.scatter_m:.1f} cm relative to {item.seen_from}, but most of them agree relative to another"
-        " object. Delete the others, or correct the names of their objects."
-    )
-
-
-def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
-    missed = [item for item in scattered if not item.loosely and MISSED.severity(item.row.center_off_m) is not None]
+def _scattered(scattered: Sequence[ActingRow]) -> Finding:
+    touching = rules.SCATTER_OF_CENTER_AT_TOUCH
+    missed = [item for item in scattered if not item.loosely and touching.severity(item.row.center_off_m) is not None]
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
     message = (
-        f"{len(item.row.off_m)} demonstrations scatter by {100 * item.row.scatter_m:.1f} cm where the hand acts (action"
-        f" {item.index + 1}, relative to {item.seen_from}), and their center may be {100 * item.row.center_off_m:.1f}"
-        " cm off. Check calibration and poses, send every object that the motion depends on, or record more."
+        f"Where {item.text}, they scatter by {100 * item.row.scatter_m:.1f} cm, and their center may be"
+        f" {100 * item.row.center_off_m:.1f} cm off. Check calibration and poses, send every object that the motion"
+        " depends on, or record more demonstrations."
     )
-    return item.finding(MISSED if missed else SCATTERED, message, item.row.center_off_m)
-
-
-def _apart(
-    shown: Sequence[Demonstration], row: PlanRow, k: int, tilted: frozenset[str], round_objects: frozenset[str]
-) -> tuple[float, float]:
-    """Return the scatter of places (m) and of rotations (degrees) along the axes of row `k`, if other axes fit better.
-
-    0 where no others do. Place and hand then need different axes, and the demonstrations are too few or too noisy to
-    choose them separately.
-    """
-    names = {anchor.object_name for anchor in row.anchors}
-    poses = [item.object(anchor.object_name) for item, anchor in zip(shown, row.anchors, strict=True) if all(names)]
-    if len(poses) < MIN_TURNED or names & round_objects or any(pose.quaternion_xyzw is None for pose in poses):
-        return 0.0, 0.0
-    world_m, own_m = (scatter_m[:, k] for scatter_m in scatters_m(shown, row.anchors, tilted))
-    turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
-    off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
-    place_m, hand_m = np.where(much_less(other_m, off_m, APART_SHARES), off_m, 0.0).tolist()
-    if row.anchors[0].frame == "ow":  # no noise of poses turns the hand in the world: it follows something else
-        hand_m = max(hand_m, float(world_m[1]))
-    return place_m, math.degrees(hand_m / M_PER_RAD)
-
-
-def _two_turns_deg(row: PlanRow, round_objects: frozenset[str]) -> float:
-    """Return the angle between two clusters of the hand's rotations; 0 where they are one, or the object is round."""
-    only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
-    least_m = M_PER_RAD * math.radians(TURNED_IN_TWO.levels["danger"])
-    ways = None if row.anchors[0].object_name in round_objects else two_ways(only_turns, least_m=least_m)
-    if ways is None:
-        return 0.0
-    return math.degrees((row.rotations[ways].mean().inv() * row.rotations[~ways].mean()).magnitude())
-
-
-def _on_a_circle_m(row: PlanRow, round_objects: frozenset[str]) -> float:
-    """Return the scatter of offsets that lie on a circle about a round object's vertical axis; else 0."""
-    if row.anchors[0].object_name not in round_objects:
-        return 0.0
-    radii_m = np.linalg.norm(row.offsets_m[:, :2], axis=1)
-    off_circle_m = float(np.median(np.abs(radii_m - np.median(radii_m))))
-    return row.scatter_m if off_circle_m < CIRCLE_SHARE * row.scatter_m else 0.0
-
-
-def _seen_from(row: PlanRow, shown: Order, asked: Order) -> str:
-    anchor = asked_anchor(row.anchors[0], shown, asked)
-    return anchor.object_name or f"the {anchor.frame}"
-
-
-# Causes of scatter; the first that applies is reported
-DOUBTS: tuple[tuple[Rule, Callable[[_Acting], float], Callable[[_Acting], str]], ...] = (
-    (APART, lambda item: item.apart_m, _apart_message),
-    (HAND_APART, lambda item: item.hand_apart_deg, _hand_apart_message),
-    (CONTRADICTING, lambda item: item.row.way_off_m, _contradicting_message),
-    (EXPLAINED_AWAY, lambda item: item.explained_m, _explained_message),
-    (UNLIKE_MOST, lambda item: item.unlike_most_m, _unlike_most_message),
-    (TURNED_OTHERWISE, lambda item: item.turn_off_deg, _turned_message),
-    (TURNED_IN_TWO, lambda item: item.two_turns_deg, _two_turns_message),
-    (ON_A_CIRCLE, lambda item: item.on_a_circle_m, _circle_message),
-)
+    return item.findings(touching if missed else rules.SCATTER_OF_CENTER, item.row.center_off_m, message)[0]

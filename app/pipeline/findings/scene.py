@@ -9,16 +9,15 @@ import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules, worst_severity
-from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 from app.pipeline.findings.places import (
     FIXED_M,
     MANY,
     MIN_DEMONSTRATIONS,
     ShownPlaces,
-    apart_m,
+    distance_m,
     estimated_error_m,
 )
-from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
 from app.pipeline.order.words import phrase_of
@@ -48,15 +47,15 @@ def scene_findings(
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
-    if (old := _of_a_demonstration(observed, places, (*shown, *scenes.left_out), followed)) is not None:
+    if (old := _repeated_scene(observed, places, (*shown, *scenes.left_out), followed)) is not None:
         return (*uncertain, old)
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
         found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
-    parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
-    parted = _greater(list(sided_findings(query, scenes.sides, followed)), parted) or parted
-    found += [] if confused else _greater(parted, found)
-    found += _greater(_noise(observed, places), found)
+    arranged = list(arrangement_findings(query, scenes, followed))
+    arranged = [item for item in arranged if item.severity == "danger"][:1] or arranged[:1]
+    found += [] if confused else _severer(arranged, found)
+    found += _severer(_noise(observed, places), found)
     return (*uncertain, *found)
 
 
@@ -71,7 +70,7 @@ def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, .
     return (rules.OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
 
 
-def _greater(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
+def _severer(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
     """Return the findings that are severer than all `known` ones, which explain the others."""
     worst = worst_severity(known)
     return [item for item in findings if worst is None or SEVERITIES.index(item.severity) > SEVERITIES.index(worst)]
@@ -90,7 +89,7 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             yield rules.UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
 
 
-def _of_a_demonstration(
+def _repeated_scene(
     observed: Sequence[ObjectPose],
     places: Sequence[ShownPlaces],
     shown: Sequence[Demonstration],
@@ -119,7 +118,7 @@ def _of_a_demonstration(
         f" {'them' if where == 'objects' else 'it'}; no camera measures that twice. This is probably an old"
         " observation: observe the scene again."
     )
-    return rules.OLD_SCENE.finding(message, where)
+    return rules.SCENE_OF_A_DEMONSTRATION.finding(message, where)
 
 
 def _stale(pose: ObjectPose, places_m: Array) -> bool:
@@ -145,15 +144,15 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
     That explains every other finding about the two.
     """
     for one, other in combinations(observed, 2):
-        off_m = _exchanged_m(one, other, scenes)
+        off_m = _height_error_if_exchanged_m(one, other, scenes)
         message = (
             f"{one.name} and {other.name} are {100 * off_m:.1f} cm or more above or below their height in every"
             " demonstration; with their names exchanged they would not be. The estimator probably took one for the"
             " other: check the names."
         )
-        if swapped := rules.HEIGHTS_EXCHANGED.findings(off_m, message, f"objects[{one.name}]", {"off_m": off_m}):
+        if swapped := rules.OBJECTS_IN_EACH_OTHERS_PLACE.findings(off_m, message, f"objects[{one.name}]", off_m=off_m):
             return list(swapped), (one, other)
-        off_m = apart_m(one, other)
+        off_m = distance_m(one, other)
         least_m = scenes.least_apart_m(one.name, other.name)
         if least_m > FIXED_M and off_m < APART_SHARE * least_m:
             message = (
@@ -161,11 +160,11 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
                 " in every demonstration. The estimator probably found one object twice."
             )
             numbers = {"apart_m": off_m, "least_m": least_m}
-            return [rules.ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
+            return [rules.OBJECTS_IN_ONE_PLACE.finding(message, f"objects[{one.name}]", numbers)], (one, other)
     return [], ()
 
 
-def _exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
+def _height_error_if_exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
     """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0."""
     places = scenes.places(one.name), scenes.places(other.name)
     if max(place.box_m.width[2] for place in places) >= FIXED_M:
@@ -183,13 +182,13 @@ def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
         f"The tilt of {pose.name} differs by {tilt_deg:.0f} degrees from every demonstration. If it has fallen over,"
         " stand it up."
     )
-    tilted = rules.TILTED.findings(tilt_deg, message, where, {"tilt_deg": tilt_deg})
+    tilted = rules.OBJECT_TILTED.findings(tilt_deg, message, where, tilt_deg=tilt_deg)
     off_m = places.lifted_m(pose) if places.leans_deg(pose) < UPRIGHT_DEG else 0.0
     message = (
         f"{pose.name} is {100 * off_m:.1f} cm above or below its height in every demonstration. It is another object,"
         " or stands on something."
     )
-    lifted = rules.HEIGHT.findings(off_m, message, where, {"off_m": off_m})
+    lifted = rules.OBJECT_AT_ANOTHER_HEIGHT.findings(off_m, message, where, off_m=off_m)
     turned = () if tilted else _turned(pose, places)  # the yaw of an object that has fallen over means nothing
     return [*tilted, *lifted, *_beyond(pose, places), *turned]
 
@@ -200,20 +199,21 @@ def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
         f"{pose.name} is {100 * off.far_m:.0f} cm outside of the demonstrated range along {off.axis}, which is"
         f" {off.range_text}. Check that it is the right object; if it is, record demonstrations nearer to it."
     )
-    return rules.BEYOND.findings(off.doubtful_m, message, f"objects[{pose.name}]", {"beyond_m": off.far_m})
+    where = f"objects[{pose.name}]"
+    return rules.OBJECT_BEYOND_DEMONSTRATIONS.findings(off.beyond_slack_m, message, where, beyond_m=off.far_m)
 
 
 def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
     beyond_deg, range_deg = places.turned_beyond_deg(pose)
-    if rules.TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
+    if rules.OBJECT_TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
         return ()
     message = (
         f"{pose.name} is turned about the vertical by {beyond_deg:.0f} degrees beyond the demonstrations, which span"
         f" {range_deg:.0f} degrees. Turn it back, record demonstrations at this angle, or, if it looks the same after"
         " a part of a turn, set the task's yaw_symmetry_deg."
     )
-    rule = rules.TURNED_BEYOND_MANY if places.number >= MANY else rules.TURNED
-    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", {"beyond_deg": beyond_deg})
+    rule = rules.OBJECT_TURNED_OF_MANY if places.number >= MANY else rules.OBJECT_TURNED
+    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", beyond_deg=beyond_deg)
 
 
 def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tuple[Finding, ...]:
@@ -223,7 +223,7 @@ def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tup
         f"Heights and tilts differ from those in all demonstrations: poses have an error of about {100 * error_m:.1f}"
         " cm, so that grasps may miss. Check the camera's calibration and the estimator."
     )
-    return rules.NOISY.findings(error_m, message, "objects", {"error_m": error_m})
+    return rules.NOISY_OBSERVATION.findings(error_m, message, "objects", error_m=error_m)
 
 
 class Stranger(NamedTuple):

@@ -9,9 +9,9 @@ from sqlalchemy import Connection
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import RecordedHand, kept
-from app.pipeline.findings.sources import Compared
-from app.pipeline.findings.turning import Rotations
+from app.pipeline.findings.yaw import Rotations
 from app.pipeline.plans import Recording, agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
 from app.pipeline.plans.turn import folded

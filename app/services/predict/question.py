@@ -8,11 +8,9 @@ import numpy as np
 from app.pipeline.alike import alike_findings
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
+from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
-from app.pipeline.findings.scatter import not_shown_findings
 from app.pipeline.findings.scene import other_objects, scene_findings, strangers
-from app.pipeline.findings.sources import source_findings
-from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
@@ -119,8 +117,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)
     yield from source_findings(that_matter, taught.demonstrations, taught.compared)
     yield from taught.findings(order)
-    if len(question.prefix.demonstration_ids) < len(taught.demonstrations):
-        yield from not_shown_findings(question.prefix.support, taught.support, order)
+    yield from taught.of_prompt(question.parts, question.plans, question.prefix.demonstration_ids)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
     if taught.follows_start(order):
         yield from start_findings(known.end_effector, taught.scenes)

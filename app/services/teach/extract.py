@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
-from app.pipeline.findings.sources import GIVEN
+from app.pipeline.findings.frames import GIVEN
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.services.scene_images import read_frame, with_templates
 from app.services.task_settings import TaskSettings

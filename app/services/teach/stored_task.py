@@ -14,7 +14,7 @@ from app.perception.base import ObjectQuery
 from app.pipeline.alike import Alike, with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
-from app.pipeline.findings.arrangement import MIN_AGREEING
+from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion

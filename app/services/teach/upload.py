@@ -11,8 +11,8 @@ from app.perception.images import ImageBytes
 from app.pipeline.alike import Alike
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
+from app.pipeline.findings.recording import upload_findings
 from app.pipeline.findings.units import check_recording
-from app.pipeline.findings.upload import upload_findings
 from app.pipeline.names import check_object_names
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
@@ -186,7 +186,6 @@ class UploadEpisode:
             alike=upload.alike,
             compared=settings.compared(upload.objects, new.objects),
             extra=episode.extra,
-            others=[record.demonstration() for record in task.demonstrations],
         )
         films = {camera: blobs.put(data) for camera, data in sorted(upload.films.items())}
         draft = replace(draft, cameras=put_images(blobs, upload.cameras, upload.images), films=films)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
-from app.pipeline.findings.shown import ShownScenes, distances_m
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, distances_m
 
 from ..scenes import action, demonstration, pose
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.episode import Query
-from app.pipeline.findings.arrangement import parted_findings, rigid_pairs, sided_findings, sides
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings, rigid_pairs
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 WORDS = "press here"
@@ -31,7 +31,7 @@ def shown(number=6, **how):
 
 def found(lid_off_m, followed=(), **how):
     query = Query(WORDS, kitchen(2.5, lid_off_m=lid_off_m, **how))
-    return [f.severity for f in parted_findings(query, rigid_pairs(shown(**how)), frozenset(followed))]
+    return [f.severity for f in arrangement_findings(query, ShownScenes(tuple(shown(**how))), frozenset(followed))]
 
 
 @pytest.mark.parametrize("turns", [True, False])
@@ -78,4 +78,4 @@ def test_a_left_and_a_right_one_on_each_others_side(names, left_m, number, expec
     words = f"take the {names[0]}"
     taught = [demonstration(words, cups(0.1 + 0.02 * k, -0.1 - 0.03 * k, names), []) for k in range(number)]
     query = Query(words, cups(left_m, 0.0, names))
-    assert [finding.severity for finding in sided_findings(query, sides(taught), frozenset())] == expected
+    assert [f.severity for f in arrangement_findings(query, ShownScenes(tuple(taught)), frozenset())] == expected

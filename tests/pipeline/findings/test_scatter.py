@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.scatter import not_shown_findings, scatter_findings
+from app.pipeline.findings.outliers import prompt_findings
+from app.pipeline.findings.scatter import scatter_findings
+from app.pipeline.findings.yaw import turning_findings
 from app.pipeline.plans import plan_rows
 from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
@@ -78,7 +80,8 @@ def test_two_turns_of_the_hand_are_not_averaged(between_deg, dangers):
         deg = yaw_deg + between_deg * (k % 2) + random.normal(0, 1.5)
         rows = [action((*cube_m[:2], z_m), (180, 0, deg), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
         group.append(demonstration(INSTRUCTION, (pose("cube", cube_m, yaw_deg),), rows))
-    assert sum(finding.severity == "danger" for finding in found(group)) == dangers
+    findings = [*found(group), *turning_findings(Support.of([group]), group[0].order)]
+    assert sum(finding.severity == "danger" for finding in findings) == dangers
 
 
 def test_what_is_let_go_may_come_down_anywhere():
@@ -175,13 +178,15 @@ def test_a_place_and_a_hand_that_turn_alike_are_none():
 
 
 @pytest.mark.parametrize("turns", TURN_APART)
-def test_of_such_frames_a_prompt_must_show_enough_demonstrations(turns):
-    taught = Support.of([beside(0.03, 10, **turns)])
-    asked = taught.plans[0][0][0].order
-    (few,) = not_shown_findings(Support.of([beside(0.03, 2, **turns)]), taught, asked)
-    assert (few.code, few.severity) == ("scattered-demonstrations", "danger")
-    assert list(not_shown_findings(None, taught, asked)) == [few]
-    assert list(not_shown_findings(Support.of([beside(0.03, 4, **turns)]), taught, asked)) == []
+def test_a_prompt_must_show_enough_demonstrations_of_such_frames(turns):
+    taught, asked = Support.of([beside(0.03, 10, **turns)]), beside(0.03, 8, **turns)[7]
+
+    def found_with(number):
+        plans = Support.of([beside(0.03, number, **turns)]).placed(asked)
+        return [(f.code, f.severity) for f in prompt_findings(taught, asked, plans, frozenset())]
+
+    assert found_with(2) == [("scattered-demonstrations", "danger")]
+    assert found_with(4) == []
 
 
 def poured(beside_m=0.0, every=2, without_turn=False, returned=True):

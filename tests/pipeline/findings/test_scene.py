@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
+from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.places import ShownPlaces, estimated_error_m
 from app.pipeline.findings.scene import scene_findings
-from app.pipeline.findings.shown import ShownScenes
 from app.pipeline.noise import disturbed
 from roboprompt_client.types.poses import ObjectPose
 from tests.pipeline.scenes import demonstration, pose, rotated

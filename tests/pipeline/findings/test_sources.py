@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.frames import Compared
 from roboprompt_client.types.poses import ObjectPose
 
 

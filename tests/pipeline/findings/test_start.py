@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.findings.demonstrated_scenes import ShownScenes
+from app.pipeline.findings.frames import frame_findings, held_findings, start_findings
 from app.pipeline.findings.hand import Kept, RecordedHand
-from app.pipeline.findings.shown import ShownScenes
-from app.pipeline.findings.start import frame_findings, held_findings, start_findings
 from roboprompt_client.types.poses import Pose
 from tests.pipeline.findings.test_implausible import changed, frames, put
 from tests.pipeline.scenes import action, demonstration, pose

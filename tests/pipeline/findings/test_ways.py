@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.findings.ways import ways_findings
+from app.pipeline.findings.several_ways import ways_findings
 from tests.pipeline.scenes import action, demonstration, pose
 
 WORDS = "turn the tap"

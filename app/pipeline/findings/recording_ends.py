@@ -1,15 +1,15 @@
-"""Where recordings start and end: they break off, stop as soon as everything is done, or run backwards in time."""
+"""Starts and ends of recordings: they break off, stop as soon as everything is done, or run backwards in time."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
-from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 
 # The first words of verbs, see `app.pipeline.order.verbs`
@@ -30,13 +30,11 @@ LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an o
 
 TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
 KEEPS_HOLD = "the hand closes and never opens again, though the instruction says to put something down."
-CUT_OFF = "the hand is still on its way in the last frame: record until it has done everything and rests."
+CUT_OFF = "the hand is still moving to an object or with one in the last frame: record until it rests."
 
 Fault = tuple[Rule, str]
 """A rule and the message of its finding."""
 Recorded = tuple[Demonstration, RecordedHand]
-PlacesByRole = Mapping[tuple[str, str], Array]
-"""A place (3,) relative to objects, by role and axes: the world's (`w`) or the object's own (`o`)."""
 
 
 def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
@@ -51,10 +49,10 @@ def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
     found: list[Fault | None] = [(rules.BROKEN_OFF, message) if message else None for message in messages]
     all_hold = all(hand.ends_holding for _, hand in pairs)
     for holds in (True, False):
-        places = [k for k, (_, hand) in enumerate(pairs) if hand.ends_holding == holds]
-        for k in places if _end_complete([pairs[k] for k in places]) else ():
+        indices = [k for k, (_, hand) in enumerate(pairs) if hand.ends_holding == holds]
+        for k in indices if _end_complete([pairs[k] for k in indices]) else ():
             if messages[k] == CUT_OFF or (messages[k] == KEEPS_HOLD and all_hold and _still_puts(*pairs[k])):
-                found[k] = rules.STOPS_COMPLETE, str(messages[k])
+                found[k] = rules.BROKEN_OFF_COMPLETE, str(messages[k])
     return found
 
 
@@ -80,14 +78,14 @@ def _end_complete(pairs: Sequence[Recorded]) -> bool:
     """
     if len(pairs) < MIN_ENDS:
         return False
-    spreads_m = _spreads_m([_seen_by_role(demonstration, hand.end_m) for demonstration, hand in pairs])
+    seen_m = places_by_object([shown for shown, _ in pairs], np.array([hand.end_m for _, hand in pairs]))
     counts = Counter(shown.order.placeholder(hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
     held = {role for role, number in counts.items() if number > ODD_SHARE * len(pairs)}
-    others_m = [spread_m for (role, _), spread_m in spreads_m.items() if role not in held]
+    others_m = [spread_m(places_m) for (role, _), places_m in seen_m.items() if role not in held]
     if min(others_m, default=np.inf) >= COMPLETE_M:
         return False
     if held:  # what is carried was taken elsewhere
-        return all(spreads_m[role, "w"] > PLACES_M for role in held)
+        return all(spread_m(seen_m[role, "w"]) > PLACES_M for role in held)
     return 2 * sum(_has_acted(*pair) for pair in pairs) > len(pairs)
 
 
@@ -108,25 +106,22 @@ def _still_puts(demonstration: Demonstration, hand: RecordedHand) -> bool:
 def backwards_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     """Yield a finding where recordings seem to run backwards in time, since robots start in one place.
 
-    They end in one place and start where an object is, or some end where others start.
+    They end in one place and start at one place seen from an object, or some end where others start.
     """
     if len(pairs) < MIN_ENDS:
         return
     starts_m, ends_m = np.array([hand.start.position_m for _, hand in pairs]), np.array([h.end_m for _, h in pairs])
     number = _end_where_others_start(starts_m, ends_m)
+    message = ""
     if number > ODD_SHARE * len(pairs):
-        message = f"{number} of {len(pairs)} recordings end where others start, and start elsewhere: backwards in time?"
-        yield rules.BACKWARDS.finding(message, "demonstrations")
-        return
-    if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
-        return
-    spreads_m = _spreads_m([_seen_by_role(demonstration, hand.start.position_m) for demonstration, hand in pairs])
-    if min(spreads_m.values(), default=np.inf) < ONE_PLACE_M:
-        message = (
-            "The recordings end with the hand in one place, and start with it where an object implies: do they run"
-            " backwards in time?"
-        )
-        yield rules.BACKWARDS.finding(message, "demonstrations")
+        message = f"{number} of {len(pairs)} recordings end where the others start, and start elsewhere."
+    elif spread_m(ends_m) <= ONE_PLACE_M and spread_m(starts_m) >= PLACES_M:
+        seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
+        if min(map(spread_m, seen_m.values()), default=np.inf) < ONE_PLACE_M:
+            message = f"The {len(pairs)} recordings end in one place, and start at one place relative to an object."
+    if message:
+        message += " They probably run backwards in time: check the order of their frames."
+        yield rules.BACKWARDS_IN_TIME.finding(message, "demonstrations")
 
 
 def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
@@ -136,25 +131,3 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
     away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
     several = (away_m < ONE_PLACE_M).sum() > ODD_SHARE * len(starts_m)
     return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
-
-
-def _seen_by_role(demonstration: Demonstration, place_m: Array) -> PlacesByRole:
-    """Return a place (3,) relative to each object."""
-    found: dict[tuple[str, str], Array] = {}
-    for pose in demonstration.objects:
-        role, way_m = demonstration.order.placeholder(pose.name), place_m - pose.position_m
-        found[role, "w"] = way_m
-        if pose.quaternion_xyzw is not None:
-            found[role, "o"] = quaternions.rotated(quaternions.inverse(pose.quaternion_xyzw), way_m)
-    return found
-
-
-def _spreads_m(seen_m: Sequence[PlacesByRole]) -> dict[tuple[str, str], float]:
-    """Return how far places scatter relative to each object that all demonstrations have."""
-    shared = set(seen_m[0]).intersection(*seen_m)
-    return {key: _spread_m(np.array([seen[key] for seen in seen_m])) for key in shared}
-
-
-def _spread_m(places_m: Array) -> float:
-    """Return the distance from their median within which 80 % of the places (N, 3) lie."""
-    return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), 0.8))

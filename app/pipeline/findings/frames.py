@@ -1,28 +1,110 @@
-"""Findings about the present pose of the end effector, compared with the poses at which recordings start.
+"""Findings about poses that are measured in different ways in the scene and in demonstrations.
 
-A constant offset between the two shows that they are measured differently: at the flange or at the fingertips, in the
-base frame or in the world frame.
+Objects: given, or found in images. The hand: at the flange or at the fingertips, in the base frame or in the world;
+recordings then start at a constant offset from `end_effector`.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.shown import ShownScenes
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import Pose
+from roboprompt_client.types.poses import ObjectPose, Pose
+
+GIVEN = "given"
+SAME_M, SAME_DEG = 0.015, 15.0  # a given and a found pose that differ by less use the same object frame
+REPEATED_M = 0.001  # a given pose this near to a demonstration's was read from that demonstration
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
 BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
 NOT_AT_M = 0.20  # what is farther from the hand is not in it
 SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An object in an episode that has both a given pose and images in which the object was found.
+
+    Attributes:
+        turn_deg: the turn about its z axis that leaves it unchanged: 0 any, None none.
+    """
+
+    given: ObjectPose
+    found: ObjectPose
+    turn_deg: float | None = None
+
+    @property
+    def off_m(self) -> float:
+        """The distance between the two positions."""
+        return float(np.linalg.norm(self.given.position_m - self.found.position_m))
+
+    @property
+    def off_deg(self) -> float:
+        """The least angle between the two rotations under the symmetry; 0 where one is not known."""
+        if self.given.quaternion_xyzw is None or self.found.quaternion_xyzw is None:
+            return 0.0
+        between = Rotation.from_quat(self.given.quaternion_xyzw).inv() * Rotation.from_quat(self.found.quaternion_xyzw)
+        if self.turn_deg == 0:
+            return float(np.degrees(np.arccos(np.clip(between.as_matrix()[2, 2], -1, 1))))
+        turns = Rotation.from_euler("z", np.arange(0, 360, self.turn_deg or 360)[:, None], degrees=True)
+        return float(np.degrees((between * turns).magnitude().min()))
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both use the same object frame."""
+        return self.off_m <= SAME_M and self.off_deg <= SAME_DEG
+
+
+def source_findings(
+    observed: Sequence[ObjectPose], shown: Sequence[Demonstration], compared: Sequence[Compared]
+) -> Iterator[Finding]:
+    """Yield a finding for each object whose pose is from another source, unless an episode shows that both agree.
+
+    Args:
+        observed: the objects of the scene.
+        shown: the demonstrations.
+        compared: the given and found poses of the task's episodes that have both.
+    """
+    for pose in observed:
+        taught = [item for one in shown for item in one.objects if item.name == pose.name]
+        sources = {item.estimator for item in taught} - {pose.estimator}
+        repeated = any(np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught)
+        if not sources or (repeated and pose.estimator == GIVEN):  # it is a demonstration's pose
+            continue
+        measured = [item for item in compared if item.given.name == pose.name]
+        if not measured or not all(item.agrees for item in measured):
+            yield _other_source(pose, sources, measured)
+
+
+def _other_source(pose: ObjectPose, sources: set[str], measured: Sequence[Compared]) -> Finding:
+    now = "was given" if pose.estimator == GIVEN else f"was found in images ({pose.estimator})"
+    then = " or ".join("given" if source == GIVEN else f"found in images ({source})" for source in sorted(sources))
+    message = f"The pose of {pose.name} {now}, those of demonstrations were {then}: "
+    numbers = {}
+    if measured:
+        off_m, off_deg = max(item.off_m for item in measured), max(item.off_deg for item in measured)
+        numbers = {"off_m": off_m, "off_deg": off_deg}
+        message += (
+            f"where episodes have both, they differ by up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees. Give poses"
+            " of the same point and axes of the object, or use one source for all."
+        )
+    else:
+        message += (
+            "whether both use the same point and axes of the object is unknown. Upload an episode with a given pose and"
+            " images with color and depth to compare them."
+        )
+    worse = bool(measured) or pose.estimator != GIVEN
+    return rules.POSES_OF_ANOTHER_SOURCE.finding(message, f"objects[{pose.name}]", numbers, value=float(worse))
 
 
 def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]:
@@ -35,7 +117,7 @@ def start_findings(now: Pose | None, scenes: ShownScenes) -> tuple[Finding, ...]
         f" {off.range_text}, and the motion is relative to its start. Send `end_effector` in the world frame, or move"
         " the hand to where demonstrations start."
     )
-    return rules.START_BEYOND.findings(off.doubtful_m, message, "end_effector", {"beyond_m": off.far_m})
+    return rules.START_BEYOND_DEMONSTRATIONS.findings(off.beyond_slack_m, message, "end_effector", beyond_m=off.far_m)
 
 
 def frame_findings(
@@ -66,11 +148,11 @@ def frame_findings(
         for k, item in enumerate(zip(ways_m, shown, hands, strict=True))
     ]
     how = "straight along the hand's own axis. One is the flange's pose and the other the fingertips'"
-    yield from _off(how, alike & along, along_m)
+    yield from _in_another_frame(how, alike & along, along_m)
     how = "and it acts as far beside an object, on the same side. One is in another frame, or another point of the hand"
-    yield from _off(how, alike & beside, far_m)
+    yield from _in_another_frame(how, alike & beside, far_m)
     how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
-    yield from _off(how, alike & turned, far_m)
+    yield from _in_another_frame(how, alike & turned, far_m)
 
 
 def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
@@ -85,24 +167,24 @@ def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand])
     held = Counter(name for hand in holding for name in hand.may_hold)
     for pose in scene.objects:
         share, far_m = held[pose.name] / len(hands), float(np.linalg.norm(pose.position_m - now.position_m))
-        if far_m > NOT_AT_M and rules.NOT_HELD.severity(share) is not None:
+        if far_m > NOT_AT_M and rules.NOT_IN_THE_HAND.severity(share) is not None:
             message = (
                 f"Recordings start with {pose.name} in the hand, which is {100 * far_m:.0f} cm from it now. Put it into"
                 " the hand, or record how the hand takes it."
             )
-            yield rules.NOT_HELD.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
+            yield rules.NOT_IN_THE_HAND.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
             return
 
 
-def _off(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
+def _in_another_frame(how: str, off: Array, off_m: Array) -> Iterator[Finding]:
     share = float(off.mean())
-    if rules.OTHER_FRAME.severity(share) is not None:
+    if rules.HAND_IN_ANOTHER_FRAME.severity(share) is not None:
         message = (
             f"In {off.sum()} of {len(off)} recordings the hand starts {100 * float(np.median(off_m[off])):.0f} cm from"
             f" `end_effector`, {how}: record and report the same point in the same frame. If the hand is elsewhere now,"
             " move it to where recordings start and ask again."
         )
-        yield rules.OTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
+        yield rules.HAND_IN_ANOTHER_FRAME.finding(message, "end_effector", {"share": share}, value=share)
 
 
 def _turned_deg(now: Pose, start_xyzw: Array) -> float:

@@ -1,4 +1,4 @@
-"""Outlier demonstrations: they act elsewhere, have two names exchanged, or use the gripper differently.
+"""Outlier demonstrations: they act elsewhere, or use the gripper differently.
 
 A prompt leaves out a rare plan and shows the robust center of each row, so that the answer does not follow them.
 """
@@ -7,27 +7,26 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby, permutations
+from itertools import groupby
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
+from app.pipeline.findings.rules import ACTS_ELSEWHERE, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
-from app.pipeline.plans.support import Support
+from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import half_turned
-from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, RARE_SHARE, WAY_SHARE
+from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
 SCATTERS = 2.0  # within so many times a row's median scatter, a demonstration acts at the same place
-LISTED = 3  # ids that a message names
-SAME_M = BEYOND_NOISE_M / 2  # within this of where the usual plan would act, a demonstration does the same
-MIN_OTHERS = 3  # demonstrations from which the usual use of the gripper is known
+MAX_LISTED = 3  # ids that a message names
+ALIKE_M = BEYOND_NOISE_M / 2  # within this of where the usual plan would act, a demonstration does the same
 
 
 def elsewhere_findings(
@@ -54,8 +53,8 @@ def elsewhere_findings(
     elsewhere = sorted(found.union(at_others))
     if not elsewhere:
         return
-    listed = ", ".join(alike[k].id for k in elsewhere[:LISTED])
-    more = f" and {len(elsewhere) - LISTED} more" if elsewhere[LISTED:] else ""
+    listed = ", ".join(alike[k].id for k in elsewhere[:MAX_LISTED])
+    more = f" and {len(elsewhere) - MAX_LISTED} more" if elsewhere[MAX_LISTED:] else ""
     message = (
         f"{len(elsewhere)} of {len(alike)} demonstrations of {alike[0].instruction!r} act"
         f" {100 * (TWO_WAYS_M if is_way else BEYOND_NOISE_M):.0f} cm or more from where the others do: {listed}{more}."
@@ -64,7 +63,7 @@ def elsewhere_findings(
     )
     value = 0.0 if declared else 1.0 if at_others else len(elsewhere) / len(alike)
     numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
-    yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
+    yield ACTS_ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
 def answer_findings(
@@ -79,20 +78,56 @@ def answer_findings(
         round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count; None where the
             answer is to several parts, of which only places are compared.
     """
-    answer = Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start)
-    off_m = from_shown_m(support, answer, round_objects)
-    if off_m > TWO_WAYS_M:  # a gripper that is half turned throughout grasps alike
-        turned = replace(answer, actions=tuple(map(half_turned, actions)))
-        off_m = min(off_m, from_shown_m(support, turned, round_objects))
+    off_m = _answer_off_m(support, asked, actions, round_objects)
+    message = (
+        f"The answer {_difference(off_m)} most demonstrations of the task, as the few in the prompt do. Raise"
+        " num_demonstrations, choose other demonstrations, or delete the wrong ones."
+    )
     if off_m > TWO_WAYS_M:
-        message = (
-            "The demonstrations in the prompt act elsewhere, turn the hand or use the gripper differently, than most of"
-            " the task's, and the answer follows them. Choose other demonstrations, or delete the wrong ones."
-        )
-        yield ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
+        yield ACTS_ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
 
 
-def from_shown_m(support: Support, other: Demonstration, round_objects: frozenset[str] | None = None) -> float:
+def prompt_findings(
+    support: Support, asked: Query, plans: Sequence[PlacedPlan], round_objects: frozenset[str]
+) -> Iterator[Finding]:
+    """Yield a finding if a prompt's demonstrations imply other actions in this scene than all of the task's.
+
+    Few demonstrations may not show which axes and objects a row follows.
+
+    Args:
+        support: the plans of all demonstrations of the task.
+        plans: those of the prompt's demonstrations, placed in the scene of `asked`.
+        round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count.
+    """
+    off_m = min(
+        (_answer_off_m(support, asked, [row.action for row in plan], round_objects) for plan in plans), default=0.0
+    )
+    message = (
+        f"A motion as the prompt's demonstrations show it {_difference(off_m)} all demonstrations of the task: they are"
+        " too few to show what the hand follows. Raise num_demonstrations."
+    )
+    yield from NOT_SHOWN.findings(off_m, message, "demonstrations", off_m=off_m)
+
+
+def _difference(off_m: float) -> str:
+    if off_m >= NEVER_M:
+        return "switches the gripper differently from"
+    return f"acts {100 * off_m:.1f} cm (10 degrees of rotation count as 1 cm) from where the hand acts in"
+
+
+def _answer_off_m(
+    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str] | None
+) -> float:
+    """Return how far an answer acts from the nearest plan; a gripper that is half turned throughout grasps alike."""
+    answer = Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start)
+    off_m = off_plans_m(support, answer, round_objects)
+    if off_m <= ALIKE_M:
+        return off_m
+    turned = replace(answer, actions=tuple(map(half_turned, actions)))
+    return min(off_m, off_plans_m(support, turned, round_objects))
+
+
+def off_plans_m(support: Support, other: Demonstration, round_objects: frozenset[str] | None = None) -> float:
     """Return how far a demonstration is from where the nearest plan would act in its scene, less the plan's scatter.
 
     A demonstration that gets there on another path has distance 0, and so has one that does more besides.
@@ -109,17 +144,18 @@ def from_shown_m(support: Support, other: Demonstration, round_objects: frozense
     for (_, rows), plan in zip(plans, placed, strict=False):
         acting = [(plan[k].action, rows[k]) for k in acting_rows(rows)]
         if round_objects is None:
-            found_m.append(_missed_m(acting, other))
+            found_m.append(_acts_off_m(acting, other))
         elif _states(row.gripper_open for row in rows) == _way(other):
             last = touching_rows(rows)[-1]
             takes = last > 0 and rows[last - 1].gripper_open and not rows[last].gripper_open
-            found_m.append(_missed_m([*acting, (plan[-1].action, rows[-1])] if takes else acting, other, round_objects))
+            acting += [(plan[-1].action, rows[-1])] if takes else []
+            found_m.append(_acts_off_m(acting, other, round_objects))
         else:
             found_m.append(NEVER_M)
     return min(found_m, default=0.0)
 
 
-def _missed_m(
+def _acts_off_m(
     acts: Sequence[tuple[EndEffectorAction, PlanRow]],
     demonstration: Demonstration,
     round_objects: frozenset[str] | None = None,
@@ -140,73 +176,17 @@ def _missed_m(
 
 def _at_other_objects(alike: Sequence[Demonstration]) -> list[int]:
     """Return the indices of the demonstrations that clearly act at another object than most."""
-    away_m = [_away_by_role_m(demonstration) for demonstration in alike]
+    away_m = [_distances_by_role_m(demonstration) for demonstration in alike]
     nearest_m = [min(roles.values()) for roles in away_m]
     usual = Counter(min(roles, key=roles.__getitem__) for roles in away_m).most_common(1)[0][0]
     return [k for k, m in enumerate(nearest_m) if away_m[k].get(usual, m) > m + BEYOND_NOISE_M]
 
 
-def _away_by_role_m(shown: Demonstration) -> dict[str, float]:
+def _distances_by_role_m(shown: Demonstration) -> dict[str, float]:
     """Return by role the distance of each object from the first gripper switch, or from the lowest action."""
     lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
     at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
     return {shown.order.placeholder(pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
-
-
-def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
-    """Yield a finding for two objects whose names seem to be exchanged in several demonstrations.
-
-    With the names exchanged back, these would act where the usual plan acts. The instruction must name one of the two;
-    otherwise the scene may decide between them.
-
-    Args:
-        alike: demonstrations that ask for the same.
-    """
-    kinds = Counter(demonstration.kind for demonstration in alike)
-    usual = kinds.most_common(1)[0][0]
-    if len(kinds) == 1 or not all(demonstration.actions for demonstration in alike):
-        return
-    support = Support.of([[item for item in alike if item.kind == usual]])
-    others = [d for d in alike if d.kind != usual and from_shown_m(support, d) > BEYOND_NOISE_M]
-    explained: Counter[tuple[str, str]] = Counter()
-    for other in others:
-        for one, second in permutations((pose.name for pose in other.objects), 2):
-            if one in other.order.objects and from_shown_m(support, _exchanged(other, one, second)) < SAME_M:
-                explained[one, second] += 1
-    if not explained:
-        return
-    (one, second), number = explained.most_common(1)[0]
-    share = number / len(alike)
-    message = (
-        f"In {number} of {len(alike)} demonstrations of {alike[0].instruction!r} the names of {one} and {second} seem"
-        " to be exchanged: with them exchanged back, the hand acts as in the others. Correct or delete these."
-    )
-    yield from EXCHANGED.findings(share, message, "demonstrations", {"share": share})
-
-
-def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
-    names = {one: other, other: one}
-    return replace(shown, objects=tuple(replace(p, name=names.get(p.name, p.name)) for p in shown.objects))
-
-
-def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
-    """Yield a finding if the new demonstration's gripper switches differently than in most that ask for the same.
-
-    Args:
-        new, others: with the keyframes of their recordings.
-    """
-    ways = Counter(_way(shown) for shown in others if shown.order.form == new.order.form)
-    if ways.total() < MIN_OTHERS:
-        return
-    own, (usual, number) = _way(new), ways.most_common(1)[0]
-    ways[own] += 1
-    if own != usual and ways[own] <= RARE_SHARE * ways.total():
-        message = (
-            f"The gripper switches {len(own) - 1} times here, and {len(usual) - 1} times in {number} of the"
-            f" {ways.total() - 1} other demonstrations. Prompts leave this one out, unless more are like it or its"
-            " scene explains the difference. If something was dropped or grasped twice, delete it."
-        )
-        yield LEFT_OUT.finding(message, "trajectory.gripper_open", {"alike": ways[own], "demonstrations": ways.total()})
 
 
 def _way(shown: Demonstration) -> tuple[bool, ...]:

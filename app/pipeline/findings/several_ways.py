@@ -9,7 +9,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import RecordedHand, Reversals
-from app.pipeline.findings.rules import CONTRADICTING, SEVERAL_WAYS
+from app.pipeline.findings.rules import SCATTER_OF_A_THIRD, SEVERAL_WAYS
 from app.pipeline.groups import Group, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
@@ -22,14 +22,14 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 IN_PLACE_M = 0.03  # a hand that moves less than this between two actions only turns
 TURNED_APART_DEG = 40.0  # between hands of two ways, as between those of two plans
-SCATTERS = 2.0  # times the median within a way, that two ways must be apart
+SCATTERS = 2.0  # two ways are farther apart than this many times the median within a way
 TWISTS_DEG = 60.0  # a larger difference of the turns is another way; correct demonstrations differ by up to 9
 
 
 def ways_findings(
     alike: Sequence[Demonstration], hands: Sequence[RecordedHand], round_objects: frozenset[str], *, declared: bool
 ) -> Iterator[Finding]:
-    """Return a finding if demonstrations use several ways and neither the words nor the scene select one.
+    """Yield a finding if demonstrations use several ways and neither the words nor the scene select one.
 
     An error in half of the recordings looks like this: another base frame, an inverted gripper. Neighboring scenes
     often share a plan by chance; `parting` tests whether that is significant.
@@ -51,8 +51,8 @@ def ways_findings(
         return
     numbers = " and ".join(str(len(way)) for way in ways)
     message = (
-        f"{numbers} demonstrations of {alike[0].instruction!r} do it in different ways, and neither the words nor the"
-        " scene say which one to use."
+        f"{numbers} demonstrations of {alike[0].instruction!r} perform it in different ways, and neither the words nor"
+        " the scene say which one to use."
     )
     if not declared:
         message += (
@@ -65,8 +65,8 @@ def ways_findings(
 def more_strokes(reversals: Sequence[Reversals]) -> Array | None:
     """Return (N,) bool: which recordings make more strokes, if more than a third do and more than a third do not.
 
-    A stroke more is two reversals more; one more may come from where the hand starts. None where all make about equally
-    many, or some cannot be assigned to either.
+    Another stroke is two more reversals; a single one may come from where the hand starts. None where all make about
+    equally many, or some cannot be assigned to either.
     """
     certain, possible = np.array(reversals).reshape(-1, 2).T
     splits = [(certain >= number, possible <= number - 2) for number in np.unique(certain)]
@@ -109,9 +109,9 @@ def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
         return False
     rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
     each = zip(plan_rows(first), plan_rows(second), strict=True)
-    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in rows) and not any(
-        _turned_apart(row, beside, round_objects) for row, beside in each
-    )
+    if any(two_ways(row) is not None or SCATTER_OF_A_THIRD.severity(row.way_off_m) is not None for row in rows):
+        return False
+    return not any(_turned_apart(row, beside, round_objects) for row, beside in each)
 
 
 def _is_aligned(group: Group) -> bool:

@@ -1,7 +1,7 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,49 +20,48 @@ TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
 HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
 
-
-def _times(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
-    """Return the hands as seen from objects that are turned by so many times what their rotations say."""
-    return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
-
-
-def _but_for_half_turns(objects: Rotation, hands: Rotation) -> Rotation:
-    """Return the hands as seen from objects, each turned by half a turn where it is then nearer to the first one."""
-    seen = objects.inv() * hands
-    turned = [turn * seen for turn in HALF_TURNS]
-    first = seen[0]
-    nearest = np.argmin([(first.inv() * each).magnitude() for each in turned], axis=0)
-    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)])
-
-
 Rotations = Mapping[str, Mapping[str, Array]]
 """(4,) by id of the demonstration and name of the object."""
 
+
+def _turned(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
+    """Return the hands seen from objects that are turned by so many times what their rotations say."""
+    return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
+
+
+def _nearest_half_turn(objects: Rotation, hands: Rotation) -> Rotation:
+    """Return the hands seen from objects, each turned by half a turn where it is then nearer to the first one."""
+    seen = objects.inv() * hands
+    turned = [turn * seen for turn in HALF_TURNS]
+    nearest = np.argmin([(seen[0].inv() * each).magnitude() for each in turned], axis=0)
+    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)])
+
+
 # What rotations of an object may mean instead of what they say; hands are then turned alike, seen from it
 READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
-    "were turned the other way": _times(-1.0),
-    "were turned twice as far": _times(2.0),
-    "were turned half as far": _times(0.5),
-    "were turned by half a turn more in some": _but_for_half_turns,
+    "were turned the other way": _turned(-1.0),
+    "were turned twice as far": _turned(2.0),
+    "were turned half as far": _turned(0.5),
+    "were turned by half a turn more in some": _nearest_half_turn,
 }
-OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _times(1.0)}
+READINGS_OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _turned(1.0)}
 
 
-class Turning(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TurningRow:
     """A row in which the hand acts on an object whose rotations are known.
 
     Attributes:
         name: of the object, as it is asked for.
-        hands, objects: N rotations in the demonstrations.
-        given: of the objects if a symmetry is declared for them: as they were before it was applied; else None.
-        aside_m: (2,) the horizontal distance of the hand from the object along the world's axes.
+        objects: its N rotations in the demonstrations.
+        given: if a symmetry is declared for it, as they were before it was applied; else None.
+        aside_m: (2,) the horizontal offset of the hand from the object along the world's axes.
         taken_aside_m: the same where the hand took what it lets go of here; None where it lets go of nothing.
         takes: whether the hand closes here.
     """
 
     row: PlanRow
     name: str
-    hands: Rotation
     objects: Rotation
     given: Rotation | None
     aside_m: Array
@@ -74,44 +73,50 @@ class Turning(NamedTuple):
 
         What is let go of may belong there. In another frame the hand would have taken it as far beside.
         """
-        with_object_deg, with_world_deg = self._scatters_deg(self.hands)
+        with_object_deg, with_world_deg = self._scatters_deg(self.row.hands)
         turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
         far_m = float(np.linalg.norm(self.row.center_m[:2]))
         if not turns_with_it or self.row.anchors[0].place_turns or self.row.anchors[0].along:
             return 0.0
         if self.taken_aside_m is None:
             return far_m
-        return far_m if float(np.linalg.norm(self.aside_m - self.taken_aside_m)) < far_m / 2 else 0.0
+        return far_m if np.linalg.norm(self.taken_aside_m - self.aside_m) < far_m / 2 else 0.0
 
-    def astray(self) -> tuple[float, str]:
+    def by_other_quaternions(self) -> tuple[float, str]:
         """Return how far the hand scatters about object and world, and as what quaternions it hardly would; or 0.
 
         A declared symmetry folds the object's rotations, which a mirrored hand cannot be compared with.
         """
-        as_read_deg, hands_xyzw = min(self._scatters_deg(self.hands)), self.hands.as_quat()
-        readings = MISREADINGS if self.given is None else MISREADINGS[:1]
-        as_meant_deg, likely = min(
-            (min(self._scatters_deg(Rotation.from_quat(hands_xyzw[:, order] * signs))), name)
-            for name, order, signs in readings
-        )
-        return (as_read_deg, likely) if as_meant_deg < MUCH_LESS * as_read_deg else (0.0, "")
+        as_read_deg, hands_xyzw = min(self._scatters_deg(self.row.hands)), self.row.hands.as_quat()
+        as_meant_deg = {
+            name: min(self._scatters_deg(Rotation.from_quat(hands_xyzw[:, order] * signs)))
+            for name, order, signs in (MISREADINGS if self.given is None else MISREADINGS[:1])
+        }
+        likely = min(as_meant_deg, key=as_meant_deg.__getitem__)
+        return (as_read_deg, likely) if as_meant_deg[likely] < MUCH_LESS * as_read_deg else (0.0, "")
 
-    def misread(self) -> tuple[float, str, str]:
-        """Return a doubt about how the object's rotations are read; (0, "", "") if there is none.
+    def by_other_yaw(self) -> tuple[float, str, str]:
+        """Return the angle that a third of the hands exceed, a reading of yaws by which they do not, and the name.
 
-        Returns:
-            The angle that more than a third of the hands are off in the row's frame; the reading by which they are not;
-            the object's name.
+        (0, "", "") if there is no such reading.
         """
         as_read_deg = of_a_way(self.row.off_deg)
-        readings, objects = (READINGS, self.objects) if self.given is None else (OF_SYMMETRIC, self.given)
-        as_meant_deg = {text: of_a_way(_off_deg(read(objects, self.hands))) for text, read in readings.items()}
+        readings, objects = (READINGS, self.objects) if self.given is None else (READINGS_OF_SYMMETRIC, self.given)
+        as_meant_deg = {text: of_a_way(_off_deg(read(objects, self.row.hands))) for text, read in readings.items()}
         text = min(as_meant_deg, key=as_meant_deg.__getitem__)
         return (as_read_deg, text, self.name) if as_meant_deg[text] < MUCH_LESS * as_read_deg else (0.0, "", "")
 
-    def anyhow_deg(self) -> float:
-        """Return the angle that more than a third of the hands are off where they take something without symmetry."""
-        return of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
+    def scatter_findings(self) -> Sequence[Finding]:
+        """Return at most one finding, of hands that do not take an object without symmetry alike."""
+        off_deg = of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
+        turns = _scatter_deg(self.objects) > TURNS_DEG
+        rule = rules.SCATTER_OF_HANDS if turns else rules.SCATTER_OF_HANDS_AT_UNTURNED
+        message = (
+            f"Where the hand takes {self.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
+            f" others, relative to {self.name} and in the world. Check its rotations; if it looks the same from several"
+            " sides, declare that (yaw_symmetry_deg; 0 for a round one)."
+        )
+        return rule.findings(off_deg, message, f"objects[{self.name}]", off_deg=off_deg)
 
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
@@ -130,50 +135,32 @@ def turning_findings(
     turning = list(_turning(support, asked, symmetric, given_xyzw or {}))
     if not turning:
         return
-    item = max(turning, key=Turning.beside_m)
+    item = max(turning, key=TurningRow.beside_m)
     far_m = item.beside_m()
     message = (
         f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has it,"
-        " however it is turned: are hand and objects in one frame?"
+        " however it is turned. Give hand and objects in one frame."
     )
-    yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
-    item = max(turning, key=Turning.astray)
-    off_deg, likely = item.astray()
+    yield from rules.BESIDE_THE_OBJECT.findings(far_m, message, f"objects[{item.name}]", beside_m=far_m)
+    item = max(turning, key=TurningRow.by_other_quaternions)
+    off_deg, likely = item.by_other_quaternions()
     message = (
-        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; it would turn as"
-        f" {item.name} does if its quaternions were {likely}. They must be the hand's in the world frame, x y z w."
+        f"Where the hand acts, its rotations scatter by {off_deg:.0f} degrees; it would turn as {item.name} does if its"
+        f" quaternions were {likely}. Send the hand's rotations in the world frame, order x y z w."
     )
-    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
-    yield from _misread_findings(turning)
-
-
-def _misread_findings(turning: Sequence[Turning]) -> Iterator[Finding]:
-    """Yield a finding if hands are not turned as the rotations of objects say, whether or not it is known why."""
-    off_deg, reading, name = max(each.misread() for each in turning)
+    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", off_deg=off_deg)
+    off_deg, reading, name = max(each.by_other_yaw() for each in turning)
     message = (
         f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all would"
-        f" turn with {name} if {name} {reading}. Check the yaws, and what is declared of them."
+        f" turn with {name} if it {reading}. Check the sign and unit of yaws, and yaw_symmetry_deg."
     )
-    if misread := rules.MISREAD.findings(off_deg, message, f"objects[{name}]", {"off_deg": off_deg}):
-        yield from misread
-        return
-    anyhow = [finding for item in turning for finding in _anyhow_findings(item)]
-    yield from sorted(anyhow, key=lambda each: (SEVERITIES.index(each.severity), each.numbers["off_deg"]))[-1:]
+    misread = rules.YAW_MISREAD.findings(off_deg, message, f"objects[{name}]", off_deg=off_deg)
+    scattered = [finding for each in turning for finding in each.scatter_findings()]
+    severest = sorted(scattered, key=lambda each: (SEVERITIES.index(each.severity), each.numbers["off_deg"]))[-1:]
+    yield from misread or severest
 
 
-def _anyhow_findings(item: Turning) -> Sequence[Finding]:
-    """Return at most one finding, of hands that do not take an object alike."""
-    off_deg = item.anyhow_deg()
-    rule = rules.TURNED_ANYHOW if _scatter_deg(item.objects) > TURNS_DEG else rules.NEVER_TURNED
-    message = (
-        f"Where the hand takes {item.name}, more than a third are turned by {off_deg:.0f} degrees or more from the"
-        f" others, seen from {item.name} and in the world: its rotations do not say how. Check them; if it looks the"
-        " same from several sides, declare that (yaw_symmetry_deg; 0 for a round one)."
-    )
-    return rule.findings(off_deg, message, f"objects[{item.name}]", {"off_deg": off_deg})
-
-
-def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[Turning]:
+def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[TurningRow]:
     for group, rows in support.alike(asked):
         taken_aside_m = None
         for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
@@ -186,10 +173,9 @@ def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xy
             if len(turned) == len(group):
                 own = zip(group, names, turned, strict=True)
                 given = [given_xyzw.get(item.id, {}).get(name, quaternion) for item, name, quaternion in own]
-                yield Turning(
+                yield TurningRow(
                     row,
                     asked_anchor(row.anchors[0], group[0].order, asked).object_name,
-                    row.hands,
                     Rotation.from_quat(turned),
                     None if symmetric.isdisjoint(names) else Rotation.from_quat(given),
                     aside_m,

@@ -1,0 +1,230 @@
+"""The scenes of a task's demonstrations: places of objects, distances of hands, and objects in one arrangement."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations, permutations
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration, Query
+from app.pipeline.findings import Finding
+from app.pipeline.findings.places import FIXED_M, Range, ShownPlaces, distance_m
+from app.pipeline.findings.rules import (
+    ARRANGEMENT,
+    ARRANGEMENT_OF_FOLLOWED,
+    ARRANGEMENT_OF_SIDES,
+    Rule,
+)
+from app.pipeline.order.vocabulary import PLACE_WORDS
+from app.pipeline.order.words import phrase_of
+from app.pipeline.representation.anchors import OBJECT_FRAMES, AnchorFrame, object_rotation, tilted_objects
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+
+HAND = "the end effector"
+MIN_AGREEING = 3  # fewer demonstrations may agree by chance
+MOVED_M = 0.05  # objects whose place varies by less never moved, and are no arrangement
+MANY_OF_A_SIDE = 8  # with fewer demonstrations, one side may be chance
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPair:
+    """Two objects with one relative position, in demonstrations at several places.
+
+    Attributes:
+        one: the name, or the role in instructions, of the object whose position is constant relative to `other`.
+        frame: the frame of `other` in which it is.
+        seen_m: the range of this relative position (3,).
+        tilted: objects whose frames follow all of their rotation, not only the yaw.
+    """
+
+    one: str
+    other: str
+    frame: AnchorFrame
+    seen_m: Range
+    tilted: frozenset[str]
+
+    def off_m(self, scene: Query) -> float:
+        """Return the distance of `one` from its place in the arrangement; 0 where the instruction has no such role."""
+        poses = _by_role(scene)
+        if not {self.one, self.other} <= poses.keys():
+            return 0.0
+        seen_m = _seen_m(poses[self.one], poses[self.other], self.frame, self.tilted)
+        return float(np.linalg.norm(self.seen_m.outside(seen_m)))
+
+
+@dataclass(frozen=True)
+class Side:
+    """`one` is beside `other` in all demonstrations: along x (0) or y (1), on the side of less (-1) or more (1)."""
+
+    one: str
+    other: str
+    axis: int
+    sign: int
+
+    def off_m(self, scene: Query) -> float:
+        """Return how far `one` is on the other side."""
+        way_m = scene.object(self.one).position_m - scene.object(self.other).position_m
+        return -self.sign * float(way_m[self.axis])
+
+
+@dataclass(frozen=True, eq=False)
+class ShownScenes:
+    """The scenes of demonstrations; what is derived from them is computed once.
+
+    Attributes:
+        left_out: demonstrations of plans that no prompt shows.
+    """
+
+    demonstrations: tuple[Demonstration, ...]
+    left_out: tuple[Demonstration, ...] = ()
+    _places: dict[str, ShownPlaces] = field(default_factory=dict, init=False, repr=False)
+    _least_apart_m: dict[tuple[str, str], float] = field(default_factory=dict, init=False, repr=False)
+
+    def places(self, name: str) -> ShownPlaces:
+        """Return the range of the object's places."""
+        if (places := self._places.get(name)) is None:
+            places = self._places[name] = ShownPlaces.of([item.object(name) for item in self.demonstrations])
+        return places
+
+    @cached_property
+    def passed_m(self) -> dict[str | int, float]:
+        """The least distances of hands from objects, by name and by the place of the name in the instruction."""
+        found: dict[str | int, float] = {}
+        for shown in self.demonstrations:
+            for pose in shown.objects if shown.actions else ():
+                near_m = float(distances_m(path_m(shown.start, shown.actions), pose.position_m).min())
+                keys: list[str | int] = [pose.name]
+                keys += [k for k, name in enumerate(shown.order.objects) if name == pose.name]
+                found.update({key: min(near_m, found.get(key, math.inf)) for key in keys})
+        return found
+
+    @cached_property
+    def starts(self) -> ShownPlaces | None:
+        """The range of the hand's places before the first action; None if any is not known."""
+        poses = [ObjectPose(HAND, item.start.position_m) for item in self.demonstrations if item.start is not None]
+        return ShownPlaces.of(poses) if poses and len(poses) == len(self.demonstrations) else None
+
+    @cached_property
+    def pairs(self) -> tuple[RigidPair, ...]:
+        """The pairs of objects that keep one arrangement."""
+        return rigid_pairs(self.demonstrations)
+
+    @cached_property
+    def sides(self) -> tuple[Side, ...]:
+        """The pairs of objects of which one is always on the same side of the other."""
+        return sides(self.demonstrations)
+
+    def least_apart_m(self, one: str, other: str) -> float:
+        """Return the least distance between two objects in any scene."""
+        if (least_m := self._least_apart_m.get((one, other))) is None:
+            least_m = min(distance_m(d.object(one), d.object(other)) for d in self.demonstrations)
+            self._least_apart_m[one, other] = least_m
+        return least_m
+
+
+def path_m(start: EndEffectorAction | None, actions: Sequence[EndEffectorAction]) -> Array:
+    """Return (P, 3) the successive positions of the hand."""
+    poses = actions if start is None else (start, *actions)
+    return np.array([pose.position_m for pose in poses])
+
+
+def distances_m(path_m: Array, place_m: Array) -> Array:
+    """Return (P,) the distance of a place from each segment of a path; the first is that from its start."""
+    before_m = np.concatenate([path_m[:1], path_m[:-1]])
+    gone_m, to_place_m = path_m - before_m, place_m - before_m
+    squared = np.maximum(np.einsum("pk,pk->p", gone_m, gone_m), 1e-12)
+    share = np.clip(np.einsum("pk,pk->p", to_place_m, gone_m) / squared, 0, 1)
+    distances: Array = np.linalg.norm(to_place_m - share[:, None] * gone_m, axis=1)
+    return distances
+
+
+def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
+    """Return the pairs of objects, or of roles in the instruction, that keep one arrangement in all demonstrations."""
+    if len(shown) < MIN_AGREEING:
+        return ()
+    tilted, scenes = tilted_objects(shown), [_by_role(scene) for scene in shown]
+    shared = [key for key in scenes[0] if all(key in poses for poses in scenes)]
+    places_m = {key: Range.of([poses[key].position_m for poses in scenes]) for key in shared}
+    moved = [key for key in shared if places_m[key].width.max() > MOVED_M]
+    found = [_rigid(one, other, scenes, tilted) for one, other in combinations(moved, 2)]
+    return tuple(pair for pair in found if pair is not None)
+
+
+def _by_role(scene: Query) -> Mapping[str, ObjectPose]:
+    """Return the objects by name, and those that the instruction mentions also by their role, as `<0>`."""
+    poses = {pose.name: pose for pose in scene.objects}
+    return poses | {scene.order.placeholder(name): poses[name] for name in scene.order.objects}
+
+
+def _rigid(
+    one: str, other: str, scenes: Sequence[Mapping[str, ObjectPose]], tilted: frozenset[str]
+) -> RigidPair | None:
+    """Return the pair seen from the object and in the frame in which it varies least; None if it varies."""
+    if all(poses[one] is poses[other] for poses in scenes):
+        return None
+    pairs = []
+    for (seen, origin), frame in [(order, f) for order in permutations((one, other)) for f in OBJECT_FRAMES]:
+        seen_m = [_seen_m(poses[seen], poses[origin], frame, tilted) for poses in scenes]
+        pairs.append(RigidPair(seen, origin, frame, Range.of(seen_m), tilted))
+    pair = min(pairs, key=lambda pair: float(pair.seen_m.width.max()))
+    return pair if pair.seen_m.width.max() < FIXED_M else None
+
+
+def _seen_m(one: ObjectPose, other: ObjectPose, frame: AnchorFrame, tilted: frozenset[str]) -> Array:
+    """Return (3,) the position of one object in the frame of the other."""
+    seen_m: Array = object_rotation(other, frame, tilted).inv().apply(one.position_m - other.position_m)
+    return seen_m
+
+
+def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
+    """Return the sides of pairs whose names differ only in a place, such as a left and a right cup.
+
+    Other objects are often on one side by chance: in 2 of 44 correct scenes with noisy demonstrations.
+    """
+    found, names = [], [pose.name for pose in shown[0].objects] if len(shown) >= MANY_OF_A_SIDE else []
+    things = {name: [word for word in phrase_of(name) if word not in PLACE_WORDS] for name in names}
+    for one, other in combinations(names, 2):
+        if things[one] == things[other]:
+            ways_m = Range.of([d.object(one).position_m - d.object(other).position_m for d in shown])
+            found += [Side(one, other, axis, 1) for axis in (0, 1) if ways_m.low[axis] > 0]
+            found += [Side(one, other, axis, -1) for axis in (0, 1) if ways_m.high[axis] < 0]
+    return tuple(found)
+
+
+def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[str]) -> Iterator[Finding]:
+    """Yield a finding for the rigid pair that is farthest from its arrangement, and one for a pair on the wrong side.
+
+    Args:
+        followed: the objects that rows of the requested motion are relative to; their arrangement counts first.
+    """
+    off: list[tuple[Rule, RigidPair, float]] = []
+    for pair in scenes.pairs:
+        follows = not followed.isdisjoint({_name(pair.one, query), _name(pair.other, query)})
+        off.append((ARRANGEMENT_OF_FOLLOWED if follows else ARRANGEMENT, pair, pair.off_m(query)))
+    found = [item for item in off if item[0].severity(item[2]) is not None]
+    if found:
+        rule, pair, off_m = max(found, key=lambda item: (item[0] is ARRANGEMENT_OF_FOLLOWED, item[2]))
+        one, other = _name(pair.one, query), _name(pair.other, query)
+        message = (
+            f"{one} is {100 * off_m:.1f} cm from its place relative to {other}, which is the same in every"
+            " demonstration. Check that neither is taken for another object, and put them together as demonstrated."
+        )
+        yield rule.finding(message, f"objects[{one}]", {"off_m": off_m}, value=off_m)
+    matter = followed.union(query.order.objects)
+    for side in scenes.sides:
+        off_m = side.off_m(query)
+        if not matter.isdisjoint((side.one, side.other)) and ARRANGEMENT_OF_SIDES.severity(off_m) is not None:
+            message = (
+                f"{side.one} is {100 * off_m:.1f} cm on the wrong side of {side.other} along {'xy'[side.axis]}: in"
+                " every demonstration it is on the other side. Check that neither is taken for the other."
+            )
+            yield ARRANGEMENT_OF_SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
+            return
+
+
+def _name(key: str, query: Query) -> str:
+    """Return the object's name for its name or role."""
+    return _by_role(query)[key].name if key in _by_role(query) else key

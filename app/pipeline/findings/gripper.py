@@ -1,0 +1,132 @@
+"""Gripper timing and other motions of recorded hands that are impossible, or that the words exclude.
+
+All recordings may agree and be wrong: a gripper that is recorded as open where it is closed, a hand far from objects.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.places import places_by_object, spread_m
+from app.pipeline.findings.recording_ends import PRESSING, PUTTING, TAKING, Recorded, backwards_findings, end_faults
+from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
+
+# What the instruction says to take or press, where it follows right upon the verb
+DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
+CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
+ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
+PART_M = 0.02  # spread of the places at which hands act on one part of an object
+
+UNHELD = (
+    "the hand starts closed and empty, and opens at an object. Check whether gripper_open is inverted, and list what"
+    " the hand holds."
+)
+PRESSES_OPEN = "the hand opens, and never closes again, to press something. Check whether gripper_open is inverted."
+TAKES_NOTHING = "the gripper closes on nothing, though the instruction says to take something."
+TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and near another object."
+ONLY_OPENS = (
+    "the hand opens at what it should take, and closes elsewhere or never. Check whether gripper_open is inverted, or"
+    " the order of frames reversed."
+)
+CLOSES_ASIDE = (
+    "the gripper closes before the hand comes to what it takes, or after it has left. Record the measured state of the"
+    " fingers, not the command, with the clock of the poses."
+)
+FLICKERS = "the gripper switches to and fro within 0.3 s. Check whether the width trembles about gripper_open_above_m."
+LEAPS = (
+    "the hand is suddenly elsewhere. Frames are missing, out of order, or of two recordings that were joined: record"
+    " again."
+)
+
+
+def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Yield what is implausible in more than a third of the recordings of one instruction, and what all share.
+
+    Args:
+        alike: demonstrations that ask for the same, with their hands.
+    """
+    if not hands:
+        return
+    pairs = list(zip(alike, hands, strict=True))
+    faults = [
+        (rules.IMPLAUSIBLE_GRIPPER, fault) if (fault := _recorder_fault(pair[1]) or _gripper_fault(*pair)) else end
+        for pair, end in zip(pairs, end_faults(pairs), strict=True)
+    ]
+    for (rule, fault), number in Counter(item for item in faults if item is not None).items():
+        share, message = number / len(alike), f"In {number} of {len(alike)} recordings {fault}"
+        yield from rule.findings(share, message, "demonstrations", share=share)
+    far_m = 0.0 if _acts_on_a_part(pairs) else float(np.median([_acts_away_m(*pair) for pair in pairs]))
+    message = (
+        f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings. Give hand"
+        " and objects in one frame, and list all objects."
+    )
+    yield from rules.ACTS_FAR_FROM_OBJECTS.findings(far_m, message, "demonstrations", nearest_m=far_m)
+    yield from backwards_findings(pairs)
+
+
+def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Yield a finding if demonstrations that are to be done one after the other end with something in the hand.
+
+    Args:
+        hands: of those that are strung together.
+    """
+    holding = sum(hand.ends_holding and hand.starts_open for hand in hands)
+    if 2 * holding > len(hands):
+        message = (
+            f"{holding} of {len(hands)} demonstrations end with something in the hand and start with open fingers: what"
+            " is held falls when the next part begins. Ask for one part, or demonstrate them together."
+        )
+        yield rules.DROPS_WHAT_IT_HOLDS.finding(message, "instruction")
+
+
+def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
+    """Return the distance from the nearest object where the hand closes to take something, or comes nearest to one."""
+    closed_m = [act.nearest_m for act in hand.acts if not act.opens]
+    takes = demonstration.order.clauses[0].verb in TAKING | PUTTING and hand.starts_open and closed_m
+    return closed_m[0] if takes else hand.nearest_m
+
+
+def _acts_on_a_part(pairs: Sequence[Recorded]) -> bool:
+    """Return whether the hand acts at one place along the axes of an object that turns, as at the handle of a pan.
+
+    A hand in another frame would be on one side as the world has it.
+    """
+    if len(pairs) < MIN_TURNED:
+        return False
+    acts_m = np.array([hand.acts_at[0].position_m for _, hand in pairs])
+    seen_m = {key: spread_m(m) for key, m in places_by_object([shown for shown, _ in pairs], acts_m).items()}
+    own_m = {role: off_m for (role, axes), off_m in seen_m.items() if axes == "o"}
+    return any(off_m < PART_M and off_m < MUCH_LESS * seen_m[role, "w"] for role, off_m in own_m.items())
+
+
+def _recorder_fault(hand: RecordedHand) -> str | None:
+    if hand.leaps:
+        return LEAPS
+    return FLICKERS if hand.flickers else None
+
+
+def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
+    clause = demonstration.order.clauses[0]
+    found = DIRECT_OBJECT.match(clause.form)
+    takes = clause.verb in TAKING | PUTTING
+    taken = clause.objects[0] if found and found["verb"] in TAKING | PUTTING else None
+    closings = [act for act in hand.acts if not act.opens]
+    lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
+    if lets_go and not hand.may_hold:  # nor comes to take it
+        return UNHELD
+    if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
+        return PRESSES_OPEN
+    if takes and not hand.acts:
+        return TAKES_NOTHING
+    if takes and closings and closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m):
+        return CLOSES_ASIDE
+    if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
+        return None
+    if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
+        return ONLY_OPENS
+    return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
