@@ -15,9 +15,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from app.drawing import RgbImage
-from app.evaluation.failures import ExpertFailedError
 from app.evaluation.report.pictures import captions, film_grid, film_tiles
 from app.evaluation.server import service
+from app.evaluation.teach import TeachingError
 from app.sim.demonstrate import judge, record_demonstration, robot_in_scene
 from app.sim.moves import moves_from_actions
 from app.sim.outcomes import RecordedDemonstration
@@ -102,7 +102,7 @@ def make_moving_picture(task: str, seed: int, num_demonstrations: int, path: Pat
         Why the scene was not solved; empty if it was.
 
     Raises:
-        ExpertFailedError: a demonstration failed.
+        TeachingError: a demonstration failed.
         ServiceProblemError, ServiceUnreachableError: the service did not answer.
         MotionError: the arm could not carry an action out.
     """
@@ -131,7 +131,7 @@ def _teach(client: RoboPromptClient, task: str, number: int) -> None:
     for seed in range(number):
         recorded = record_demonstration(task, seed, images=False)
         if not recorded.succeeded:
-            raise ExpertFailedError(f"the expert failed in scene {seed} of {task}: {recorded.failure}")
+            raise TeachingError(f"the expert failed in scene {seed} of {task}: {recorded.failure}")
         scene = recorded.scene
         rate_hz = recorded.control_frequency_hz
         seen = Observation(scene.objects)

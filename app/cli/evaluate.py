@@ -1,28 +1,34 @@
-"""`roboprompt eval`: how well methods do on unseen scenes of many tasks."""
+"""`roboprompt eval`: how well methods do on unseen scenes of many tasks.
+
+Each refusal names the option and what is valid.
+"""
 
 import inspect
 import json
 import shlex
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 from rich.console import Console
 
 from app.cli.shared import INTERRUPTED, check_models, check_names, progress_bars, refusals_said, service_at
+from app.evaluation.methods import Method, with_noise, with_poses, with_shift
+from app.evaluation.plan import Plan
+from app.evaluation.sweep_run import SweepResult, SweepRun
+from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
+from app.evaluation.tables import results_table
+from app.evaluation.world import Panda, UnknownWorldError, World, world_named
+from app.sim.shift import can_shift
+from roboprompt_client.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    from app.evaluation.sweep_run import SweepResult
-
-SWEEP_NAMES = (
-    "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, models,"
-    " moving, outside, composition"
-)
-METHOD_NAMES = "default, nearest, regression, sums, replay, expert"
+T = TypeVar("T")
+METHOD_NAMES = ", ".join(SIMPLE_NAMES)
 OUTSIDE = "outside"
 EPISODES = 25
 Option = typer.Option
@@ -34,7 +40,7 @@ MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
 class EvaluateOptions:
     """The options of the command, each in one place: its name, type, help and default."""
 
-    sweep: Annotated[str | None, Option(help=f"{SWEEP_NAMES}; default: main, with --world outside")] = None
+    sweep: Annotated[str | None, Option(help=f"{', '.join(SWEEPS)}; default: main, with --world outside")] = None
     task: Annotated[list[str] | None, Option(help="may be repeated; default: all of the sweep")] = None
     episodes: Annotated[int, Option(min=1, help="unseen scenes per task")] = EPISODES
     demos: Annotated[int, Option(min=1, max=100, help="demonstrations in a prompt")] = 10
@@ -112,23 +118,18 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
 
     Results are kept as they come: the same command with the same --out continues where an earlier one stopped.
     """
-    # The simulator is an extra that `roboprompt serve` does without.
-    from app.cli.evaluate_plan import sweep_of
-    from app.evaluation.sweeps import SWEEPS
-
     asked = EvaluateOptions(**options)
     check_names("--sweep", [asked.sweep_name], SWEEPS)
     console = Console(stderr=asked.as_json)
-    run = sweep_of(asked)
+    plan = _plan(asked)
     if asked.url is not None:
         with service_at(asked.url) as client:
             client.ping()
     check_models(asked.model or (), asked.url)
     with refusals_said(), progress_bars(console, PACE_S) as progress:
-        result = run(progress)
+        result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url, asked.report)(progress)
     _tell(console, result, asked)
     if asked.as_json:
-        plan = run.plan
         scenes = {"recordings": asked.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
         known = {"sweep": asked.sweep_name, "out": str(asked.folder), **scenes}
         print(json.dumps({**known, **result.summary()}))  # noqa: T201
@@ -141,12 +142,89 @@ evaluate.__signature__ = inspect.signature(EvaluateOptions)  # type: ignore[attr
 evaluate.__annotations__ = get_type_hints(EvaluateOptions, include_extras=True)
 
 
-def _tell(console: Console, result: "SweepResult", asked: EvaluateOptions) -> None:
-    from app.evaluation.scores import errors_of
-    from app.evaluation.tables import results_table
-
+def _tell(console: Console, result: SweepResult, asked: EvaluateOptions) -> None:
     console.print(results_table(result.evaluation))
-    errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
+    errors = [f"error in {number} trials: {message}" for message, number in result.evaluation.errors()]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", asked.command]
     lines = [f"results: {asked.folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])]
     console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
+
+
+def _plan(asked: EvaluateOptions) -> Plan:
+    sweep, world = SWEEPS[asked.sweep_name], _world(asked)
+    tasks = tuple(dict.fromkeys(asked.task or sweep.tasks or world.tasks))
+    check_names("--task", tasks, world.tasks)
+    models = asked.model or []
+    given = sweep.with_models(models)
+    names = asked.method or (("default",) if asked.shift is not None else ())
+    methods = _refusing(lambda: chosen(given, names, models), "--method")
+    methods = _refusing(lambda: with_noise(methods, asked.noise, asked.noise_on), "--noise")
+    if asked.poses == "vision":
+        methods = _refusing(lambda: with_poses(methods, "vision"), "--poses")
+    if (shift := asked.shift) is not None:
+        methods = _refusing(lambda: with_shift(methods, shift), "--shift")
+        tasks = _shiftable(tasks, shift, named=bool(asked.task))
+    _check_world(asked, methods)
+    return Plan(
+        tasks,
+        methods,
+        asked.episodes,
+        asked.demos,
+        asked.command,
+        world,
+        first_test_seed=world.first_test_seed if asked.seed is None else asked.seed,
+        settings=_settings(asked),
+    )
+
+
+def _world(asked: EvaluateOptions) -> World:
+    try:
+        world = Panda(asked.recordings, num_cameras=asked.cameras) if asked.world is None else world_named(asked.world)
+    except UnknownWorldError as error:
+        raise typer.BadParameter(str(error), param_hint="--world") from error
+    return world if asked.record_hz is None else world.recorded_at(asked.record_hz)
+
+
+def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
+    """Refuse what only the simulated Panda has in another world, and what means another world on the Panda."""
+    if asked.world is None:
+        own = any(method.source == "own keyframes" for method in methods)
+        _refuse({"--method": own}, "own keyframes: is for another --world; the Panda's is 'replay'")
+        return
+    _refuse({"--recordings": asked.recordings != "rests"}, "is for the simulated Panda alone")
+    needing = [method.label for method in methods if method.needs_panda]
+    _refuse({"--method": needing}, f"{', '.join(needing)}: needs the simulated Panda")
+
+
+def _settings(asked: EvaluateOptions) -> dict[str, object]:
+    try:
+        settings = json.loads(asked.settings or "{}")
+    except ValueError as error:
+        raise typer.BadParameter(f"is not JSON: {error}", param_hint="--settings") from error
+    _refuse(
+        {"--settings": not isinstance(settings, dict)}, 'is not an object such as {"keyframes": {"rule": "merged"}}'
+    )
+    return dict(settings)
+
+
+def _shiftable(tasks: tuple[str, ...], shift_m: float, *, named: bool) -> tuple[str, ...]:
+    """The tasks whose objects can be moved; one that was named must be among them."""
+    movable = tuple(name for name in tasks if can_shift(name, shift_m))
+    if not movable or (named and movable != tasks):
+        fixed = next(name for name in tasks if name not in movable)
+        message = f"{fixed}: nothing in its scenes can be moved freely by {shift_m:g} m"
+        raise typer.BadParameter(message, param_hint="--shift")
+    return movable
+
+
+def _refusing(choose: Callable[[], T], option: str) -> T:
+    try:
+        return choose()
+    except InvalidInputError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def _refuse(given: Mapping[str, object], why: str) -> None:
+    for option, value in given.items():
+        if value:
+            raise typer.BadParameter(why, param_hint=option)

@@ -11,18 +11,17 @@ import numpy as np
 import pytest
 from rich.progress import Progress
 
-from app.evaluation.failures import OtherModelError, ServiceLostError
-from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.panda import Panda
 from app.evaluation.paper import disturbed
-from app.evaluation.plan import Plan, evaluation_of
+from app.evaluation.plan import OtherModelError, Plan, evaluation_of
+from app.evaluation.report.page import illustrated
 from app.evaluation.results import Crash, Evaluation
-from app.evaluation.run import PlanRun
+from app.evaluation.run import PlanRun, ServiceLostError
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
 from app.evaluation.sweeps import COPY, EXPERT, REGRESSION, REPLAY
+from app.evaluation.world import Panda
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import with_poses
-from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.sweeps import REGRESSION
 from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_models
+from app.evaluation.world import Panda
 from app.pipeline.geometry import yaw_rad
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
@@ -102,7 +102,7 @@ def test_a_task_whose_objects_cannot_be_learned_is_an_error_with_the_reason(url,
     evaluated = run_plan(url, tmp_path, "open_drawer", episodes=2, num_cameras=1)
     assert evaluated.trials == ()
     assert [crash.seed for crash in evaluated.crashes] == [100_000, 100_001]
-    assert "NotLearnedError: bottom drawer cannot be found in images:" in evaluated.crashes[0].message
+    assert "TeachingError: bottom drawer cannot be found in images:" in evaluated.crashes[0].message
     assert "is undecided: " in evaluated.crashes[0].message
 
 
@@ -129,7 +129,7 @@ def test_a_scene_that_cannot_be_read_is_a_failure(url, monkeypatch, trial):
     task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
     with RoboPromptClient(url) as client:
         runner = trials.TrialRunner(client, InlineExecutor())
-        failed = runner.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, 2, ()))
+        failed = runner.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, ()))
     assert not failed.succeeded
     assert (failed.answer, failed.execution) == (None, None)
     assert "no camera sees it" in failed.failure
