@@ -7,11 +7,11 @@ from typing import Any
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Trial
-from app.sim.demonstrate import judge, robot_in_scene
+from app.sim.demonstrate import judge
 from app.sim.outcomes import RolloutResult, SceneView
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
-from app.sim.tasks import ALL_TASKS, MOVING_TASKS
+from app.sim.tasks import ALL_TASKS, MOVING_TASKS, make_task
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
@@ -97,7 +97,7 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
     started, task = time.perf_counter(), scene.task
-    panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
+    panda = SimulatedPanda(make_task(task, seed, ALL_TASKS[task].test_variation(seed)), cameras=())
     robot = ChangingPanda(panda, seed, method)
     with _Client(url, panda) as client:
         error, blocked = _ask_and_move(client, robot, name, panda, method)

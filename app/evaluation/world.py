@@ -157,7 +157,7 @@ def film(scene: SceneView, actions: Actions | None, shift_m: float) -> tuple[Sce
 
 @lru_cache(maxsize=64)
 def _view(task: str, seed: int) -> SceneView:
-    return view_scene(task, seed, variation=_variation(task, seed), images=False)
+    return view_scene(task, seed, variation=_variation(task, seed), cameras=())
 
 
 def _variation(task: str, seed: int) -> int:

@@ -62,7 +62,7 @@ def evaluation(tmp_path_factory):
 
 
 def teach(client, seed):
-    recorded = record_demonstration(TASK, seed, images=False)
+    recorded = record_demonstration(TASK, seed, cameras=())
     client.upload(TASK, recorded.scene.instruction, recorded.trajectory, Observation(recorded.scene.objects))
 
 

@@ -173,7 +173,7 @@ def test_methods_are_taught_as_they_ask(run, url):
         assert places(true) == places(moved) != places(sampled)
         assert [item["index"] % 40 for item in sampled["keyframes"][:-1]] == [0] * (len(sampled["keyframes"]) - 1)
     seed = plain[0]["extra"]["seed"]
-    expected = disturbed(view_scene("open_drawer", seed, images=False).objects, 2.0, seed)
+    expected = disturbed(view_scene("open_drawer", seed, cameras=()).objects, 2.0, seed)
     assert positions(noisy[0]) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
 
 
@@ -181,7 +181,7 @@ def test_noise_on_tests_alone_leaves_the_demonstrations_as_they_are(run, url):
     task = run(REGRESSION, replace(NOISY, noise_on="test"))
     plain, noisy = (httpx.get(f"{url}/predictions/{trial.answer['id']}").json() for trial in task.trials)
     assert noisy["demonstration_ids"] == plain["demonstration_ids"]
-    expected = disturbed(view_scene("open_drawer", 100_000, images=False).objects, 2.0, 100_000)
+    expected = disturbed(view_scene("open_drawer", 100_000, cameras=()).objects, 2.0, 100_000)
     assert positions(noisy) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
     assert positions(plain) != positions(noisy)
 

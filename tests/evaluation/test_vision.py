@@ -72,7 +72,7 @@ def test_neither_poses_nor_masks_are_sent(trial, url):
     for id_ in trial.answer["demonstration_ids"]:
         episode = httpx.get(f"{url}/episodes/{id_}").json()
         assert {item["estimator"] for item in episode["objects"]} == {"cuboid"}
-        scene = view_scene("slide_block", episode["extra"]["seed"], images=False)
+        scene = view_scene("slide_block", episode["extra"]["seed"], cameras=())
         for found, true in zip(episode["objects"], scene.objects, strict=True):
             np.testing.assert_allclose(found["position"], true.position_m, atol=0.004)
 

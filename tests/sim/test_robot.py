@@ -3,10 +3,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.kinematics import Kinematics
 from app.sim.moves import moves_from_actions, tool_down
-from app.sim.robot import SimulatedPanda
-from app.sim.sampler import TrajectorySampler
+from app.sim.planner import Kinematics
+from app.sim.robot import SimulatedPanda, TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.world import BASE_POSITION_M, HOME_RAD
 from roboprompt_client.errors import InvalidInputError, MotionError
