@@ -16,7 +16,7 @@ COMMANDS = {
     "audit": ("administration:audit", "Print the audit log and verify that no entry was changed, removed or inserted."),
     "backup": ("administration:back_up", "Write everything that is stored to a file; the service may keep running."),
     "restore": ("administration:restore", "Put a backup into an empty store, of the same or another kind of database."),
-    "jobs": ("jobs:jobs", "Work at all queued re-extractions of tasks, and end when none is left."),
+    "jobs": ("serve:jobs", "Work at all queued re-extractions of tasks, and end when none is left."),
     "demo": ("demo:demo", "Teach a simulated Panda, then predict and execute on unseen scenes."),
     "eval": (
         "evaluate:evaluate",

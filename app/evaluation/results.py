@@ -119,7 +119,7 @@ Outcome = TypeVar("Outcome", Trial, Crash)
 
 
 @dataclass(frozen=True)
-class Score:
+class MethodResult:
     """A method's results on one task, or on all. Times and tokens are medians of a prediction; None without any.
 
     Attributes:
@@ -173,7 +173,7 @@ class Score:
         }
 
 
-def score_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> Score:
+def result_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> MethodResult:
     """Return a method's score on one task, or on all tasks together."""
     trials, crashes = of_method(evaluated.trials, method), of_method(evaluated.crashes, method)
     timeouts = sum(crash.timed_out for crash in crashes)
@@ -185,7 +185,7 @@ def score_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> Score:
     def of_answers(value: Callable[[Mapping[str, Any]], float]) -> float | None:
         return _median(map(value, answers))
 
-    return Score(
+    return MethodResult(
         method.label,
         SuccessRate(len(trials) - failed, len(trials)),
         len(crashes) - timeouts,
@@ -201,7 +201,7 @@ def score_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> Score:
 
 def mean_rate(evaluation: Evaluation, method: Method) -> float | None:
     """Return the mean of the tasks' success rates; None without trials."""
-    rates = [score_of(task, method).rate for task in evaluation.tasks]
+    rates = [result_of(task, method).rate for task in evaluation.tasks]
     return fmean(rate.rate for rate in rates if rate.trials) if any(rate.trials for rate in rates) else None
 
 

@@ -94,7 +94,7 @@ class SweepRun:
         """Run a session. Return why it ended early; empty if it did not."""
         self.report.unlink(missing_ok=True)
         with closing(executor_of(self.plan.world)) as executor:
-            record = RunRecord(self.folder / "run.json", self.sweep, self.plan, executor)
+            record = SweepRecord(self.folder / "run.json", self.sweep, self.plan, executor)
             try:
                 evaluation = self._run(ledger, executor, progress, record.timing)
                 if self.wants_report:
@@ -123,7 +123,7 @@ class SweepRun:
         (self.folder / "table.md").write_text(markdown(evaluation, about), encoding="utf-8")
 
 
-class RunRecord:
+class SweepRecord:
     """The file `run.json` in a folder of results.
 
     A session is one start of the command, from the record's creation to `end`. Earlier sessions stay in the file; one

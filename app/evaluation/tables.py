@@ -10,7 +10,16 @@ from rich.table import Table
 
 from app.evaluation import paper
 from app.evaluation.methods import Method
-from app.evaluation.results import ENDINGS, NOTHING, TOKENS, Evaluation, Score, TaskEvaluation, mean_rate, score_of
+from app.evaluation.results import (
+    ENDINGS,
+    NOTHING,
+    TOKENS,
+    Evaluation,
+    MethodResult,
+    TaskEvaluation,
+    mean_rate,
+    result_of,
+)
 
 HOW_TO_READ = (
     "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
@@ -24,15 +33,15 @@ METHODS_SAID = (
 ENDED = ("wrong motion", "no actions", "instruction refused")
 COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
 ROBOPROMPT = "RoboPrompt (paper)"
-Row = Sequence[str]
+Cells = Sequence[str]
 
 
 @dataclass(frozen=True)
 class TextTable:
     """A table of texts whose rows come in groups. The first column is text, the others are numbers."""
 
-    header: Row
-    groups: Sequence[Sequence[Row]]
+    header: Cells
+    groups: Sequence[Sequence[Cells]]
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
@@ -80,10 +89,10 @@ def _success_table(evaluation: Evaluation) -> TextTable:
     names = [task.task for task in evaluation.tasks]
     known = any(task in paper.SUCCESS_PERCENT[name] for task in names for name in paper.METHODS)
     published = paper.METHODS if known else ()
-    rows: list[Row] = []
+    rows: list[Cells] = []
     for task in evaluation.tasks:
         percents = [paper.SUCCESS_PERCENT[name].get(task.task) for name in published]
-        scores = [str(score_of(task, method)) for method in evaluation.methods]
+        scores = [str(result_of(task, method)) for method in evaluation.methods]
         rows.append([task.task, *scores, *(NOTHING if percent is None else str(percent) for percent in percents)])
     means = [mean_rate(evaluation, method) for method in evaluation.methods]
     paper_means = [paper.mean_percent(name, names) for name in published]
@@ -101,11 +110,11 @@ def results_table(evaluation: Evaluation) -> Table:
     return TextTable(header, groups).terminal(title, "tokens: prompt/cached/completion")
 
 
-def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Row]:
+def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Cells]:
     for method in methods:
-        score = score_of(task, method)
-        *costs, read, cached, written = (_number(value, "") for value in _costs(score))
-        yield [f"  {method.label}", str(score), *costs, f"{read}/{cached}/{written}".strip("/")]
+        result = result_of(task, method)
+        *costs, read, cached, written = (_number(value, "") for value in _costs(result))
+        yield [f"  {method.label}", str(result), *costs, f"{read}/{cached}/{written}".strip("/")]
     percent = paper.SUCCESS_PERCENT["RoboPrompt"].get(task.task)
     if percent is not None:
         yield [f"  {ROBOPROMPT}", f"{percent} %", *[""] * 4]
@@ -126,25 +135,25 @@ def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _task_summary(task: TaskEvaluation, methods: Sequence[Method]) -> dict[str, Any]:
-    by_method = {method.label: score_of(task, method).document() for method in methods}
+    by_method = {method.label: result_of(task, method).document() for method in methods}
     first = methods[0].label
     return {**by_method[first], "method": first, "methods": by_method}
 
 
-def _method_rows(evaluation: Evaluation) -> Iterator[Row]:
+def _method_rows(evaluation: Evaluation) -> Iterator[Cells]:
     for method in evaluation.methods:
-        score = score_of(evaluation, method)
-        ended = [str(score.endings[name]) for name in ENDINGS]
-        costs = [_number(value, NOTHING) for value in _costs(score)]
-        yield [method.label, _asked(score, method), str(score), *ended, *costs]
+        result = result_of(evaluation, method)
+        ended = [str(result.endings[name]) for name in ENDINGS]
+        costs = [_number(value, NOTHING) for value in _costs(result)]
+        yield [method.label, _asked(result, method), str(result), *ended, *costs]
 
 
-def _costs(score: Score) -> list[float | None]:
-    outside_llm_ms = None if score.outside_llm_s is None else 1000 * score.outside_llm_s
-    return [score.llm_s, outside_llm_ms, score.execute_s, *(score.tokens[name] for name in TOKENS)]
+def _costs(result: MethodResult) -> list[float | None]:
+    outside_llm_ms = None if result.outside_llm_s is None else 1000 * result.outside_llm_s
+    return [result.llm_s, outside_llm_ms, result.execute_s, *(result.tokens[name] for name in TOKENS)]
 
 
-def _asked(score: Score, method: Method) -> str:
+def _asked(result: MethodResult, method: Method) -> str:
     where = "pose noise" if method.noise_on == "both" else "pose noise of tests alone"
     special = {
         where: method.noise,
@@ -154,7 +163,7 @@ def _asked(score: Score, method: Method) -> str:
     }
     own = {**method.options, **method.settings, **{name: value for name, value in special.items() if value}}
     further = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
-    return "; ".join([*score.asked, *(f"{name} {json.dumps(value)}" for name, value in further.items())]) or NOTHING
+    return "; ".join([*result.asked, *(f"{name} {json.dumps(value)}" for name, value in further.items())]) or NOTHING
 
 
 def _number(value: float | None, nothing: str) -> str:

@@ -197,12 +197,12 @@ def upload(
         ServiceProblemError, ServiceUnreachableError.
     """
     if method.poses == "vision":
-        settings = with_models(settings, _learned_models(client, name, labeled, settings["yaw_symmetry_deg"]))
+        settings = with_object_models(settings, _learned_models(client, name, labeled, settings["yaw_symmetry_deg"]))
     client.configure_task(name, **settings)
     return Lesson(name, tuple(_taught(client, name, recorded, method)))
 
 
-def with_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[str, Any]:
+def with_object_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[str, Any]:
     """Return a task's settings with object models; `registered` models decide their objects' symmetry."""
     symmetries = dict(settings["yaw_symmetry_deg"])
     for name, model in models.items():

@@ -7,16 +7,15 @@ from importlib.metadata import entry_points
 
 from pydantic import SecretStr
 
-from app.llm import baselines
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
-from app.llm.computed import SCRIPTED, ScriptedModel
+from app.llm.computed import NEAREST, REGRESSION, SCRIPTED, ScriptedModel, nearest, regression
 from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.known_models import KNOWN, profile_of
 from app.llm.llama.vocabulary import TrimmedModel
 from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
 from app.llm.llm_settings import LlmSettings, variable
-from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
+from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, ServerQuirks, quirks_of
 from app.llm.resilient import ProviderLimits
 from app.llm.sse import Server
 
@@ -134,7 +133,7 @@ def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
     return OpenAiCompatibleModel(_compatible_profile(model, settings), server, model, _compatible_quirks(settings))
 
 
-def _compatible_quirks(settings: LlmSettings) -> Quirks:
+def _compatible_quirks(settings: LlmSettings) -> ServerQuirks:
     server = settings.compatible_server
     return quirks_of(settings.compatible_base_url) if server == "other" else SERVERS[server]
 
@@ -164,16 +163,17 @@ def _require_model_name(backend: str, model: str) -> None:
         raise UnknownModelError(f"{backend} needs the name of a model: {backend}/MODEL")
 
 
-def _nameless(backend: str, make: Callable[[LlmSettings], LanguageModel]) -> ModelFactory:
-    """Of a backend that has one model."""
+def _single(
+    name: str, make: Callable[[LlmSettings], LanguageModel], offered: Callable[[LlmSettings], Sequence[ModelProfile]]
+) -> Backend:
+    """Return a backend that has one model."""
 
     def create(model: str, settings: LlmSettings) -> LanguageModel:
         if model:
-            remedy = f"ask for {backend!r}, not '{backend}/{model}'"
-            raise UnknownModelError(f"{backend} has no models to choose from: {remedy}")
+            raise UnknownModelError(f"{name} has no models to choose from: ask for {name!r}, not '{name}/{model}'")
         return make(settings)
 
-    return create
+    return Backend(create, offered)
 
 
 BUILT_IN: Mapping[str, Backend] = {
@@ -185,13 +185,7 @@ BUILT_IN: Mapping[str, Backend] = {
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
-    "nearest": Backend(
-        _nameless("nearest", lambda settings: baselines.nearest()), lambda settings: [baselines.NEAREST]
-    ),
-    "regression": Backend(
-        _nameless("regression", lambda settings: baselines.regression()), lambda settings: [baselines.REGRESSION]
-    ),
-    "scripted": Backend(
-        _nameless("scripted", _scripted), lambda settings: [SCRIPTED] if settings.scripted_replies else []
-    ),
+    "nearest": _single("nearest", lambda settings: nearest(), lambda settings: [NEAREST]),
+    "regression": _single("regression", lambda settings: regression(), lambda settings: [REGRESSION]),
+    "scripted": _single("scripted", _scripted, lambda settings: [SCRIPTED] if settings.scripted_replies else []),
 }

@@ -5,7 +5,7 @@ import pytest
 from rich.console import Console
 
 from app.evaluation.methods import Method
-from app.evaluation.results import Crash, Evaluation, TaskEvaluation, reached, score_of
+from app.evaluation.results import Crash, Evaluation, TaskEvaluation, reached, result_of
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, results_table, sweep_summary
 from tests.evaluation.trials import ANSWER, trial
@@ -73,7 +73,7 @@ def test_timeouts_and_errors_count_apart_and_as_no_failures():
     assert (summary["trials"], summary["errors"], summary["timeouts"]) == (4, 1, 2)
     figures = summary["tasks"]["stack_cube"]
     assert (figures["trials"], figures["errors"], figures["timeouts"]) == (2, 1, 2)
-    ours, other = (score_of(run.tasks[0], method) for method in run.methods)
+    ours, other = (result_of(run.tasks[0], method) for method in run.methods)
     assert (ours.not_run, str(ours.rate), other.not_run) == ("2 timeouts, 1 error", "1/2 (9-91 %)", "")
 
 

@@ -14,7 +14,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import with_poses
 from app.evaluation.plan import Plan
 from app.evaluation.sweeps import REGRESSION
-from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_models
+from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_object_models
 from app.evaluation.world import Panda
 from app.pipeline.geometry import yaw_rad
 from app.sim.demonstrate import view_scene
@@ -116,7 +116,7 @@ def test_a_task_whose_objects_cannot_be_learned_is_an_error_with_the_reason(url,
     ],
 )
 def test_labels_say_how_symmetric_an_object_is(model, symmetries):
-    settings = with_models({"yaw_symmetry_deg": {"lid": 0.0, "cup": 90.0}}, {"cup": model})
+    settings = with_object_models({"yaw_symmetry_deg": {"lid": 0.0, "cup": 90.0}}, {"cup": model})
     assert settings == {"yaw_symmetry_deg": symmetries, "object_models": {"cup": model}}
 
 

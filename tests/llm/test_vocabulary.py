@@ -35,8 +35,8 @@ def whole_server(settings):
 
 def small_file():
     """Four tokens, of which the matrix has a row each, and another tensor behind it."""
-    tokens = gguf.Array(gguf.STRING, [gguf.text(word).item for word in ("a", "b", "ж", "d")])
-    values = {"general.architecture": gguf.text("gemma3"), "tokenizer.ggml.tokens": tokens}
+    tokens = gguf.Array(gguf.STRING, [gguf.string(word) for word in ("a", "b", "ж", "d")])
+    values = {"general.architecture": gguf.string_value("gemma3"), "tokenizer.ggml.tokens": tokens}
     rows = b"".join(bytes([number]) * ROW_BYTES for number in range(4))
     padded = rows + bytes(-len(rows) % gguf.ALIGNMENT)
     tensors = {

@@ -17,7 +17,7 @@ from rich.progress import Progress
 from app.evaluation.ledger import action_of
 from app.evaluation.methods import Method
 from app.evaluation.report.pictures import PagePicture, captions, draw_scene, film_grid, film_tiles, save_photo
-from app.evaluation.results import NOTHING, Evaluation, TaskEvaluation, Trial, score_of
+from app.evaluation.results import NOTHING, Evaluation, TaskEvaluation, Trial, result_of
 from app.evaluation.world import film
 from app.executors import Executor
 from app.pipeline.spans import prompt_spans
@@ -90,7 +90,7 @@ def _task(folder: Path, number: int, task: TaskEvaluation, methods: Sequence[Met
     return {
         "task": task.task,
         "anchor": anchor,
-        "results": [score_of(task, method) for method in methods],
+        "results": [result_of(task, method) for method in methods],
         "failures": in_detail("failure", _detailed_failures(task.trials, methods)),
         "successes": in_detail("success", _detailed_successes(task.trials, methods)),
         "failed": _failures_in_order(task.trials, methods),

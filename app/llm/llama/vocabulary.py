@@ -50,7 +50,7 @@ def trim(whole: Path, trimmed: Path) -> None:
         parts = gguf.read(mapped)
         kept = kept_tokens(parts.array("tokenizer.ggml.tokens").texts())
         shorter = {name: parts.array(name).take(kept) for name in BY_TOKEN}
-        values = {**parts.values, **shorter, "general.description": gguf.text(NOTICE)}
+        values = {**parts.values, **shorter, "general.description": gguf.string_value(NOTICE)}
         tensors = {**parts.tensors, MATRIX: parts.tensors[MATRIX].take_rows(kept)}
         with trimmed.open("wb") as target:
             gguf.write(gguf.GgufFile(values, tensors), target)
