@@ -18,7 +18,7 @@ from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Trial
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.errors import RoboPromptError
-from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_json
+from roboprompt_client.types.poses import EndEffectorAction, object_from_json, object_json
 
 Document = Mapping[str, Any]
 DIGEST_CHARS = 12
@@ -59,17 +59,12 @@ def outcome_of(document: Document) -> Trial | Crash:
         misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
         execution = RolloutResult(num_executed, succeeded, document["failure"], misses=misses)
     return Trial(
-        scene=SceneView(task, seed, document["instruction"], _poses_of(document), (), {}),
+        scene=SceneView(task, seed, document["instruction"], tuple(map(object_from_json, document["objects"])), (), {}),
         error="" if execution else document["failure"],
         execution=execution,
         actions=tuple(action_of(item) for item in document["actions"]),
         **{name: document[name] for name in AS_IT_IS},
     )
-
-
-def _poses_of(document: Document) -> tuple[ObjectPose, ...]:
-    objects = document["objects"]
-    return tuple(ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in objects)
 
 
 def _action_json(action: EndEffectorAction) -> Document:

@@ -1,8 +1,8 @@
 """Any server that speaks OpenAI's HTTP API: OpenAI, vLLM, SGLang, Ollama, llama.cpp, OpenRouter.
 
 A CompletionRequest becomes the body of a request, and each event of the streamed reply a Chunk. The format is that of
-https://platform.openai.com/docs/api-reference (chat/completions and completions); where servers differ, `QUIRKS` says
-how.
+https://platform.openai.com/docs/api-reference (chat/completions and completions); where servers differ, `SERVERS` and
+`HOSTS` say how.
 """
 
 import re
@@ -65,9 +65,7 @@ SERVERS: Mapping[CompatibleServer, ServerQuirks] = {
 }
 # by the host of the base URL
 HOSTS: Mapping[str, ServerQuirks] = {
-    "api.openai.com": ServerQuirks(
-        max_tokens_field="max_completion_tokens", cache_key_field="prompt_cache_key", openai=True
-    ),
+    "api.openai.com": ServerQuirks("max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
     "openrouter.ai": ServerQuirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
 }
 # From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
