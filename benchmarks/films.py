@@ -158,7 +158,8 @@ def _carry_out(
             pictures.append((shoot(), len(done)))
 
     robot.after_step.append(after_step)
-    robot.perform(moves_from_actions(actions), done.append)
+    robot.after_move.append(done.append)
+    robot.perform(moves_from_actions(actions))
     robot.after_step.remove(after_step)
     return [*pictures, (shoot(), len(done))]
 

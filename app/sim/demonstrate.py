@@ -112,25 +112,19 @@ def _view(robot: SimulatedPanda, seed: int) -> SceneView:
 
 
 def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[list[RgbImage], int, str]:
-    """The film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
-    task, images, num_done = robot.task, list[RgbImage](), 0
+    """Return the film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
+    task, done = robot.task, list[int]()
+    images: list[RgbImage] = []
+    robot.after_move.append(done.append)
     with open_renderer(task.model) if film_strip else nullcontext() as renderer:
-
-        def shoot() -> None:
-            if renderer is not None:
-                images.append(renderer.rgb(task.data, CAMERA))
-
-        def after_move(index: int) -> None:
-            nonlocal num_done
-            num_done = index + 1
-            shoot()
-
-        shoot()
+        if renderer is not None:
+            images.append(renderer.rgb(task.data, CAMERA))
+            robot.after_move.append(lambda _: images.append(renderer.rgb(task.data, CAMERA)))
         try:
-            robot.perform(moves, after_move)
+            robot.perform(moves)
         except MotionError as error:
-            return images, num_done, str(error)
-    return images, num_done, ""
+            return images, len(done), str(error)
+    return images, len(done), ""
 
 
 def judge(robot: SimulatedPanda) -> str:

@@ -44,6 +44,7 @@ class SimulatedPanda:
     Attributes:
         dwell_s: the arm's rest after each move.
         after_step: called after every simulation step, e.g. a recorder's `sample`.
+        after_move: called with the index of each of the moves that `perform` was given, once it is done.
     """
 
     def __init__(self, task: SimTask, cameras: Sequence[str] = CAMERA_NAMES) -> None:
@@ -51,6 +52,7 @@ class SimulatedPanda:
         self.cameras = tuple(cameras)
         self.dwell_s = DWELL_S
         self.after_step: list[Callable[[], None]] = [task.latch]
+        self.after_move: list[Callable[[int], None]] = []
         self._kinematics = Kinematics(BASE_POSITION_M)
         self._planner = Planner(self._kinematics)
         self._joint_addresses = [task.model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
@@ -75,11 +77,8 @@ class SimulatedPanda:
         pose = ToolPose(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
         self.perform([Move(pose, action.gripper_open)])
 
-    def perform(self, moves: Sequence[Move], on_done: Callable[[int], None] | None = None) -> None:
+    def perform(self, moves: Sequence[Move]) -> None:
         """Carry out moves planned as a whole; those that are straight, where the arm can.
-
-        Args:
-            on_done: called with the index of each move once it is done.
 
         Raises:
             MotionError: before any motion if a pose is out of reach; later if one is not arrived at. Names the move.
@@ -89,8 +88,11 @@ class SimulatedPanda:
             self._follow(path)
             self._check_arrival(move.pose, index, len(moves))
             self._set_gripper(is_open=move.gripper_open)
-            if on_done is not None:
-                on_done(index)
+            self._end_move(index)
+
+    def _end_move(self, index: int) -> None:
+        for call in self.after_move:
+            call(index)
 
     def stop(self) -> None:
         self._target_rad = self.task.data.qpos[self._joint_addresses]

@@ -51,7 +51,8 @@ def guided(request):
     robot = GuidedPanda(make_task(request.param, SEED), Habits(SEED))
     recorder = TrajectorySampler(robot)
     moves, times_s = robot.task.expert(), {}
-    robot.perform(moves, lambda number: times_s.setdefault(number, robot.task.data.time))
+    robot.after_move.append(lambda number: times_s.setdefault(number, robot.task.data.time))
+    robot.perform(moves)
     return moves, times_s, recorder.trajectory("measured")
 
 
