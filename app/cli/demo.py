@@ -77,7 +77,7 @@ def demo(
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
     if not open_pages:
-        serve = _to_type("serve", "--data", str(data.resolve()))
+        serve = _shell_command("serve", "--data", str(data.resolve()))
         console.print(f"To see it at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
     if as_json:
         print(json.dumps(figures))  # noqa: T201
@@ -86,7 +86,7 @@ def demo(
 
 
 def _show_pages(data: Path, console: Console) -> None:
-    """Serve them until the user interrupts."""
+    """Serve the pages until Ctrl-C."""
     with running_server(data) as url, suppress(KeyboardInterrupt):
         console.print(f"Pages: {url}/ (Ctrl-C ends it)", soft_wrap=True)
         if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
@@ -94,15 +94,15 @@ def _show_pages(data: Path, console: Console) -> None:
         threading.Event().wait()
 
 
-def _to_type(*arguments: str) -> str:
-    """The command as any shell takes it: `roboprompt` alone is found only where its environment is active."""
+def _shell_command(*arguments: str) -> str:
+    """Return a command that works in any shell: `roboprompt` alone needs an active environment."""
     program = shutil.which(sys.argv[0])
     started = [sys.executable, "-P", "-m", "app.cli"] if program is None else [str(Path(program).absolute())]
     return shlex.join([*started, *arguments])
 
 
 def _report(evaluation: Evaluation, folder: Path, console: Console) -> dict[str, object]:
-    """Print the results and write the report; the same figures for programs."""
+    """Print the results, write the report, and return the figures for `--json`."""
     console.print(results_table(evaluation))
     for message, number in evaluation.errors():
         console.print(f"{number} trials could not be run: {message}", markup=False)

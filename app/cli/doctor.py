@@ -1,4 +1,4 @@
-"""`roboprompt doctor`: what is missing or wrong on this machine, and how to mend it."""
+"""`roboprompt doctor`: what is missing or wrong on this machine, and how to repair it."""
 
 import os
 import shutil
@@ -57,7 +57,7 @@ WHAT_FOR = {
 
 @dataclass(frozen=True)
 class Probe:
-    """What was found out about one thing.
+    """The result of one check.
 
     Attributes:
         remedy: what to do where it is not ok.
@@ -76,7 +76,7 @@ def doctor(
     data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
-    """Look at what RoboPrompt needs on this machine; nothing is changed but the cache of weights.
+    """Check what RoboPrompt needs on this machine; nothing is changed but the cache of weights.
 
     The exit status is 1 where something fails that `roboprompt serve` needs.
     """
@@ -89,7 +89,7 @@ def doctor(
     for column in table.columns:
         column.overflow = "fold"
     failed = 0
-    for found in (*look_at_service(data), *look_at_machine(port)):
+    for found in (*check_service(data), *check_machine(port)):
         fails = found.required and found.state != "ok"
         failed += fails
         color = "red" if fails else COLORS[found.state]
@@ -104,8 +104,8 @@ def doctor(
         raise typer.Exit(1)
 
 
-def look_at_service(data: Path | None) -> Iterator[Probe]:
-    """Look at each thing; where the settings are wrong, at the others with the default settings."""
+def check_service(data: Path | None) -> Iterator[Probe]:
+    """Check settings, LLM, store, disks and extras; if the settings are wrong, the others with default settings."""
     try:
         settings = Settings() if data is None else Settings(data=data)
     except ValidationError as error:
@@ -201,7 +201,7 @@ def database(settings: Settings) -> Probe:
 
 
 def disk(folder: Path) -> Probe:
-    """The free place where a folder is, or will be."""
+    """Whether the disk of a folder has enough free space."""
     free_gb = shutil.disk_usage(_nearest(folder)).free / 1e9
     remedy = f"free {MIN_FREE_GB:g} GB, or name a folder on another disk"
     return Probe(f"disk of {folder}", "ok" if free_gb >= MIN_FREE_GB else "wrong", f"{free_gb:.1f} GB free", remedy)
@@ -223,12 +223,12 @@ def extras(settings: Settings) -> Iterator[Probe]:
 
 
 def _nearest(folder: Path) -> Path:
-    """The folder, or the nearest above it that is there."""
+    """Return the folder, or the nearest existing one above it."""
     return next(place for place in (folder, *folder.absolute().parents) if place.exists())
 
 
-def look_at_machine(port: int) -> Iterator[Probe]:
-    """Look at memory, port and OpenGL."""
+def check_machine(port: int) -> Iterator[Probe]:
+    """Check memory, port and OpenGL."""
     yield memory(Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"))
     yield listening(port)
     if is_installed("mujoco"):

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 import typer
 from rich.console import Console
 
-from app.cli.shared import INTERRUPTED, check_models, check_names, progress_bars, refusals_said, service_at
+from app.cli.shared import INTERRUPTED, check_models, check_names, errors_printed, progress_bars, service_at
 from app.evaluation.methods import Method, with_noise, with_poses, with_shift
 from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepResult, SweepRun
@@ -126,9 +126,9 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
         with service_at(asked.url) as client:
             client.ping()
     check_models(asked.model or (), asked.url)
-    with refusals_said(), progress_bars(console, PACE_S) as progress:
+    with errors_printed(), progress_bars(console, PACE_S) as progress:
         result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url, asked.report)(progress)
-    _tell(console, result, asked)
+    _print_results(console, result, asked)
     if asked.as_json:
         scenes = {"recordings": asked.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
         known = {"sweep": asked.sweep_name, "out": str(asked.folder), **scenes}
@@ -142,7 +142,7 @@ evaluate.__signature__ = inspect.signature(EvaluateOptions)  # type: ignore[attr
 evaluate.__annotations__ = get_type_hints(EvaluateOptions, include_extras=True)
 
 
-def _tell(console: Console, result: SweepResult, asked: EvaluateOptions) -> None:
+def _print_results(console: Console, result: SweepResult, asked: EvaluateOptions) -> None:
     console.print(results_table(result.evaluation))
     errors = [f"error in {number} trials: {message}" for message, number in result.evaluation.errors()]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", asked.command]
@@ -186,7 +186,7 @@ def _world(asked: EvaluateOptions) -> World:
 
 
 def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
-    """Refuse what only the simulated Panda has in another world, and what means another world on the Panda."""
+    """Refuse options of the simulated Panda in another world, and options of other worlds on the Panda."""
     if asked.world is None:
         own = any(method.source == "own keyframes" for method in methods)
         _refuse({"--method": own}, "own keyframes: is for another --world; the Panda's is 'replay'")

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, if_there, refusals_said
+from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, errors_printed, if_there
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
@@ -159,7 +159,7 @@ def import_data(
     """
     check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
-    with refusals_said():
+    with errors_printed():
         known = KnownObjects() if objects is None else read_objects(objects)
         changes = read_changes(mapping, tuple(feature or ()))
         cameras = None if camera is None else tuple(camera)

@@ -13,7 +13,7 @@ import uvicorn
 
 from app.api.bounded_protocol import BoundedProtocol
 from app.bootstrap import build_app, open_store
-from app.cli.shared import Data, EnvFile, check_port, refusals_said, settings_of
+from app.cli.shared import Data, EnvFile, check_port, errors_printed, settings_of
 from app.executors import Executor, LocalExecutor
 from app.logs import log_as_json
 from app.services.task_settings import TaskSettings
@@ -44,7 +44,7 @@ def serve(
     settings = settings_of(None, env_file).model_copy(
         update={name: value for name, value in given.items() if value is not None}
     )
-    with refusals_said():  # in a sentence and once, before any worker starts
+    with errors_printed():  # in a sentence and once, before any worker starts
         open_store(settings).close()
     application = build_app(settings) if workers == 1 else _for_workers(settings)
     logging: dict[str, Any] = {"log_level": "info"}
@@ -76,20 +76,20 @@ def _for_workers(settings: Settings) -> str:
 
 
 def jobs(data: Data = None, env_file: EnvFile = None) -> None:
-    """Work at all queued re-extractions of tasks, and end when none is left.
+    """Run all queued re-extractions of tasks, then end.
 
     The database and the images are those of the settings, as for the service, which may keep running: with
     ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command.
     """
     settings = settings_of(data, env_file)
     settings = settings.model_copy(update={"data": settings.data.resolve()})
-    with refusals_said(), closing(LocalExecutor(imports=(__name__,))) as executor:
+    with errors_printed(), closing(LocalExecutor(imports=(__name__,))) as executor:
         done = _work(settings, executor)
     print(json.dumps({**done, "where": executor.description}))  # noqa: T201
 
 
 def _work(settings: Settings, executor: Executor) -> dict[str, float]:
-    """Work at all jobs; return their number, that of their episodes, and the seconds it took."""
+    """Run all jobs; return their number, that of their episodes, and the seconds they took."""
     num_jobs, num_episodes, begun_s = 0, 0, time.perf_counter()
 
     def extract(records: Sequence[EpisodeRecord], wanted: TaskSettings) -> list[Extraction]:

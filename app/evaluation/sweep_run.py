@@ -98,7 +98,7 @@ class SweepRun:
             try:
                 evaluation = self._run(ledger, executor, progress, record.timing)
                 if self.wants_report:
-                    self._write_table(evaluation)  # in case somebody does not wait for the pictures
+                    self._write_table(evaluation)  # in case the pictures are interrupted
                     with record.timing.measured("report_s"):
                         has_pictures = isinstance(self.plan.world, Panda)
                         tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks

@@ -78,21 +78,25 @@ def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:
     return [profile_of(model) for model in (*KNOWN, *own_models(settings))]
 
 
-def _openai(model: str, settings: LlmSettings) -> LanguageModel:
-    return OpenAiCompatibleModel(_provider_profile(f"openai/{model}"), _provider("openai", model, settings), model)
+def _provider(
+    name: str, models: Mapping[str, str], make: Callable[[ModelProfile, Server, str], LanguageModel]
+) -> Backend:
+    """Return the backend of a provider whose models need a key; `models` are those offered, with descriptions."""
 
+    def profile(model: str) -> ModelProfile:
+        description = models.get(model, "")
+        return ModelProfile(
+            f"{name}/{model}", "chat", grammar=False, representation="absolute", description=description
+        )
 
-def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
-    return AnthropicModel(_provider_profile(f"anthropic/{model}"), _provider("anthropic", model, settings), model)
+    def create(model: str, settings: LlmSettings) -> LanguageModel:
+        _require_model_name(name, model)
+        server = _server(name, settings)
+        if not server.key:
+            raise ModelUnavailableError(f"{name}/{model} needs a key: set {server.key_variable}")
+        return make(profile(model), server, model)
 
-
-def _provider(name: str, model: str, settings: LlmSettings) -> Server:
-    """Return the server of a provider's models, which need a key."""
-    _require_model_name(name, model)
-    server = _server(name, settings)
-    if not server.key:
-        raise ModelUnavailableError(f"{name}/{model} needs a key: set {server.key_variable}")
-    return server
+    return Backend(create, lambda settings: [profile(model) for model in models], _network_limits)
 
 
 def _server(name: str, settings: LlmSettings) -> Server:
@@ -100,28 +104,6 @@ def _server(name: str, settings: LlmSettings) -> Server:
     url, key = f"{name}_base_url", f"{name}_api_key"
     secret: SecretStr = getattr(settings, key)
     return Server(getattr(settings, url), secret.get_secret_value(), variable(key), variable(url))
-
-
-def _provider_profile(name: str, description: str = "") -> ModelProfile:
-    return ModelProfile(name, "chat", grammar=False, representation="absolute", description=description)
-
-
-_PROVIDERS_MODELS = {
-    "openai": {
-        "gpt-4-turbo": "The paper's main model (51.8 % of 16 RLBench tasks)",
-        "gpt-4o": "The best of the paper's comparison (56.3 % of 16 RLBench tasks)",
-        "gpt-4o-mini": "44.8 % of 16 RLBench tasks in the paper",
-    },
-    "anthropic": {
-        "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
-        "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
-        "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
-    },
-}
-
-
-def _provider_offered(name: str) -> list[ModelProfile]:
-    return [_provider_profile(f"{name}/{model}", text) for model, text in _PROVIDERS_MODELS[name].items()]
 
 
 def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
@@ -178,8 +160,24 @@ def _single(
 
 BUILT_IN: Mapping[str, Backend] = {
     "embedded": Backend(_embedded, _embedded_offered, _embedded_limits),
-    "anthropic": Backend(_anthropic, lambda settings: _provider_offered("anthropic"), _network_limits),
-    "openai": Backend(_openai, lambda settings: _provider_offered("openai"), _network_limits),
+    "anthropic": _provider(
+        "anthropic",
+        {
+            "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
+            "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
+            "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
+        },
+        AnthropicModel,
+    ),
+    "openai": _provider(
+        "openai",
+        {
+            "gpt-4-turbo": "The paper's main model (51.8 % of 16 RLBench tasks)",
+            "gpt-4o": "The best of the paper's comparison (56.3 % of 16 RLBench tasks)",
+            "gpt-4o-mini": "44.8 % of 16 RLBench tasks in the paper",
+        },
+        OpenAiCompatibleModel,
+    ),
     "openai_compatible": Backend(
         _openai_compatible,
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],

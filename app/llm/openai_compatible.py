@@ -198,7 +198,7 @@ def _usage(usage: _Usage) -> Usage:
 
 
 class OpenAiCompatibleModel(SseModel):
-    """One model of one server, by the server's name of it; without `quirks` the server's host tells them."""
+    """One model of a server, by the server's name of it; without `quirks`, it has those of the server's host."""
 
     def __init__(self, profile: ModelProfile, server: Server, model: str, quirks: ServerQuirks | None = None) -> None:
         quirks = quirks_of(server.base_url) if quirks is None else quirks

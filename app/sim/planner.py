@@ -138,7 +138,7 @@ class Kinematics:
 
 
 def discomfort(joints_rad: Array, near_rad: Array) -> float:
-    """How little one wants to be at joint positions (7,): far from `near_rad`, close to a limit, elbow turned out."""
+    """Return the cost of joint positions (7,): distance from `near_rad`, nearness to limits, an elbow turned out."""
     middle = (panda.JOINT_MIN_RAD + panda.JOINT_MAX_RAD) / 2
     half_range = (panda.JOINT_MAX_RAD - panda.JOINT_MIN_RAD) / 2
     beyond = np.clip(np.abs((joints_rad - middle) / half_range) - 0.88, 0, None).sum() / 0.12

@@ -185,7 +185,7 @@ class TrajectorySampler:
         self._rows.append(row)
 
     def trajectory(self, gripper: GripperState = "commanded") -> Trajectory:
-        """Everything sampled so far.
+        """Return the samples so far as a trajectory.
 
         Args:
             gripper: whether its state is what the fingers have done, or what they were commanded; see `measured_open`.

@@ -1,7 +1,7 @@
 """llama.cpp's HTTP server in a child process: how it starts and stops, and why it failed.
 
-All processes that use a model on this machine, such as several uvicorn workers, share one. Whoever needs the model
-first starts it and writes its address and key to a file that only this user can read; the others read it. When its
+All processes that use a model on this machine, such as several uvicorn workers, share one. The first that needs
+the model starts it and writes its address and key to a file that only this user can read; the others read it. When its
 owner ends, llama.cpp ends, too; the next one that needs it starts it again.
 """
 
@@ -87,12 +87,12 @@ class LlamaProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process, for the operating system's own account of it."""
+        """The id of the process."""
         return self._process.pid
 
     @property
     def running(self) -> bool:
-        """Whether the process still lives."""
+        """Whether the process runs."""
         return self._process.poll() is None
 
     def ends_within(self, timeout_s: float) -> bool:
@@ -128,7 +128,7 @@ class LlamaProcess:
 
 def _last_line(text: str) -> str:
     lines = [line for line in text.splitlines() if line.strip()]
-    return lines[-1].strip() if lines else "it ended without a word"
+    return lines[-1].strip() if lines else "it ended without a message"
 
 
 class SharedLlama:
@@ -158,7 +158,7 @@ class SharedLlama:
 
     @property
     def running(self) -> bool:
-        """Whether it still lives; of another process's, whether `ends_within` has not found it gone."""
+        """Whether it runs; if another process started it, whether `ends_within` has not found it ended."""
         return self._process.running if self._process else not self._gone
 
     def ends_within(self, timeout_s: float) -> bool:
@@ -172,7 +172,7 @@ class SharedLlama:
         return self._gone
 
     def stop(self) -> None:
-        """End it if it is this process's; otherwise leave it alone."""
+        """End it if it is this process's; otherwise do nothing."""
         if self._process:
             self._process.stop()
 
@@ -211,7 +211,7 @@ def _write(note: Path, server: Server) -> None:
 
 
 def _answers(server: Server) -> bool:
-    """Whether llama.cpp answers there and knows the key: the port may be somebody else's by now."""
+    """Whether llama.cpp answers there and knows the key: another program may have the port by now."""
     headers = {"Authorization": f"Bearer {server.key}"}
     try:
         url = f"{server.base_url}/models"
