@@ -7,12 +7,11 @@ import inspect
 import json
 import shlex
 import sys
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 import typer
 from rich.console import Console
@@ -23,11 +22,10 @@ from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepResult, SweepRun
 from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
 from app.evaluation.tables import results_table
-from app.evaluation.world import Panda, UnknownWorldError, World, world_named
+from app.evaluation.world import Panda, world_named
 from app.sim.shift import can_shift
 from roboprompt_client.errors import InvalidInputError
 
-T = TypeVar("T")
 METHOD_NAMES = ", ".join(SIMPLE_NAMES)
 OUTSIDE = "outside"
 EPISODES = 25
@@ -121,7 +119,10 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
     asked = EvaluateOptions(**options)
     check_names("--sweep", [asked.sweep_name], SWEEPS)
     console = Console(stderr=asked.as_json)
-    plan = _plan(asked)
+    try:
+        plan = _plan(asked)
+    except InvalidInputError as error:
+        raise typer.BadParameter(str(error), param_hint=f"--{error.field.rpartition('.')[2]}") from error
     if asked.url is not None:
         with service_at(asked.url) as client:
             client.ping()
@@ -151,80 +152,55 @@ def _print_results(console: Console, result: SweepResult, asked: EvaluateOptions
 
 
 def _plan(asked: EvaluateOptions) -> Plan:
-    sweep, world = SWEEPS[asked.sweep_name], _world(asked)
+    """Return the plan of the options.
+
+    Raises:
+        InvalidInputError: naming the option, and what is valid.
+    """
+    sweep, models = SWEEPS[asked.sweep_name], asked.model or []
+    world = Panda(asked.recordings, num_cameras=asked.cameras) if asked.world is None else world_named(asked.world)
+    if asked.record_hz is not None:
+        world = world.recorded_at(asked.record_hz)
     tasks = tuple(dict.fromkeys(asked.task or sweep.tasks or world.tasks))
     check_names("--task", tasks, world.tasks)
-    models = asked.model or []
-    given = sweep.with_models(models)
     names = asked.method or (("default",) if asked.shift is not None else ())
-    methods = _refusing(lambda: chosen(given, names, models), "--method")
-    methods = _refusing(lambda: with_noise(methods, asked.noise, asked.noise_on), "--noise")
+    methods = with_noise(chosen(sweep.with_models(models), names, models), asked.noise, asked.noise_on)
     if asked.poses == "vision":
-        methods = _refusing(lambda: with_poses(methods, "vision"), "--poses")
-    if (shift := asked.shift) is not None:
-        methods = _refusing(lambda: with_shift(methods, shift), "--shift")
-        tasks = _shiftable(tasks, shift, named=bool(asked.task))
+        methods = with_poses(methods, "vision")
+    if asked.shift is not None:
+        methods = with_shift(methods, asked.shift)
+        tasks = _shiftable(tasks, asked.shift, named=bool(asked.task))
     _check_world(asked, methods)
-    return Plan(
-        tasks,
-        methods,
-        asked.episodes,
-        asked.demos,
-        asked.command,
-        world,
-        first_test_seed=world.first_test_seed if asked.seed is None else asked.seed,
-        settings=_settings(asked),
-    )
-
-
-def _world(asked: EvaluateOptions) -> World:
-    try:
-        world = Panda(asked.recordings, num_cameras=asked.cameras) if asked.world is None else world_named(asked.world)
-    except UnknownWorldError as error:
-        raise typer.BadParameter(str(error), param_hint="--world") from error
-    return world if asked.record_hz is None else world.recorded_at(asked.record_hz)
+    seed = world.first_test_seed if asked.seed is None else asked.seed
+    settings = _settings(asked.settings or "{}")
+    return Plan(tasks, methods, asked.episodes, asked.demos, asked.command, world, False, seed, settings)
 
 
 def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
     """Refuse options of the simulated Panda in another world, and options of other worlds on the Panda."""
     if asked.world is None:
-        own = any(method.source == "own keyframes" for method in methods)
-        _refuse({"--method": own}, "own keyframes: is for another --world; the Panda's is 'replay'")
-        return
-    _refuse({"--recordings": asked.recordings != "rests"}, "is for the simulated Panda alone")
-    needing = [method.label for method in methods if method.needs_panda]
-    _refuse({"--method": needing}, f"{', '.join(needing)}: needs the simulated Panda")
+        if any(method.source == "own keyframes" for method in methods):
+            raise InvalidInputError("method", "own keyframes: is for another --world; the Panda's is 'replay'")
+    elif asked.recordings != "rests":
+        raise InvalidInputError("recordings", "is for the simulated Panda alone")
+    elif needing := [method.label for method in methods if method.needs_panda]:
+        raise InvalidInputError("method", f"{', '.join(needing)}: needs the simulated Panda")
 
 
-def _settings(asked: EvaluateOptions) -> dict[str, object]:
+def _settings(text: str) -> dict[str, object]:
     try:
-        settings = json.loads(asked.settings or "{}")
+        settings = json.loads(text)
     except ValueError as error:
-        raise typer.BadParameter(f"is not JSON: {error}", param_hint="--settings") from error
-    _refuse(
-        {"--settings": not isinstance(settings, dict)}, 'is not an object such as {"keyframes": {"rule": "merged"}}'
-    )
-    return dict(settings)
+        raise InvalidInputError("settings", f"is not JSON: {error}") from error
+    if not isinstance(settings, dict):
+        raise InvalidInputError("settings", 'is not an object such as {"keyframes": {"rule": "merged"}}')
+    return settings
 
 
 def _shiftable(tasks: tuple[str, ...], shift_m: float, *, named: bool) -> tuple[str, ...]:
-    """The tasks whose objects can be moved; one that was named must be among them."""
+    """Return the tasks whose objects can be moved; one that was named must be among them."""
     movable = tuple(name for name in tasks if can_shift(name, shift_m))
     if not movable or (named and movable != tasks):
         fixed = next(name for name in tasks if name not in movable)
-        message = f"{fixed}: nothing in its scenes can be moved freely by {shift_m:g} m"
-        raise typer.BadParameter(message, param_hint="--shift")
+        raise InvalidInputError("shift", f"{fixed}: nothing in its scenes can be moved freely by {shift_m:g} m")
     return movable
-
-
-def _refusing(choose: Callable[[], T], option: str) -> T:
-    try:
-        return choose()
-    except InvalidInputError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from error
-
-
-def _refuse(given: Mapping[str, object], why: str) -> None:
-    for option, value in given.items():
-        if value:
-            raise typer.BadParameter(why, param_hint=option)

@@ -18,14 +18,10 @@ from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from app.sim.tasks import ALL_TASKS
 from app.sim.world import CAMERA_NAMES, CAMERAS
-from roboprompt_client.errors import RoboPromptError
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
 
 Actions = Sequence[EndEffectorAction]
-
-
-class UnknownWorldError(RoboPromptError):
-    """There is no such world, or its environment is missing."""
 
 
 class World(Protocol):
@@ -69,14 +65,14 @@ def world_named(module: str) -> World:
     """Return the `WORLD` of a module, e.g. ``benchmarks.metaworld.world``.
 
     Raises:
-        UnknownWorldError: if there is none.
+        InvalidInputError: if there is none, or its environment is missing.
     """
     try:
         world: World = importlib.import_module(module).WORLD
     except (ImportError, AttributeError) as error:
-        raise UnknownWorldError(f"{module} is no module with a WORLD: {error}") from error
+        raise InvalidInputError("world", f"{module} is no module with a WORLD: {error}") from error
     if world.python is not None and not world.python.exists():
-        raise UnknownWorldError(f"{module} needs an environment of its own, and there is none at {world.python}")
+        raise InvalidInputError("world", f"{module} needs an environment of its own: there is none at {world.python}")
     return world
 
 
