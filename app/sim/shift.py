@@ -2,7 +2,6 @@
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.sim.tasks import ALL_TASKS
 from app.sim.tasks.base import SETTLE_S, SimTask
@@ -56,7 +55,7 @@ def shift_free_objects(task: SimTask, distance_m: float, seed: int) -> tuple[str
 def _try(task: SimTask, moves: list[tuple[list[int], Array]]) -> bool:
     """Move groups of bodies and let the scene settle; whether everything lies where it was put."""
     model, data = task.model, task.data
-    wanted = {body: (data.xpos[body] + shift_m, _rotation(task, body)) for group, shift_m in moves for body in group}
+    wanted = {body: (data.xpos[body] + shift_m, task.rotation(body)) for group, shift_m in moves for body in group}
     for body, (position_m, _) in wanted.items():
         data.qpos[model.jnt_qposadr[model.body_jntadr[body]] :][:3] += position_m - data.xpos[body]
     mujoco.mj_forward(model, data)
@@ -67,7 +66,7 @@ def _try(task: SimTask, moves: list[tuple[list[int], Array]]) -> bool:
     data.time = time_s
     return all(
         float(np.linalg.norm(data.xpos[body] - position_m)) < SLIP_M
-        and np.degrees((_rotation(task, body).inv() * rotation).magnitude()) < SLIP_DEG
+        and np.degrees((task.rotation(body).inv() * rotation).magnitude()) < SLIP_DEG
         for body, (position_m, rotation) in wanted.items()
     )
 
@@ -91,7 +90,3 @@ def _groups(task: SimTask, bodies: list[int]) -> list[list[int]]:
 def _is_free(task: SimTask, body: int) -> bool:
     joint = task.model.body_jntadr[body]
     return bool(joint >= 0 and task.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
-
-
-def _rotation(task: SimTask, body: int) -> Rotation:
-    return Rotation.from_matrix(task.data.xmat[body].reshape(3, 3))

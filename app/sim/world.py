@@ -103,8 +103,9 @@ def base_spec() -> mujoco.MjSpec:
     """A mujoco.MjSpec of the world without a task. World frame: origin on the floor, z up, x away from the robot."""
     spec = mujoco.MjSpec.from_string(ROOM)
     for name, placement in CAMERAS.items():
-        x, y, z, w = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO).as_quat()
-        spec.worldbody.add_camera(name=name, pos=placement.eye_m, quat=[w, x, y, z], fovy=placement.vertical_fov_deg)
+        axes = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO)
+        facing = {"pos": placement.eye_m, "quat": axes.as_quat(scalar_first=True)}
+        spec.worldbody.add_camera(name=name, fovy=placement.vertical_fov_deg, **facing)
     panda.add_panda(spec, BASE_POSITION_M)
     return spec
 

@@ -214,14 +214,14 @@ class PutInSafe(ShelfTask):
 
     def build(self, random: np.random.Generator) -> None:
         edge, yaw_rad = random.uniform((0.30, -0.26), (0.38, -0.16)), random.uniform(*np.radians((-75.0, 15.0)))
-        self._add_boards(self.add_part("safe", [*edge, TABLE_TOP_M + BOARD_M], about_z(yaw_rad)))
+        safe = self.add_part("safe", [*edge, TABLE_TOP_M + BOARD_M], about_z(yaw_rad))
+        safe.case("grey", (*self.shelves_m, self.top_m), depth_m=SHELF_DEPTH_M, half_width_m=self.half_width_m)
+        self._add_door(safe)
         spot, yaw_rad = random.uniform((0.20, 0.12), (0.32, 0.30)), random.uniform(-np.pi, np.pi)
         money = self.add_part("money", [*spot, TABLE_TOP_M + self.stored_half_m[2]], about_z(yaw_rad), free=True)
         money.box(self.stored_half_m, "green", mass_kg=0.06)
 
-    def _add_boards(self, safe: SceneBody) -> None:
-        """The case and its door."""
-        safe.case("grey", (*self.shelves_m, self.top_m), depth_m=SHELF_DEPTH_M, half_width_m=self.half_width_m)
+    def _add_door(self, safe: SceneBody) -> None:
         swing = about_z(self.door_rad)
         center_m = np.array([0, -self.half_width_m, self.top_m / 2]) + swing.apply([0, self.half_width_m, 0])
         safe.box((BOARD_M / 2, self.half_width_m, self.top_m / 2), "grey", at_m=center_m, rotation=swing)
@@ -252,7 +252,10 @@ class PutInCupboard(ShelfTask):
 
     def build(self, random: np.random.Generator) -> None:
         edge, yaw_rad = random.uniform((0.32, -0.26), (0.40, -0.16)), random.uniform(*np.radians((-75.0, 39.0)))
-        self._add_boards(self.add_part("cupboard", [*edge, TABLE_TOP_M + self.stand_m], about_z(yaw_rad)))
+        cupboard = self.add_part("cupboard", [*edge, TABLE_TOP_M + self.stand_m], about_z(yaw_rad))
+        cupboard.case("wood", (*self.shelves_m, self.top_m), depth_m=SHELF_DEPTH_M, half_width_m=self.half_width_m)
+        stand_half_m = (SHELF_DEPTH_M / 2 - 0.01, self.half_width_m - 0.01, (self.stand_m - BOARD_M) / 2)
+        cupboard.box(stand_half_m, "black", at_m=[SHELF_DEPTH_M / 2 + 0.01, 0, -BOARD_M - stand_half_m[2]])
         spot, *others = scatter(random, 1 + len(self.cans), (0.16, 0.12), (0.32, 0.34), min_distance_m=0.09)
         turn = about_z(random.uniform(*np.radians((-25.0, 65.0))))
         crackers = self.add_part("crackers", [*spot, TABLE_TOP_M + self.stored_half_m[2]], turn, free=True)
@@ -260,9 +263,3 @@ class PutInCupboard(ShelfTask):
         for (name, color), spot in zip(self.cans.items(), others, strict=True):
             can = self.add_part(name, [*spot, TABLE_TOP_M + self.can_half_height_m], free=True)
             can.cylinder(self.can_radius_m, self.can_half_height_m, color, mass_kg=0.1)
-
-    def _add_boards(self, cupboard: SceneBody) -> None:
-        """The case and its stand."""
-        cupboard.case("wood", (*self.shelves_m, self.top_m), depth_m=SHELF_DEPTH_M, half_width_m=self.half_width_m)
-        stand_half_m = (SHELF_DEPTH_M / 2 - 0.01, self.half_width_m - 0.01, (self.stand_m - BOARD_M) / 2)
-        cupboard.box(stand_half_m, "black", at_m=[SHELF_DEPTH_M / 2 + 0.01, 0, -BOARD_M - stand_half_m[2]])
