@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from app.sim.tasks import ALL_TASKS
 from app.sim.tasks.base import SETTLE_S, SimTask
@@ -72,19 +73,12 @@ def _try(task: SimTask, moves: list[tuple[list[int], Array]]) -> bool:
 
 
 def _groups(task: SimTask, bodies: list[int]) -> list[list[int]]:
-    """The bodies with whatever free body touches them, those that touch each other together."""
-    geom_body = task.model.geom_bodyid
-    pairs = [(int(geom_body[a]), int(geom_body[b])) for a, b in task.data.contact.geom[: task.data.ncon]]
-    touching = [pair for pair in pairs if all(_is_free(task, body) for body in pair)]
-    groups: list[list[int]] = []
-    for body in bodies:
-        if any(body in group for group in groups):
-            continue
-        group = [body]
-        for member in group:
-            group += {b for pair in touching if member in pair for b in pair} - set(group)
-        groups.append(group)
-    return groups
+    """Return the bodies with every free body that touches them, directly or through others: one list for each group."""
+    model, touching = task.model, np.zeros((task.model.nbody, task.model.nbody))
+    for one, other in model.geom_bodyid[task.data.contact.geom[: task.data.ncon]]:
+        touching[one, other] = _is_free(task, one) and _is_free(task, other)
+    _, group = connected_components(touching, directed=False)
+    return [np.flatnonzero(group == number).tolist() for number in dict.fromkeys(group[bodies].tolist())]
 
 
 def _is_free(task: SimTask, body: int) -> bool:
