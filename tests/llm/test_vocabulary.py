@@ -92,7 +92,7 @@ def test_tokens_that_stay():
 def test_the_file_is_less_than_half_and_names_the_change_in_its_metadata(trimmed_path, settings):
     assert trimmed_path.stat().st_size < find_weights("gemma-3-270m", settings)().stat().st_size / 2
     description = gguf.read(trimmed_path.read_bytes()).values["general.description"]
-    assert b"Modified by RoboPrompt" in description.item
+    assert b"Modified by RoboPrompt" in description
     assert b"ai.google.dev/gemma/terms" in description.item
 
 
