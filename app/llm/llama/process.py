@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TextIO
 
 import httpx
 
@@ -145,15 +146,16 @@ class SharedLlama:
     """
 
     def __init__(self, options: LlamaOptions, folder: Path) -> None:
-        note = folder / f"llama-{_name(options)}.json"
         self._process: LlamaProcess | None = None
         self._gone = False
-        with _locked(note):
-            found = _read(note)
+        with _locked_note(folder / f"llama-{_name(options)}.json") as note:
+            found = _server_in(note.read())
             if found is None or not _answers(found):
                 self._process = LlamaProcess(options)
                 found = self._process.server
-                _write(note, found)
+                note.seek(0)
+                note.truncate()
+                json.dump({"url": found.base_url, "api_key": found.key}, note)
         self.server = found
 
     @property
@@ -183,31 +185,24 @@ def _name(options: LlamaOptions) -> str:
 
 
 @contextmanager
-def _locked(note: Path) -> Iterator[None]:
+def _locked_note(path: Path) -> Iterator[TextIO]:
+    """Open a file that only this user can read; one process at a time has it."""
     try:
-        note.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        file = os.fdopen(os.open(note.with_suffix(".lock"), os.O_WRONLY | os.O_CREAT, 0o600), "w")
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+")
     except OSError as error:
         raise ModelUnavailableError(f"workers cannot share a model: {error}") from error
     with file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+        yield file
 
 
-def _read(note: Path) -> Server | None:
+def _server_in(note: str) -> Server | None:
     try:
-        found = json.loads(note.read_text())
+        found = json.loads(note)
         return Server(found["url"], found["api_key"], trust_env=False)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
-
-
-def _write(note: Path, server: Server) -> None:
-    temporary = note.with_suffix(".tmp")
-    temporary.unlink(missing_ok=True)
-    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-        json.dump({"url": server.base_url, "api_key": server.key}, file)
-    temporary.replace(note)
 
 
 def _answers(server: Server) -> bool:
