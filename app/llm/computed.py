@@ -115,11 +115,11 @@ class ScriptedModel(ComputedModel):
         profile: ModelProfile = SCRIPTED,
     ) -> None:
         super().__init__(profile, self._next, delay_s=delay_s)
-        self._script = script if callable(script) else None
-        self._turns = cycle(() if callable(script) else script)
+        turns = cycle(() if callable(script) else script)
+        self._script = script if callable(script) else lambda _: next(turns)
 
     def _next(self, request: CompletionRequest) -> str:
-        reply = self._script(request) if self._script else next(self._turns)
+        reply = self._script(request)
         if isinstance(reply, LanguageModelError):
             raise reply
         return reply
