@@ -6,7 +6,6 @@ import logging
 from collections.abc import AsyncIterator, Callable
 from datetime import timedelta
 from functools import partial
-from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 
@@ -14,7 +13,7 @@ from app.api.access import Access
 from app.api.app import create_app
 from app.api.middleware import BodyLimits
 from app.llm.registry import ModelRegistry
-from app.logs import hide_keys_in_access_log
+from app.logs import Tracing, hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.keep_house import keep_house
@@ -31,8 +30,6 @@ from roboprompt_client.version import VERSION
 DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0
 HOUSEKEEPING_S = SWEEP_GRACE.total_seconds() + 60
-if TYPE_CHECKING:
-    from app.telemetry import Tracing
 
 logger = logging.getLogger(__name__)
 
@@ -159,18 +156,15 @@ def build_app(settings: Settings) -> FastAPI:
     return app
 
 
-def _tracing(endpoint: str | None) -> "Tracing | None":
-    if not endpoint:
-        return None
+def _tracing(endpoint: str | None) -> Tracing | None:
     try:
-        from app.telemetry import Tracing
+        return Tracing(endpoint) if endpoint else None
     except ModuleNotFoundError as error:
         raise SystemExit(f"{error}; ROBOPROMPT_OTEL_ENDPOINT needs `pip install roboprompt[otel]`") from error
-    return Tracing(endpoint)
 
 
 @contextlib.asynccontextmanager
-async def _traced(tracing: "Tracing | None", settings: Settings) -> AsyncIterator[Services]:
+async def _traced(tracing: Tracing | None, settings: Settings) -> AsyncIterator[Services]:
     """`open_services`, and at its end the last traces are sent."""
     try:
         async with open_services(settings) as services:

@@ -1,17 +1,28 @@
-"""Worker processes on this machine, for work that takes more than one core."""
+"""Worker processes on this machine, in this Python environment or in another one.
+
+`python -m app.executors NUMBER` is a worker of a `ForeignExecutor`; NUMBER is an inherited file descriptor.
+"""
 
 import os
 import signal
+import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
-from multiprocessing import forkserver, get_context, parent_process, resource_tracker
-from multiprocessing.connection import wait
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import Pipe, forkserver, get_context, parent_process, resource_tracker
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
+from pathlib import Path
 from typing import Protocol, TypeVar
 
+import app
+import roboprompt_client
+
 Result = TypeVar("Result")
+FOLDERS = [str(Path(package.__path__[0]).parent) for package in (app, roboprompt_client)]
+END_TIMEOUT_S = 10.0
 
 
 class Executor(Protocol):
@@ -74,6 +85,12 @@ def call(executor: Executor, job: Callable[..., Result], /, *arguments: object) 
         return executor.submit(job, *arguments).result()
 
 
+def timed(job: Callable[..., Result], /, *arguments: object) -> tuple[Result, float]:
+    """Return the job's result and its duration in seconds. Runs in a worker."""
+    started = time.perf_counter()
+    return job(*arguments), time.perf_counter() - started
+
+
 def usable_cores() -> int:
     """The cores that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -110,3 +127,76 @@ def _end_with_parent() -> None:
     if parent is not None:
         wait([parent.sentinel])
         os._exit(1)
+
+
+class ForeignExecutor:
+    """One process of another Python environment for each core; both environments have the modules of the jobs.
+
+    The processes end with this one, which closes its end of their pipes.
+    """
+
+    def __init__(self, python: Path) -> None:
+        self.workers = usable_cores()
+        self.description = f"{self.workers} process{'es' if self.workers > 1 else ''} of {python}"
+        self._python = python
+        self._threads = ThreadPoolExecutor(self.workers)
+        self._local = threading.local()
+        self._started: list[tuple[Connection, subprocess.Popen[bytes]]] = []
+
+    def submit(self, job: Callable[..., Result], /, *arguments: object) -> Future[Result]:
+        """Run a module's function in a process; arguments and result can be pickled."""
+        return self._threads.submit(self._run, job, arguments)
+
+    def close(self) -> None:
+        """Drop what has not begun, wait for what has, and end the processes."""
+        self._threads.shutdown(cancel_futures=True)
+        for connection, process in self._started:
+            connection.close()
+            process.wait(END_TIMEOUT_S)
+
+    def _run(self, job: Callable[..., Result], arguments: tuple[object, ...]) -> Result:
+        connection: Connection = getattr(self._local, "connection", None) or self._start()
+        try:
+            connection.send((job, arguments))
+            result, error = connection.recv()
+        except (EOFError, OSError) as lost:
+            del self._local.connection
+            raise BrokenExecutor(f"a process of {self._python} ended") from lost
+        if error is not None:
+            raise error
+        found: Result = result
+        return found
+
+    def _start(self) -> Connection:
+        ours, theirs = Pipe()
+        paths = [*FOLDERS, *filter(None, [os.environ.get("PYTHONPATH")])]
+        with theirs:
+            process = subprocess.Popen(
+                [self._python, "-m", "app.executors", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+                start_new_session=True,  # Ctrl-C is for this process to handle
+            )
+        self._started.append((ours, process))
+        self._local.connection = ours
+        return ours
+
+
+def main() -> None:
+    """Run the jobs from the pipe until it is closed."""
+    with Connection(int(sys.argv[1])) as connection:
+        while True:
+            try:
+                job, arguments = connection.recv()
+            except EOFError:
+                return
+            answer: tuple[object, Exception | None]
+            try:
+                answer = job(*arguments), None
+            except Exception as error:
+                answer = None, error
+            connection.send(answer)
+
+
+if __name__ == "__main__":
+    main()

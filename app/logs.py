@@ -1,4 +1,8 @@
-"""The log of the whole process: no API key in it, and on demand one JSON object a line."""
+"""Logs and traces of the whole process.
+
+The log contains no API key and has one JSON object a line if asked for. Traces go to an OpenTelemetry collector: a span
+for each request, and below it one for each stage of a prediction.
+"""
 
 import json
 import logging
@@ -6,7 +10,10 @@ import re
 from datetime import UTC, datetime
 from typing import Any
 
-from app.services.measures import current_fields
+from fastapi import FastAPI
+
+from app.services import measures
+from roboprompt_client.http.connection import is_own_machine
 
 _OWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
 _KEY = re.compile(r"rps?_[0-9a-f]{12}_[\w-]{8,}")
@@ -22,7 +29,7 @@ class JsonFormatter(logging.Formatter):
             "level": record.levelname.lower(),
             "logger": record.name,
             "message": record.getMessage(),
-            **current_fields(),
+            **measures.current_fields(),
             **{name: value for name, value in vars(record).items() if name not in _OWN},
         }
         if record.exc_info:
@@ -54,3 +61,40 @@ def _without_keys(record: logging.LogRecord) -> bool:
 
 def _hidden(value: Any) -> Any:  # noqa: ANN401
     return _KEY.sub(_HIDDEN, value) if isinstance(value, str) else value
+
+
+class Tracing:
+    """Sends traces to an OTLP collector; the extra `otel` has the packages.
+
+    Args:
+        endpoint: its HTTP address, e.g. ``http://127.0.0.1:4318``.
+
+    Raises:
+        ModuleNotFoundError: if the packages are not installed.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        import requests
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+        from opentelemetry.sdk.resources import Resource
+        from opentelemetry.sdk.trace import TracerProvider
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor
+
+        self._provider = TracerProvider(resource=Resource.create({"service.name": "roboprompt"}))
+        session = requests.Session()
+        session.trust_env = not is_own_machine(endpoint)
+        exporter = OTLPSpanExporter(endpoint=f"{endpoint.rstrip('/')}/v1/traces", session=session)
+        self._provider.add_span_processor(BatchSpanProcessor(exporter))
+
+    def install(self, app: FastAPI) -> None:
+        """Trace `app` from now on."""
+        from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor
+
+        urls = "healthz,readyz,metrics"
+        FastAPIInstrumentor.instrument_app(app, tracer_provider=self._provider, excluded_urls=urls)
+        measures.trace_with(self._provider.get_tracer("roboprompt"))
+
+    def close(self) -> None:
+        """Send what is left. Blocking: call it in a thread."""
+        measures.trace_with(None)
+        self._provider.shutdown()

@@ -8,7 +8,7 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.evaluation.run_record import commit, machine, versions
+from app.evaluation.sweep_run import commit, machine, versions
 from app.evaluation.tables import TextTable
 from benchmarks import embedded, service_time
 

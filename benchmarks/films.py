@@ -15,15 +15,15 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from app.drawing import RgbImage
-from app.evaluation.failures import ExpertFailedError
 from app.evaluation.report.pictures import captions, film_grid, film_tiles
 from app.evaluation.server import service
-from app.sim.demonstrate import judge, record_demonstration, robot_in_scene
+from app.evaluation.teach import TeachingError
+from app.sim.demonstrate import judge, record_demonstration
 from app.sim.moves import moves_from_actions
 from app.sim.outcomes import RecordedDemonstration
 from app.sim.rendering import CAMERA, open_renderer
 from app.sim.robot import SimulatedPanda
-from app.sim.tasks import TASKS
+from app.sim.tasks import TASKS, make_task
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction
@@ -48,7 +48,7 @@ BACKGROUND, TITLE, TEXT, DONE = "#181c22", "#8fb8ff", "#c3c9d1", "#7fd18b"
 
 def film_task(task: str, seed: int, folder: Path) -> RecordedDemonstration:
     """Let the expert solve the scene of a seed, and save TASK.jpg: at most eight pictures from first to last."""
-    recorded = record_demonstration(task, seed, images=False, film_strip=True)
+    recorded = record_demonstration(task, seed, cameras=(), film_strip=True)
     images = recorded.film_strip
     tiles = film_tiles(images, captions(len(images), len(recorded.expert_actions)))
     shown = np.linspace(0, len(tiles) - 1, min(len(tiles), MAX_TILES)).round().astype(int)
@@ -102,11 +102,11 @@ def make_moving_picture(task: str, seed: int, num_demonstrations: int, path: Pat
         Why the scene was not solved; empty if it was.
 
     Raises:
-        ExpertFailedError: a demonstration failed.
+        TeachingError: a demonstration failed.
         ServiceProblemError, ServiceUnreachableError: the service did not answer.
         MotionError: the arm could not carry an action out.
     """
-    robot = robot_in_scene(task, seed, images=False)
+    robot = SimulatedPanda(make_task(task, seed), cameras=())
     with service() as client:
         _teach(client, task, num_demonstrations)
         asked = _ask(client, task, robot)
@@ -129,9 +129,9 @@ def make_moving_picture(task: str, seed: int, num_demonstrations: int, path: Pat
 
 def _teach(client: RoboPromptClient, task: str, number: int) -> None:
     for seed in range(number):
-        recorded = record_demonstration(task, seed, images=False)
+        recorded = record_demonstration(task, seed, cameras=())
         if not recorded.succeeded:
-            raise ExpertFailedError(f"the expert failed in scene {seed} of {task}: {recorded.failure}")
+            raise TeachingError(f"the expert failed in scene {seed} of {task}: {recorded.failure}")
         scene = recorded.scene
         rate_hz = recorded.control_frequency_hz
         seen = Observation(scene.objects)
@@ -158,7 +158,8 @@ def _carry_out(
             pictures.append((shoot(), len(done)))
 
     robot.after_step.append(after_step)
-    robot.perform(moves_from_actions(actions), done.append)
+    robot.after_move.append(done.append)
+    robot.perform(moves_from_actions(actions))
     robot.after_step.remove(after_step)
     return [*pictures, (shoot(), len(done))]
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.evaluation.server import service
 from app.pipeline.episode import Query
 from app.pipeline.findings.actions import passing_findings
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
@@ -36,7 +37,8 @@ def measure() -> dict[str, float]:
     """Return CPU microseconds by group: first those of each prediction, then those of each version of a task."""
     with tempfile.TemporaryDirectory(prefix="roboprompt-") as folder:
         data = Path(folder)
-        service_time.teach(data)
+        with service(warm_up=False, data=data) as client:
+            scenes.teach(client, service_time.TASK, service_time.NUM_DEMONSTRATIONS)
         store = Store.open(data)
         with store.read() as connection:
             taught = TaskReading(connection, service_time.TASK, TaskCaches()).taught(True)

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.scene import COLORS, SceneBody, about_z, quaternion_wxyz
+from app.sim.scene import COLORS, SceneBody, about_z
 from app.sim.world import CameraPlacement, camera_to_world
 from benchmarks.object_shapes import PROPS, THINGS
 from roboprompt_client.types.arrays import Array
@@ -146,7 +146,7 @@ class Room:
 
     def _move(self, body: str, place_m: Array, rotation: Rotation) -> None:
         index = self._model.body(body).mocapid[0]
-        self._data.mocap_pos[index], self._data.mocap_quat[index] = place_m, quaternion_wxyz(rotation)
+        self._data.mocap_pos[index], self._data.mocap_quat[index] = place_m, rotation.as_quat(scalar_first=True)
 
     def frames(
         self,

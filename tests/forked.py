@@ -23,7 +23,6 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 IMPORTED = (
-    "app.cli.jobs",
     "app.cli.serve",
     "uvicorn.lifespan.on",
     "uvicorn.loops.auto",

@@ -12,11 +12,11 @@ from roboprompt_client.version import VERSION
 # Each command: where it is, in this package, and its line in the list, for which no module is imported.
 COMMANDS = {
     "serve": ("serve:serve", "Run the service until Ctrl-C."),
-    "doctor": ("doctor:doctor", "Look at what RoboPrompt needs on this machine."),
+    "doctor": ("doctor:doctor", "Check what RoboPrompt needs on this machine."),
     "audit": ("administration:audit", "Print the audit log and verify that no entry was changed, removed or inserted."),
     "backup": ("administration:back_up", "Write everything that is stored to a file; the service may keep running."),
     "restore": ("administration:restore", "Put a backup into an empty store, of the same or another kind of database."),
-    "jobs": ("jobs:jobs", "Work at all queued re-extractions of tasks, and end when none is left."),
+    "jobs": ("serve:jobs", "Run all queued re-extractions of tasks, then end."),
     "demo": ("demo:demo", "Teach a simulated Panda, then predict and execute on unseen scenes."),
     "eval": (
         "evaluate:evaluate",
@@ -54,7 +54,7 @@ def load(name: str) -> Any:  # noqa: ANN401
 
 
 def _listed() -> None:
-    """Stands in the list for a command that is not imported."""
+    """Placeholder in the list for a command that is not imported."""
 
 
 application = typer.Typer(

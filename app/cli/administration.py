@@ -21,7 +21,7 @@ _EXPIRES = "30d, 12h or 2w from now, or an ISO date or time such as 2027-01-31 o
 
 
 def expiry(text: str, now: datetime) -> datetime:
-    """The moment that `30d` from `now`, or an ISO date or time, stands for; UTC where it names no zone.
+    """Return the time that `30d` (from `now`) or an ISO date or time means; UTC if it names no zone.
 
     Raises:
         typer.BadParameter: if it is neither.

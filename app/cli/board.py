@@ -6,7 +6,7 @@ from typing import Annotated
 import cv2
 import typer
 
-from app.cli.shared import refusals_said
+from app.cli.shared import errors_printed
 from roboprompt_client.calibration.board import PRINT_DPI, CharucoBoard
 
 
@@ -24,7 +24,7 @@ def calibration_board(
     legacy: Annotated[bool, typer.Option("--legacy", help="the pattern that OpenCV drew before 4.6")] = False,
 ) -> None:
     """Write the picture of a ChArUco board, to be printed and glued to something flat."""
-    with refusals_said():
+    with errors_printed():
         board = CharucoBoard(columns, rows, square_m, marker_m, dictionary, legacy)
         out.write_bytes(cv2.imencode(".png", board.picture())[1].tobytes())
     size = " x ".join(f"{100 * side_m:.1f}" for side_m in board.size_m)

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.shared import Url, every, service_at
+from app.cli.shared import Url, paged_items, service_at
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.types import quaternions
@@ -142,7 +142,7 @@ def run_cases(
     """
     console, moved = Console(), 0
     with service_at(url) as client:
-        for case in every(client, "/predictions", cases=True, limit=50, task=task):
+        for case in paged_items(client, "/predictions", cases=True, limit=50, task=task):
             said = compare(case, ask_again(client, case, model))
             moved += said != "same"
             where = f"{case['id'][:8]} {case['task']}: {case['instruction']}"

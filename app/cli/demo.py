@@ -12,15 +12,23 @@ from dataclasses import asdict
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
 
 from app.cli.shared import AsJson, check_models, check_names, progress_bars
-
-if TYPE_CHECKING:
-    from app.evaluation.results import Evaluation
+from app.evaluation.methods import with_poses
+from app.evaluation.plan import Plan
+from app.evaluation.report.page import write_report
+from app.evaluation.results import Evaluation, reached
+from app.evaluation.run import run_demo
+from app.evaluation.server import running_server
+from app.evaluation.sweeps import methods_beside
+from app.evaluation.tables import results_table, sweep_summary
+from app.evaluation.world import Panda
+from app.sim.tasks import TASKS
+from app.sim.world import BASE_POSITION_M
 
 DEMO_TASKS = ("push_button", "stack_cube", "open_drawer")
 DRIVERS = {"simulated": (), "franka": ("franky", "franky_sim")}
@@ -51,15 +59,8 @@ def demo(
 
     Starts the real service on a free port, with its embedded LLM. Writes a report with pictures.
     """
-    # The simulator is an extra that `roboprompt serve` does without.
-    from app.evaluation.methods import with_poses
-    from app.evaluation.panda import Panda
-    from app.evaluation.plan import Plan
-    from app.evaluation.run import run_demo
-    from app.evaluation.sweeps import methods_beside
-    from app.sim.world import BASE_POSITION_M
-
-    _check_names(task, model)
+    check_names("--task", task or (), TASKS)
+    check_models([] if model is None else [model])
     _check_robot(robot)
     folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if (data := folder / "data").exists():
@@ -76,7 +77,7 @@ def demo(
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
     if not open_pages:
-        serve = _to_type("serve", "--data", str(data.resolve()))
+        serve = _shell_command("serve", "--data", str(data.resolve()))
         console.print(f"To see it at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
     if as_json:
         print(json.dumps(figures))  # noqa: T201
@@ -85,9 +86,7 @@ def demo(
 
 
 def _show_pages(data: Path, console: Console) -> None:
-    """Serve them until the user interrupts."""
-    from app.evaluation.server import running_server
-
+    """Serve the pages until Ctrl-C."""
     with running_server(data) as url, suppress(KeyboardInterrupt):
         console.print(f"Pages: {url}/ (Ctrl-C ends it)", soft_wrap=True)
         if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
@@ -95,31 +94,19 @@ def _show_pages(data: Path, console: Console) -> None:
         threading.Event().wait()
 
 
-def _to_type(*arguments: str) -> str:
-    """The command as any shell takes it: `roboprompt` alone is found only where its environment is active."""
+def _shell_command(*arguments: str) -> str:
+    """Return a command that works in any shell: `roboprompt` alone needs an active environment."""
     program = shutil.which(sys.argv[0])
     started = [sys.executable, "-P", "-m", "app.cli"] if program is None else [str(Path(program).absolute())]
     return shlex.join([*started, *arguments])
 
 
-def _check_names(tasks: list[str] | None, model: str | None) -> None:
-    """Refuse unknown names before anything is started."""
-    from app.sim.tasks import TASKS as SIMULATED
-
-    check_names("--task", tasks or (), SIMULATED)
-    check_models([] if model is None else [model])
-
-
-def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[str, object]:
-    """Print the results and write the report; the same figures for programs."""
-    from app.evaluation.report.page import write_report
-    from app.evaluation.scores import errors_of, reached
-    from app.evaluation.tables import results_table, sweep_summary
-
+def _report(evaluation: Evaluation, folder: Path, console: Console) -> dict[str, object]:
+    """Print the results, write the report, and return the figures for `--json`."""
     console.print(results_table(evaluation))
-    for message, number in errors_of(evaluation):
+    for message, number in evaluation.errors():
         console.print(f"{number} trials could not be run: {message}", markup=False)
-    arrivals = reached(evaluation)
+    arrivals = reached(evaluation.trials)
     if arrivals is not None:
         console.print(f"{arrivals}; pictures in the report: the same actions in the direct simulation")
     index = write_report(evaluation, folder)

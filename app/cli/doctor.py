@@ -1,4 +1,4 @@
-"""`roboprompt doctor`: what is missing or wrong on this machine, and how to mend it."""
+"""`roboprompt doctor`: what is missing or wrong on this machine, and how to repair it."""
 
 import os
 import shutil
@@ -56,8 +56,8 @@ WHAT_FOR = {
 
 
 @dataclass(frozen=True)
-class Row:
-    """One thing that was looked at.
+class Probe:
+    """The result of one check.
 
     Attributes:
         remedy: what to do where it is not ok.
@@ -76,7 +76,7 @@ def doctor(
     data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
-    """Look at what RoboPrompt needs on this machine; nothing is changed but the cache of weights.
+    """Check what RoboPrompt needs on this machine; nothing is changed but the cache of weights.
 
     The exit status is 1 where something fails that `roboprompt serve` needs.
     """
@@ -85,17 +85,17 @@ def doctor(
     console = Console()
     python = ".".join(map(str, sys.version_info[:3]))
     console.print(f"RoboPrompt {VERSION}, Python {python}, {sys.platform}", highlight=False)
-    table = Table(box=None, pad_edge=False)
-    for name in ("", "needed", "state", "what was seen, and what to do"):
-        table.add_column(name, overflow="fold")
+    table = Table("", "needed", "state", "what was seen, and what to do", box=None, pad_edge=False)
+    for column in table.columns:
+        column.overflow = "fold"
     failed = 0
-    for row in (*look_at_service(data), *look_at_machine(port)):
-        fails = row.required and row.state != "ok"
+    for found in (*check_service(data), *check_machine(port)):
+        fails = found.required and found.state != "ok"
         failed += fails
-        color = "red" if fails else COLORS[row.state]
-        said = row.seen if row.state == "ok" else f"{row.seen}\n-> {row.remedy}"
-        needed = "yes" if row.required else "no"
-        table.add_row(escape(row.name), needed, f"[{color}]{row.state}[/]", escape(said))
+        color = "red" if fails else COLORS[found.state]
+        said = found.seen if found.state == "ok" else f"{found.seen}\n-> {found.remedy}"
+        needed = "yes" if found.required else "no"
+        table.add_row(escape(found.name), needed, f"[{color}]{found.state}[/]", escape(said))
     console.print(table)
     if DOT_ENV.is_file() and env_file is None:
         console.print("The file .env in this folder is not read: if it is yours, say --env-file .env")
@@ -104,18 +104,18 @@ def doctor(
         raise typer.Exit(1)
 
 
-def look_at_service(data: Path | None) -> Iterator[Row]:
-    """A row for each thing; where the settings are wrong, the others are looked at with the defaults."""
+def check_service(data: Path | None) -> Iterator[Probe]:
+    """Check settings, LLM, store, disks and extras; if the settings are wrong, the others with default settings."""
     try:
         settings = Settings() if data is None else Settings(data=data)
     except ValidationError as error:
         settings = Settings.model_construct() if data is None else Settings.model_construct(data=data)
         for wrong in error.errors():
             variable = ENV_PREFIX + "_".join(map(str, wrong["loc"][:1])).upper()
-            yield Row(variable, "wrong", f"{wrong['input']!r}: {wrong['msg']}", "see docs/settings.md")
+            yield Probe(variable, "wrong", f"{wrong['input']!r}: {wrong['msg']}", "see docs/settings.md")
     yield from misspelled(os.environ)
     if settings.default_model.startswith("embedded/"):
-        yield library([sys.executable, "-P", "-c", LIBRARY])
+        yield library(LIBRARY)
     yield model(settings)
     yield data_folder(settings.data)
     yield database(settings)
@@ -124,7 +124,7 @@ def look_at_service(data: Path | None) -> Iterator[Row]:
     yield from extras(settings)
 
 
-def misspelled(environment: Mapping[str, str]) -> Iterator[Row]:
+def misspelled(environment: Mapping[str, str]) -> Iterator[Probe]:
     """Variables that look like settings but are not; the service ignores them."""
     known = [name.upper() for name in {*Settings.model_fields, *CLIENTS_OWN}]
     for variable in environment:
@@ -132,32 +132,39 @@ def misspelled(environment: Mapping[str, str]) -> Iterator[Row]:
         if variable.upper().startswith(ENV_PREFIX) and name not in known:
             near = [ENV_PREFIX + close for close in get_close_matches(name, known, 1)]
             remedy = f"did you mean {near[0]}?" if near else "see docs/settings.md"
-            yield Row(variable, "wrong", "is not a setting, and has no effect", remedy, required=False)
+            yield Probe(variable, "wrong", "is not a setting, and has no effect", remedy, required=False)
 
 
-def library(command: list[str]) -> Row:
-    """Whether llama.cpp loads, in a process of its own: it may need a system library, or stop on an old processor."""
+def library(code: str) -> Probe:
+    """Whether llama.cpp loads: it may need a system library, or stop on an old processor."""
+    if not (seen := _failure_of(code)):
+        return Probe("llama.cpp", "ok", "loads")
+    remedy = "apt-get install libgomp1" if "libgomp" in seen else "pip install --force-reinstall xllamacpp"
+    return Probe("llama.cpp", "wrong", seen, remedy)
+
+
+def _failure_of(code: str) -> str:
+    """Run Python code in a process of its own; return the last line of its error, empty if it has none."""
+    command = [sys.executable, "-P", "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     if done.returncode == 0:
-        return Row("llama.cpp", "ok", "loads")
-    seen = (done.stderr.strip().splitlines() or [f"ends with status {done.returncode}"])[-1]
-    remedy = "apt-get install libgomp1" if "libgomp" in seen else "pip install --force-reinstall xllamacpp"
-    return Row("llama.cpp", "wrong", seen, remedy)
+        return ""
+    return (done.stderr.strip().splitlines() or [f"ends with status {done.returncode}"])[-1]
 
 
-def model(settings: Settings) -> Row:
+def model(settings: Settings) -> Probe:
     """Whether the default LLM can be asked; the weights of an embedded one are read and compared with their SHA-256."""
     name = settings.default_model
     try:
         ModelRegistry(settings).profile(name)
         if name.startswith("embedded/"):
-            return Row(f"LLM {name}", "ok", f"weights in {find_weights(name.removeprefix('embedded/'), settings)()}")
+            return Probe(f"LLM {name}", "ok", f"weights in {find_weights(name.removeprefix('embedded/'), settings)()}")
     except (RoboPromptError, OSError) as error:
-        return Row(f"LLM {name}", "missing", str(error), "as it says, or name another LLM: ROBOPROMPT_DEFAULT_MODEL")
-    return Row(f"LLM {name}", "ok", "is set up; whether it answers is asked by GET /models")
+        return Probe(f"LLM {name}", "missing", str(error), "as it says, or name another LLM: ROBOPROMPT_DEFAULT_MODEL")
+    return Probe(f"LLM {name}", "ok", "is set up; whether it answers is asked by GET /models")
 
 
-def data_folder(folder: Path) -> Row:
+def data_folder(folder: Path) -> Probe:
     """Whether the service may write there; a file is written and removed."""
     name = f"data folder {folder}"
     there = _nearest(folder)
@@ -167,38 +174,40 @@ def data_folder(folder: Path) -> Row:
         with tempfile.TemporaryFile(dir=there):
             pass
     except (RoboPromptError, OSError) as error:
-        return Row(name, "wrong", str(error), "name a folder of this user: --data FOLDER or ROBOPROMPT_DATA")
-    return Row(name, "ok", "can be written" if there == folder else "will be made")
+        return Probe(name, "wrong", str(error), "name a folder of this user: --data FOLDER or ROBOPROMPT_DATA")
+    return Probe(name, "ok", "can be written" if there == folder else "will be made")
 
 
-def database(settings: Settings) -> Row:
+def database(settings: Settings) -> Probe:
     """Whether it answers and its tables are those of its revision; nothing is made or migrated."""
     url = settings.database_url or f"sqlite:///{settings.data / 'roboprompt.db'}"
     try:
         if (parsed := make_url(url)).get_backend_name() == "sqlite" and not Path(parsed.database or "").exists():
-            return Row("database", "ok", "will be made")
+            return Probe("database", "ok", "will be made")
         with closing(Database(url)) as opened:
             if not is_newest(opened):
-                return Row("database", "ok", "is older, and is brought up to date when the service starts")
+                return Probe("database", "ok", "is older, and is brought up to date when the service starts")
             with opened.read() as connection:
                 context = MigrationContext.configure(connection)
                 revision, differences = context.get_current_revision(), compare_metadata(context, metadata)
     except (RoboPromptError, ArgumentError) as error:
-        return Row("database", "wrong", str(error), "as it says; `roboprompt restore` reads a backup into an empty one")
+        return Probe(
+            "database", "wrong", str(error), "as it says; `roboprompt restore` reads a backup into an empty one"
+        )
     if differences:
         seen = f"its tables are not those of its revision: {len(differences)} differences, first {differences[0]}"
-        return Row("database", "wrong", seen, "it was written before 1.0, or changed by hand: use another folder")
-    return Row("database", "ok", f"answers, at revision {revision}")
+        return Probe("database", "wrong", seen, "it was written before 1.0, or changed by hand: use another folder")
+    return Probe("database", "ok", f"answers, at revision {revision}")
 
 
-def disk(folder: Path) -> Row:
-    """The free place where a folder is, or will be."""
+def disk(folder: Path) -> Probe:
+    """Whether the disk of a folder has enough free space."""
     free_gb = shutil.disk_usage(_nearest(folder)).free / 1e9
     remedy = f"free {MIN_FREE_GB:g} GB, or name a folder on another disk"
-    return Row(f"disk of {folder}", "ok" if free_gb >= MIN_FREE_GB else "wrong", f"{free_gb:.1f} GB free", remedy)
+    return Probe(f"disk of {folder}", "ok" if free_gb >= MIN_FREE_GB else "wrong", f"{free_gb:.1f} GB free", remedy)
 
 
-def extras(settings: Settings) -> Iterator[Row]:
+def extras(settings: Settings) -> Iterator[Probe]:
     """Whether each extra is installed, and whether the settings need it."""
     needed = {
         "postgres": (settings.database_url or "").startswith("postgresql"),
@@ -210,37 +219,37 @@ def extras(settings: Settings) -> Iterator[Row]:
             lacking = [package for package in packages if not is_installed(package)]
             seen = f"{', '.join(lacking)}: {WHAT_FOR[extra]}" if lacking else WHAT_FOR[extra]
             remedy = f"pip install 'roboprompt[{extra}]'"
-            yield Row(f"extra {extra}", "missing" if lacking else "ok", seen, remedy, needed.get(extra, False))
+            yield Probe(f"extra {extra}", "missing" if lacking else "ok", seen, remedy, needed.get(extra, False))
 
 
 def _nearest(folder: Path) -> Path:
-    """The folder, or the nearest above it that is there."""
+    """Return the folder, or the nearest existing one above it."""
     return next(place for place in (folder, *folder.absolute().parents) if place.exists())
 
 
-def look_at_machine(port: int) -> Iterator[Row]:
-    """A row for each thing."""
+def check_machine(port: int) -> Iterator[Probe]:
+    """Check memory, port and OpenGL."""
     yield memory(Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"))
     yield listening(port)
     if is_installed("mujoco"):
         yield opengl()
 
 
-def memory(meminfo: Path, limit: Path) -> Row:
+def memory(meminfo: Path, limit: Path) -> Probe:
     """The memory that Linux says is available, within a container's limit."""
     try:
         lines = dict(line.split(":", 1) for line in meminfo.read_text().splitlines())
         free_gb = int(lines["MemAvailable"].split()[0]) * 1024 / 1e9
     except (OSError, KeyError, ValueError):
-        return Row("memory", "missing", "this system does not say how much is available", "nothing", required=False)
+        return Probe("memory", "missing", "this system does not say how much is available", "nothing", required=False)
     if limit.is_file() and (text := limit.read_text().strip()).isdigit():
         free_gb = min(free_gb, int(text) / 1e9)
     seen = f"{free_gb:.1f} GB available"
     remedy = f"end other programs, or raise the container's limit, to {MIN_MEMORY_GB:g} GB or more"
-    return Row("memory", "ok" if free_gb >= MIN_MEMORY_GB else "wrong", seen, remedy)
+    return Probe("memory", "ok" if free_gb >= MIN_MEMORY_GB else "wrong", seen, remedy)
 
 
-def listening(port: int) -> Row:
+def listening(port: int) -> Probe:
     """Whether the port is free, or a RoboPrompt service's."""
     name = f"port {port}"
     try:
@@ -248,12 +257,12 @@ def listening(port: int) -> Row:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind(("127.0.0.1", port))
     except PermissionError as error:
-        return Row(name, "wrong", str(error), "choose one above 1023: roboprompt serve --port 8001")
+        return Probe(name, "wrong", str(error), "choose one above 1023: roboprompt serve --port 8001")
     except OSError:
         if _is_ours(port):
-            return Row(name, "ok", "a RoboPrompt service answers there")
-        return Row(name, "wrong", "another program listens there", f"end it, or roboprompt serve --port {port + 1}")
-    return Row(name, "ok", "free")
+            return Probe(name, "ok", "a RoboPrompt service answers there")
+        return Probe(name, "wrong", "another program listens there", f"end it, or roboprompt serve --port {port + 1}")
+    return Probe(name, "ok", "free")
 
 
 def _is_ours(port: int) -> bool:
@@ -264,13 +273,9 @@ def _is_ours(port: int) -> bool:
         return False
 
 
-def opengl() -> Row:
-    """Whether MuJoCo renders a picture, in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", RENDERS], capture_output=True, text=True, check=False, timeout=PATIENCE_S
-    )
-    if done.returncode == 0:
-        return Row("OpenGL", "ok", "the simulation renders pictures", required=False)
-    last = (done.stderr.strip().splitlines() or ["it does not render"])[-1]
+def opengl() -> Probe:
+    """Whether MuJoCo renders a picture."""
+    if not (seen := _failure_of(RENDERS)):
+        return Probe("OpenGL", "ok", "the simulation renders pictures", required=False)
     remedy = "apt-get install libegl1 libgl1, or libosmesa6; without, pictures take several times longer"
-    return Row("OpenGL", "missing", last, remedy, required=False)
+    return Probe("OpenGL", "missing", seen, remedy, required=False)

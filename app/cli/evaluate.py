@@ -1,4 +1,7 @@
-"""`roboprompt eval`: how well methods do on unseen scenes of many tasks."""
+"""`roboprompt eval`: how well methods do on unseen scenes of many tasks.
+
+Each refusal names the option and what is valid.
+"""
 
 import inspect
 import json
@@ -8,21 +11,22 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 import typer
 from rich.console import Console
 
-from app.cli.shared import INTERRUPTED, check_models, check_names, progress_bars, refusals_said, service_at
+from app.cli.shared import INTERRUPTED, check_models, check_names, errors_printed, progress_bars, service_at
+from app.evaluation.methods import Method, with_noise, with_poses, with_shift
+from app.evaluation.plan import Plan
+from app.evaluation.sweep_run import SweepResult, SweepRun
+from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
+from app.evaluation.tables import results_table
+from app.evaluation.world import Panda, world_named
+from app.sim.shift import can_shift
+from roboprompt_client.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    from app.evaluation.sweep_run import SweepResult
-
-SWEEP_NAMES = (
-    "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, models,"
-    " moving, outside, composition"
-)
-METHOD_NAMES = "default, nearest, regression, sums, replay, expert"
+METHOD_NAMES = ", ".join(SIMPLE_NAMES)
 OUTSIDE = "outside"
 EPISODES = 25
 Option = typer.Option
@@ -34,7 +38,7 @@ MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
 class EvaluateOptions:
     """The options of the command, each in one place: its name, type, help and default."""
 
-    sweep: Annotated[str | None, Option(help=f"{SWEEP_NAMES}; default: main, with --world outside")] = None
+    sweep: Annotated[str | None, Option(help=f"{', '.join(SWEEPS)}; default: main, with --world outside")] = None
     task: Annotated[list[str] | None, Option(help="may be repeated; default: all of the sweep")] = None
     episodes: Annotated[int, Option(min=1, help="unseen scenes per task")] = EPISODES
     demos: Annotated[int, Option(min=1, max=100, help="demonstrations in a prompt")] = 10
@@ -112,23 +116,21 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
 
     Results are kept as they come: the same command with the same --out continues where an earlier one stopped.
     """
-    # The simulator is an extra that `roboprompt serve` does without.
-    from app.cli.evaluate_plan import sweep_of
-    from app.evaluation.sweeps import SWEEPS
-
     asked = EvaluateOptions(**options)
     check_names("--sweep", [asked.sweep_name], SWEEPS)
     console = Console(stderr=asked.as_json)
-    run = sweep_of(asked)
+    try:
+        plan = _plan(asked)
+    except InvalidInputError as error:
+        raise typer.BadParameter(str(error), param_hint=f"--{error.field.rpartition('.')[2]}") from error
     if asked.url is not None:
         with service_at(asked.url) as client:
             client.ping()
     check_models(asked.model or (), asked.url)
-    with refusals_said(), progress_bars(console, PACE_S) as progress:
-        result = run(progress)
-    _tell(console, result, asked)
+    with errors_printed(), progress_bars(console, PACE_S) as progress:
+        result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url, asked.report)(progress)
+    _print_results(console, result, asked)
     if asked.as_json:
-        plan = run.plan
         scenes = {"recordings": asked.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
         known = {"sweep": asked.sweep_name, "out": str(asked.folder), **scenes}
         print(json.dumps({**known, **result.summary()}))  # noqa: T201
@@ -141,12 +143,64 @@ evaluate.__signature__ = inspect.signature(EvaluateOptions)  # type: ignore[attr
 evaluate.__annotations__ = get_type_hints(EvaluateOptions, include_extras=True)
 
 
-def _tell(console: Console, result: "SweepResult", asked: EvaluateOptions) -> None:
-    from app.evaluation.scores import errors_of
-    from app.evaluation.tables import results_table
-
+def _print_results(console: Console, result: SweepResult, asked: EvaluateOptions) -> None:
     console.print(results_table(result.evaluation))
-    errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
+    errors = [f"error in {number} trials: {message}" for message, number in result.evaluation.errors()]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", asked.command]
     lines = [f"results: {asked.folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])]
     console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
+
+
+def _plan(asked: EvaluateOptions) -> Plan:
+    """Return the plan of the options.
+
+    Raises:
+        InvalidInputError: naming the option, and what is valid.
+    """
+    sweep, models = SWEEPS[asked.sweep_name], asked.model or []
+    world = Panda(asked.recordings, num_cameras=asked.cameras) if asked.world is None else world_named(asked.world)
+    if asked.record_hz is not None:
+        world = world.recorded_at(asked.record_hz)
+    tasks = tuple(dict.fromkeys(asked.task or sweep.tasks or world.tasks))
+    check_names("--task", tasks, world.tasks)
+    names = asked.method or (("default",) if asked.shift is not None else ())
+    methods = with_noise(chosen(sweep.with_models(models), names, models), asked.noise, asked.noise_on)
+    if asked.poses == "vision":
+        methods = with_poses(methods, "vision")
+    if asked.shift is not None:
+        methods = with_shift(methods, asked.shift)
+        tasks = _shiftable(tasks, asked.shift, named=bool(asked.task))
+    _check_world(asked, methods)
+    seed = world.first_test_seed if asked.seed is None else asked.seed
+    settings = _settings(asked.settings or "{}")
+    return Plan(tasks, methods, asked.episodes, asked.demos, asked.command, world, False, seed, settings)
+
+
+def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
+    """Refuse options of the simulated Panda in another world, and options of other worlds on the Panda."""
+    if asked.world is None:
+        if any(method.source == "own keyframes" for method in methods):
+            raise InvalidInputError("method", "own keyframes: is for another --world; the Panda's is 'replay'")
+    elif asked.recordings != "rests":
+        raise InvalidInputError("recordings", "is for the simulated Panda alone")
+    elif needing := [method.label for method in methods if method.needs_panda]:
+        raise InvalidInputError("method", f"{', '.join(needing)}: needs the simulated Panda")
+
+
+def _settings(text: str) -> dict[str, object]:
+    try:
+        settings = json.loads(text)
+    except ValueError as error:
+        raise InvalidInputError("settings", f"is not JSON: {error}") from error
+    if not isinstance(settings, dict):
+        raise InvalidInputError("settings", 'is not an object such as {"keyframes": {"rule": "merged"}}')
+    return settings
+
+
+def _shiftable(tasks: tuple[str, ...], shift_m: float, *, named: bool) -> tuple[str, ...]:
+    """Return the tasks whose objects can be moved; one that was named must be among them."""
+    movable = tuple(name for name in tasks if can_shift(name, shift_m))
+    if not movable or (named and movable != tasks):
+        fixed = next(name for name in tasks if name not in movable)
+        raise InvalidInputError("shift", f"{fixed}: nothing in its scenes can be moved freely by {shift_m:g} m")
+    return movable

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from app.cli.shared import AsJson, Url, counted, every, if_there, service_at
+from app.cli.shared import AsJson, Url, counted, if_there, paged_items, service_at
 from app.datasets.archive import write_archive
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.parcel import Parcel
@@ -39,7 +39,7 @@ def episode_ids(client: RoboPromptClient, task: str, **only: bool) -> list[str]:
     Raises:
         ServiceProblemError, ServiceUnreachableError.
     """
-    return [item["id"] for item in every(client, "/episodes", task=task, limit=PAGE, **only)][::-1]
+    return [item["id"] for item in paged_items(client, "/episodes", task=task, limit=PAGE, **only)][::-1]
 
 
 def download(client: RoboPromptClient, ids: list[str]) -> Iterator[Parcel]:

@@ -6,18 +6,19 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
 
-from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, if_there, refusals_said
+from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, errors_printed, if_there
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
 from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
-from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
+from app.datasets.parcel import Dataset, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
@@ -54,7 +55,7 @@ def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[Impor
     Raises:
         ServiceUnreachableError: in the middle, if the service goes away; what was sent stays.
     """
-    return _each(dataset, lambda entry, parcel: _send(client, entry, parcel))
+    return _each(dataset, partial(_send, client))
 
 
 def check_dataset(dataset: Dataset) -> Iterator[ImportResult]:
@@ -80,63 +81,56 @@ def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
     return notes
 
 
-def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], ImportResult]) -> Iterator[ImportResult]:
+def _each(dataset: Dataset, handle: Callable[[str, Parcel], ImportResult]) -> Iterator[ImportResult]:
+    """Yield the outcome of each episode; while one is handled, the next are read."""
     with ThreadPoolExecutor(1) as reader:
-        waiting: deque[tuple[Entry, Future[Parcel]]] = deque()
         entries = iter(dataset.entries)
+        waiting = deque((entry.name, reader.submit(entry.read)) for entry in islice(entries, AHEAD - 1))
         try:
-            while True:
-                while len(waiting) < AHEAD and (entry := next(entries, None)) is not None:
-                    waiting.append((entry, reader.submit(entry.read)))
-                if not waiting:
-                    return
-                entry, reading = waiting.popleft()
-                try:
-                    yield handle(entry, reading.result())
-                except DamagedError as error:
-                    yield ImportResult(entry.name, "damaged", str(error))
-                except InvalidInputError as error:
-                    yield ImportResult(entry.name, "refused", str(error))
+            while waiting:
+                waiting.extend((entry.name, reader.submit(entry.read)) for entry in islice(entries, 1))
+                yield _handled(*waiting.popleft(), handle)
         finally:
             reader.shutdown(cancel_futures=True)
 
 
-def _send(client: RoboPromptClient, entry: Entry, parcel: Parcel) -> ImportResult:
-    key = parcel.key
-    task = str(parcel.metadata["task"])
-    if not parcel.metadata["objects"]:
-        return _without_objects(entry, task)
+def _handled(name: str, reading: Future[Parcel], handle: Callable[[str, Parcel], ImportResult]) -> ImportResult:
+    try:
+        parcel = reading.result()
+        if not parcel.metadata["objects"]:
+            reason = "the dataset names no objects: give their poses, mask ids or names with --objects FILE"
+            return ImportResult(name, "refused", reason, task=str(parcel.metadata["task"]))
+        return handle(name, parcel)
+    except DamagedError as error:
+        return ImportResult(name, "damaged", str(error))
+    except InvalidInputError as error:
+        return ImportResult(name, "refused", str(error))
+
+
+def _send(client: RoboPromptClient, name: str, parcel: Parcel) -> ImportResult:
+    task, key = str(parcel.metadata["task"]), parcel.key
     try:
         if if_there(partial(client.get, f"/uploads/{key}")) is not None:
-            return ImportResult(entry.name, "already_there", notes=parcel.notes, task=task)
+            return ImportResult(name, "already_there", notes=parcel.notes, task=task)
         metadata = ("metadata.json", canonical_json(parcel.metadata), "application/json")
-        files = {name: (name, data, _MEDIA_TYPE) for name, data in parcel.files.items()}
+        files = {part: (part, data, _MEDIA_TYPE) for part, data in parcel.files.items()}
         answer: dict[str, Any] = client.upload_parts({"metadata": metadata, **files}, key)
     except ServiceProblemError as error:
-        return ImportResult(entry.name, "refused", str(error), parcel.notes, task=task)
+        return ImportResult(name, "refused", str(error), parcel.notes, task=task)
     counts = (answer["num_frames"], len(answer["keyframes"]))
-    return ImportResult(entry.name, "imported", "", parcel.notes, *counts, task)
+    return ImportResult(name, "imported", "", parcel.notes, *counts, task)
 
 
-def _check(entry: Entry, parcel: Parcel) -> ImportResult:
-    task, objects = str(parcel.metadata["task"]), parcel.metadata["objects"]
-    if not objects:
-        return _without_objects(entry, task)
+def _check(name: str, parcel: Parcel) -> ImportResult:
+    task, objects, notes = str(parcel.metadata["task"]), parcel.metadata["objects"], parcel.notes
     trajectory = trajectory_from_npz(parcel.files["trajectory"])
     motion = Motion.of(trajectory, float(parcel.metadata.get("control_frequency_hz", 20.0)))
     keyframes = find_keyframes(motion, KeyframeRule())
     unknown = [item["name"] for item in objects if item.get("position") is None and not item.get("mask_ids")]
-    notes = parcel.notes
     if unknown:
-        notes += (
-            f"no poses or mask ids of {', '.join(unknown)}: the task's object models must find them in the images",
-        )
-    return ImportResult(entry.name, "imported", "", notes, len(trajectory), len(keyframes), task)
-
-
-def _without_objects(entry: Entry, task: str) -> ImportResult:
-    reason = "the dataset names no objects: give their poses, mask ids or names with --objects FILE"
-    return ImportResult(entry.name, "refused", reason, task=task)
+        missing = f"no poses or mask ids of {', '.join(unknown)}"
+        notes += (f"{missing}: the task's object models must find them in the images",)
+    return ImportResult(name, "imported", "", notes, len(trajectory), len(keyframes), task)
 
 
 def import_data(
@@ -165,7 +159,7 @@ def import_data(
     """
     check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
-    with refusals_said():
+    with errors_printed():
         known = KnownObjects() if objects is None else read_objects(objects)
         changes = read_changes(mapping, tuple(feature or ()))
         cameras = None if camera is None else tuple(camera)

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
 
-from app.cli.shared import EnvFile, refusals_said, settings_of
+from app.cli.shared import EnvFile, errors_printed, settings_of
 from app.llm.base import LanguageModelError
 from app.llm.llama import add_weights
 from app.llm.llama.known_models import KNOWN, Release, profile_of
@@ -33,7 +33,7 @@ def add(
         there = ", ".join(model for model, other in KNOWN.items() if other.release)
         own = "with --file a name of letters, digits and .-_"
         raise typer.BadParameter(f"{name!r} cannot be added (valid: {there}; {own})")
-    with refusals_said():
+    with errors_printed():
         if release is not None:
             typer.echo(f"{release.file}, {release.size_bytes / 1e6:,.0f} MB, {release.license}; {release.publisher}")
         target = added_path(name, settings)
@@ -70,7 +70,7 @@ def remove(
     release = KNOWN[name].release if name in KNOWN else None
     if release is None and name not in own_models(settings):
         raise typer.BadParameter(f"{name!r} was not added here, see roboprompt models list")
-    with refusals_said():
+    with errors_printed():
         if release is not None:
             add_weights.remove_parts(release, settings.cache_folder)
         there = remove_weights(name, settings)

@@ -65,7 +65,7 @@ def check_models(names: Sequence[str], url: str | None = None) -> None:
 @contextmanager
 def service_at(url: str) -> Iterator[RoboPromptClient]:
     """Yield a client of the service. An error inside is printed in a sentence, and the exit status is 1."""
-    with refusals_said(), RoboPromptClient(url) as client:
+    with errors_printed(), RoboPromptClient(url) as client:
         yield client
 
 
@@ -79,7 +79,7 @@ def if_there(asked: Callable[[], T]) -> T | None:
         raise
 
 
-def every(client: RoboPromptClient, path: str, **query: object) -> Iterator[dict[str, Any]]:
+def paged_items(client: RoboPromptClient, path: str, **query: object) -> Iterator[dict[str, Any]]:
     """Yield every item of a list that has pages; None in the query is left out."""
     asked = {name: value for name, value in query.items() if value is not None}
     while True:
@@ -102,7 +102,7 @@ def _why_not(name: str) -> str | None:
 
 
 def _why_not_there(name: str, url: str) -> str | None:
-    """Backends take further names than the service lists, so that those are left to it."""
+    """Return why the service cannot use the model; names that a backend may know beyond its list are accepted."""
     with RoboPromptClient(url) as client:
         offered = {model["name"]: model for model in client.get("/models")["models"]}
     if name in offered:
@@ -128,7 +128,7 @@ def settings_of(data: Path | None, env_file: Path | None) -> Settings:
 
 
 @contextmanager
-def refusals_said() -> Iterator[None]:
+def errors_printed() -> Iterator[None]:
     """Print an error inside in a sentence, and exit with status 1."""
     try:
         yield
@@ -142,12 +142,12 @@ def opened_store(data: Path | None, env_file: Path | None) -> "Iterator[Store]":
     """Yield the store. An error inside is printed in a sentence, and the exit status is 1."""
     from app.bootstrap import open_store
 
-    with refusals_said(), closing(open_store(settings_of(data, env_file))) as store:
+    with errors_printed(), closing(open_store(settings_of(data, env_file))) as store:
         yield store
 
 
 def progress_bars(console: Console, pace_s: float = PACE_S) -> Progress:
-    """Bars that count; the time left follows from the pace of the last `pace_s` seconds."""
+    """Return progress bars whose time left follows from the pace of the last `pace_s` seconds."""
     described = TextColumn("{task.description:<30}")
     columns = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, speed_estimate_period=pace_s)

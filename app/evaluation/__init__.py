@@ -1,1 +1,1 @@
-"""How well a configuration does: demonstrations recorded, scenes predicted over HTTP, executed, judged and reported."""
+"""The evaluation: teaches tasks over HTTP, predicts and executes actions in unseen scenes, judges and reports them."""

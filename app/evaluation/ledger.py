@@ -14,15 +14,21 @@ from typing import Any, Self
 
 import numpy as np
 
-from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
 from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Trial
 from app.sim.outcomes import RolloutResult, SceneView
-from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_json
+from roboprompt_client.errors import RoboPromptError
+from roboprompt_client.types.poses import EndEffectorAction, object_from_json, object_json
 
 Document = Mapping[str, Any]
 DIGEST_CHARS = 12
 AS_IT_IS = ("task", "seed", "method", "predict_s", "execute_s", "answer", "shift_m", "refused")  # of a trial
+
+_Key = tuple[str, int, str, str]  # task, seed, method, digest
+
+
+class LedgerError(RoboPromptError):
+    """Another run writes into the file, or one of its lines was not written by a run."""
 
 
 def document_of(outcome: Trial | Crash) -> Document:
@@ -53,18 +59,12 @@ def outcome_of(document: Document) -> Trial | Crash:
         misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
         execution = RolloutResult(num_executed, succeeded, document["failure"], misses=misses)
     return Trial(
-        scene=SceneView(task, seed, document["instruction"], poses_of(document), (), {}),
+        scene=SceneView(task, seed, document["instruction"], tuple(map(object_from_json, document["objects"])), (), {}),
         error="" if execution else document["failure"],
         execution=execution,
         actions=tuple(action_of(item) for item in document["actions"]),
         **{name: document[name] for name in AS_IT_IS},
     )
-
-
-def poses_of(document: Document) -> tuple[ObjectPose, ...]:
-    """Return the object poses of a JSON document."""
-    objects = document["objects"]
-    return tuple(ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in objects)
 
 
 def _action_json(action: EndEffectorAction) -> Document:
@@ -95,8 +95,7 @@ class Ledger:
     """The outcomes in a file. A context manager; thread-safe.
 
     Raises:
-        LedgerInUseError: if another process has it open.
-        LedgerDamagedError: if a line is not an outcome.
+        LedgerError: if another process has it open, or a line is not an outcome.
     """
 
     def __init__(self, path: Path) -> None:
@@ -131,26 +130,23 @@ class Ledger:
             os.fsync(self._file.fileno())
             self._outcomes[_key(document)] = outcome
 
-    def _read(self) -> "list[tuple[_Key, Trial | Crash]]":
+    def _read(self) -> list[tuple[_Key, Trial | Crash]]:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise LedgerInUseError(f"another run writes into {self._file.name}") from None
+            raise LedgerError(f"another run writes into {self._file.name}") from None
         self._file.seek(0)
         *lines, torn = self._file.read().split(b"\n")
         if torn:  # a run was killed while it wrote
             self._file.truncate(self._file.tell() - len(torn))
         return [self._parse(number, line) for number, line in enumerate(lines, start=1)]
 
-    def _parse(self, number: int, line: bytes) -> "tuple[_Key, Trial | Crash]":
+    def _parse(self, number: int, line: bytes) -> tuple[_Key, Trial | Crash]:
         try:
             document = json.loads(line)
             return _key(document), outcome_of(document)
         except (ValueError, KeyError, TypeError) as error:
-            raise LedgerDamagedError(f"{self._file.name}, line {number}, is no trial: {error!r}") from error
-
-
-_Key = tuple[str, int, str, str]
+            raise LedgerError(f"{self._file.name}, line {number}, is no trial: {error!r}") from error
 
 
 def _key(document: Mapping[str, Any]) -> _Key:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from app.llm.baselines import YARDSTICKS
+from app.llm.computed import YARDSTICKS
 from roboprompt_client.errors import InvalidInputError
 
 Poses = Literal["given", "vision"]

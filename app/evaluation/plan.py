@@ -2,15 +2,30 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
-from app.evaluation.failures import OtherModelError
 from app.evaluation.ledger import Ledger, digest_of
 from app.evaluation.methods import Method
-from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation, Trial
-from app.evaluation.trials import PlannedTrial
-from app.evaluation.world import World
+from app.evaluation.world import WORLD, World
+from roboprompt_client.errors import RoboPromptError
+
+
+class OtherModelError(RoboPromptError):
+    """The stored results were made with another default model."""
+
+
+class PlannedTrial(NamedTuple):
+    """A trial to be run. Its `key` is unique within a plan."""
+
+    task: str
+    seed: int
+    method: Method
+
+    @property
+    def key(self) -> tuple[str, int, str]:
+        """Task, seed and the method's label."""
+        return self.task, self.seed, self.method.label
 
 
 @dataclass(frozen=True)
@@ -32,9 +47,9 @@ class Plan:
     episodes: int
     demonstrations: int
     command: str
-    world: World = PANDA
+    world: World = WORLD
     images: bool = False
-    first_test_seed: int = PANDA.first_test_seed
+    first_test_seed: int = WORLD.first_test_seed
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property

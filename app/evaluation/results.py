@@ -1,11 +1,14 @@
-"""The results of an evaluation: by task, the trials and those that could not be run."""
+"""The results of an evaluation: trials by task, and the scores of methods over them."""
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import fmean, median
+from typing import Any, TypeVar
 
 from app.evaluation.methods import Method
+from app.pipeline.success_rate import SuccessRate
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -13,6 +16,9 @@ from roboprompt_client.types.poses import EndEffectorAction
 TIMED_OUT = re.compile(
     r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError|ModelTimeoutError)"
 )
+NOTHING = "\N{EN DASH}"
+TOKENS = ("prompt_tokens", "cached_tokens", "completion_tokens")
+ENDINGS = ("wrong_motion", "no_actions", "refused")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +79,7 @@ class Crash:
 
 @dataclass(frozen=True, eq=False)
 class TaskEvaluation:
-    """Everything of one task."""
+    """The trials of one task."""
 
     task: str
     trials: tuple[Trial, ...]
@@ -82,7 +88,7 @@ class TaskEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything of one run.
+    """The trials of all tasks.
 
     Attributes:
         methods: in the order of the tables; the first is what the run is about.
@@ -93,3 +99,146 @@ class Evaluation:
     methods: tuple[Method, ...]
     tasks: tuple[TaskEvaluation, ...]
     duration_s: float
+
+    @property
+    def trials(self) -> list[Trial]:
+        """The trials of all tasks."""
+        return [trial for task in self.tasks for trial in task.trials]
+
+    @property
+    def crashes(self) -> list[Crash]:
+        """The crashes of all tasks."""
+        return [crash for task in self.tasks for crash in task.crashes]
+
+    def errors(self) -> list[tuple[str, int]]:
+        """Return the messages of trials that could not be run, with their numbers, the most frequent first."""
+        return Counter(crash.message.strip().splitlines()[-1] for crash in self.crashes).most_common()
+
+
+Outcome = TypeVar("Outcome", Trial, Crash)
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """A method's results on one task, or on all. Times and tokens are medians of a prediction; None without any.
+
+    Attributes:
+        rate: over the trials that ran.
+        errors: trials that could not be run, without `timeouts`.
+        timeouts: trials that could not be run because an answer took too long.
+        endings: by ENDINGS, the number of failed trials: the motion solved nothing, the reply had no actions, or the
+            instruction was refused.
+        asked: model, representation and prompt format, as the answers name them.
+        outside_llm_s: the service's time for a prediction without that of the LLM.
+        tokens: by TOKENS.
+    """
+
+    method: str
+    rate: SuccessRate
+    errors: int
+    timeouts: int
+    endings: Mapping[str, int]
+    asked: tuple[str, ...] = ()
+    llm_s: float | None = None
+    outside_llm_s: float | None = None
+    execute_s: float | None = None
+    tokens: Mapping[str, float | None] = field(default_factory=lambda: dict.fromkeys(TOKENS))
+
+    @property
+    def not_run(self) -> str:
+        """Timeouts and errors as text; empty without any."""
+        counts = ((self.timeouts, "timeout"), (self.errors, "error"))
+        return ", ".join(f"{number} {noun}{'s' if number > 1 else ''}" for number, noun in counts if number)
+
+    def __str__(self) -> str:
+        shown = str(self.rate) if self.rate.trials else NOTHING
+        refused = f"{self.endings['refused']} refused" if self.endings["refused"] else ""
+        return ", ".join(filter(None, [shown, refused, self.not_run]))
+
+    def document(self) -> dict[str, Any]:
+        """Return the figures as a JSON document."""
+        rate = self.rate
+        return {
+            "successes": rate.successes,
+            "trials": rate.trials,
+            "success_rate": rate.rate,
+            **self.endings,
+            "llm_s": _rounded(self.llm_s),
+            "outside_llm_ms": _rounded(None if self.outside_llm_s is None else 1000 * self.outside_llm_s),
+            "execute_s": _rounded(self.execute_s),
+            "tokens": {name: _rounded(number) for name, number in self.tokens.items()},
+            "interval": rate.interval,
+            "errors": self.errors,
+            "timeouts": self.timeouts,
+        }
+
+
+def result_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> MethodResult:
+    """Return a method's score on one task, or on all tasks together."""
+    trials, crashes = of_method(evaluated.trials, method), of_method(evaluated.crashes, method)
+    timeouts = sum(crash.timed_out for crash in crashes)
+    refused = sum(trial.refused for trial in trials)
+    no_actions = sum(trial.execution is None for trial in trials) - refused
+    failed = sum(not trial.succeeded for trial in trials)
+    answers = [trial.answer for trial in trials if trial.answer is not None]
+
+    def of_answers(value: Callable[[Mapping[str, Any]], float]) -> float | None:
+        return _median(map(value, answers))
+
+    return MethodResult(
+        method.label,
+        SuccessRate(len(trials) - failed, len(trials)),
+        len(crashes) - timeouts,
+        timeouts,
+        dict(zip(ENDINGS, (failed - refused - no_actions, no_actions, refused), strict=True)),
+        tuple(dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)),
+        llm_s=of_answers(lambda answer: answer["timings_ms"]["llm"] / 1000),
+        outside_llm_s=of_answers(lambda answer: answer["timings_ms"]["outside_llm"] / 1000),
+        execute_s=_median(trial.execute_s for trial in trials if trial.execution is not None),
+        tokens={name: _median(answer["usage"][name] for answer in answers) for name in TOKENS},
+    )
+
+
+def mean_rate(evaluation: Evaluation, method: Method) -> float | None:
+    """Return the mean of the tasks' success rates; None without trials."""
+    rates = [result_of(task, method).rate for task in evaluation.tasks]
+    return fmean(rate.rate for rate in rates if rate.trials) if any(rate.trials for rate in rates) else None
+
+
+def of_method(outcomes: Iterable[Outcome], method: Method) -> list[Outcome]:
+    """Return the outcomes of the method."""
+    return [outcome for outcome in outcomes if outcome.method == method.label]
+
+
+def _median(values: Iterable[float]) -> float | None:
+    known = list(values)
+    return median(known) if known else None
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How far a driver's arm was from the commanded poses, over all actions."""
+
+    poses: int
+    median_mm: float
+    worst_mm: float
+    median_deg: float
+    worst_deg: float
+
+    def __str__(self) -> str:
+        position = f"{self.median_mm:.2g} mm in the median, {self.worst_mm:.2g} mm at worst"
+        rotation = f"{self.median_deg:.2g} and {self.worst_deg:.2g} degrees"
+        return f"{self.poses} poses reached: off by {position} ({rotation})"
+
+
+def reached(trials: Sequence[Trial]) -> Reached | None:
+    """Return the accuracy of a driver's motions; None if the simulation moved the arm without a driver."""
+    misses = [miss for trial in trials if trial.execution is not None for miss in trial.execution.misses]
+    if not misses:
+        return None
+    off_mm, off_deg = [1000 * off_m for off_m, _ in misses], [turned_deg for _, turned_deg in misses]
+    return Reached(len(misses), median(off_mm), max(off_mm), median(off_deg), max(off_deg))

@@ -12,65 +12,61 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TypeVar
 
 from rich.progress import Progress
 
-from app.evaluation.failures import NotLearnedError, ServiceLostError
-from app.evaluation.foreign import ForeignExecutor
-from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.plan import Plan, check_default_model, evaluation_of
+from app.evaluation.plan import Plan, PlannedTrial, check_default_model, evaluation_of
+from app.evaluation.report.page import illustrated
 from app.evaluation.results import Crash, Evaluation
 from app.evaluation.server import service
-from app.evaluation.teach import FIRST_LABELED_SEED, LABELED_SCENES, Lesson, record, suffix_of, upload, variants
-from app.evaluation.trials import PlannedTrial, TrialRunner
+from app.evaluation.teach import (
+    FIRST_LABELED_SEED,
+    LABELED_SCENES,
+    Lesson,
+    TeachingError,
+    record,
+    suffix_of,
+    upload,
+    variants,
+)
+from app.evaluation.trials import TrialRunner
 from app.evaluation.world import World
-from app.executors import Executor, LocalExecutor
+from app.executors import Executor, ForeignExecutor, LocalExecutor
 from app.sim.outcomes import RecordedDemonstration
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
 Item = TypeVar("Item")
-Phase = Literal["demonstrations_s", "trials_s", "report_s"]
+PHASES = ("demonstrations_s", "trials_s", "report_s")
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
-SIMULATION = ("app.evaluation.trials", "app.evaluation.panda")  # what workers import once for all
+SIMULATION = ("app.evaluation.trials",)  # what workers import once for all
 MAX_UNREACHABLE = 5  # trials in a row; after that many the service counts as lost
 
 _Recorded = tuple[RecordedDemonstration, ...]
 Lessons = Mapping[str, Lesson | Exception]  # by suffix of the task's name; or why it could not be taught
 
 
-def in_threads(
-    work: Callable[[Item], None], items: Sequence[Item], threads: int, on_done: Callable[[Future[None]], None]
-) -> None:
-    """Work on the items in threads. After Ctrl-C or an error of `on_done`, items that have begun are still finished."""
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            for future in as_completed([pool.submit(work, item) for item in items]):
-                on_done(future)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+class ServiceLostError(RoboPromptError):
+    """The service does not answer any more."""
 
 
-@dataclass
-class Timing:
-    """Wall-clock seconds of each phase."""
+class Timing(dict[str, float]):
+    """Wall-clock seconds by phase, one of PHASES."""
 
-    demonstrations_s: float = 0.0
-    trials_s: float = 0.0
-    report_s: float = 0.0
+    def __init__(self) -> None:
+        super().__init__(dict.fromkeys(PHASES, 0.0))
 
     @contextmanager
-    def measured(self, phase: Phase) -> Iterator[None]:
+    def measured(self, phase: str) -> Iterator[None]:
         """Measure how long the block takes, also if it fails."""
         started = time.perf_counter()
         try:
             yield
         finally:
-            setattr(self, phase, time.perf_counter() - started)
+            self[phase] = time.perf_counter() - started
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +93,7 @@ class PlanRun:
             ServiceLostError, OtherModelError; KeyboardInterrupt: after the trials under way have ended.
         """
         started = time.perf_counter()
-        models: Sequence[Mapping[str, Any]] = self.client.get("/models")["models"]
-        check_default_model(self.plan, self.ledger, models)
+        check_default_model(self.plan, self.ledger, self.client.get("/models")["models"])
         with self.timing.measured("demonstrations_s"):
             lessons = self.teach()
         with self.timing.measured("trials_s"):
@@ -116,7 +111,7 @@ class PlanRun:
         def teach(task: str) -> None:
             lessons[task] = self._teach_task(task, needed[task], lambda: self.progress.advance(bar))
 
-        in_threads(teach, self.plan.tasks, TEACHING_THREADS, lambda future: future.result())
+        _in_threads(teach, self.plan.tasks, TEACHING_THREADS, lambda future: future.result())
         return lessons
 
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
@@ -142,7 +137,7 @@ class PlanRun:
         }
         try:
             return upload(self.client, name, recorded, method, settings, labeled)
-        except (ServiceProblemError, ServiceUnreachableError, NotLearnedError) as error:
+        except (ServiceProblemError, ServiceUnreachableError, TeachingError) as error:
             return error
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
@@ -166,9 +161,9 @@ class PlanRun:
             gone = isinstance(future.exception(), ServiceUnreachableError)
             unreachable = unreachable + 1 if gone else 0
             if unreachable >= MAX_UNREACHABLE:
-                raise ServiceLostError(str(future.exception()))
+                raise ServiceLostError(f"the service does not answer any more: {future.exception()}")
 
-        in_threads(run, remaining, self.executor.workers + 2, on_done)
+        _in_threads(run, remaining, self.executor.workers + 2, on_done)
 
     def _run_trial(self, runner: TrialRunner, planned: PlannedTrial, lesson: Lesson | Exception) -> None:
         digest = self.plan.digest(planned.method)
@@ -180,6 +175,19 @@ class PlanRun:
             self.ledger.append(Crash(*planned.key, f"{type(error).__name__}: {error}"), digest)
             raise
         self.ledger.append(outcome, digest)
+
+
+def _in_threads(
+    work: Callable[[Item], None], items: Sequence[Item], threads: int, on_done: Callable[[Future[None]], None]
+) -> None:
+    """Work on the items in threads. After Ctrl-C or an error of `on_done`, items that have begun are still finished."""
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for future in as_completed([pool.submit(work, item) for item in items]):
+                on_done(future)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def executor_of(world: World) -> Executor:

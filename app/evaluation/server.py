@@ -1,10 +1,17 @@
-"""Starts the service in a child process on a free loopback port."""
+"""Starts the service in a child process on a free loopback port.
+
+`python -m app.evaluation.server MODULE ...` is such a process: it runs a module and ends with its parent process.
+Standard input is a pipe from the parent, which breaks when the parent ends, even if it was killed.
+"""
 
 import os
+import runpy
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -13,14 +20,18 @@ from typing import TextIO
 
 import httpx
 
-from app.evaluation.failures import ServerStartError
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import RoboPromptError
 
 # The environment may require API keys of another service; this one needs none.
 WITHOUT_KEYS = {"ROBOPROMPT_AUTH": "auto"}
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 15.0
 POLL_S = 0.05
+
+
+class ServerStartError(RoboPromptError):
+    """The service did not start; the message ends with what it wrote last."""
 
 
 @contextmanager
@@ -99,7 +110,7 @@ def free_port() -> int:
 
 def _leashed(command: Sequence[str], environment: Mapping[str, str], log: TextIO) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "app.evaluation.leash", *command],  # -P: no `app` of the current folder
+        [sys.executable, "-P", "-m", "app.evaluation.server", *command],  # -P: no `app` of the current folder
         stdin=subprocess.PIPE,
         stdout=log,
         stderr=subprocess.STDOUT,
@@ -127,3 +138,20 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
             process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
+
+
+def main() -> None:
+    """Run the module that the command line names, as `python -m` would, until it or the parent ends."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    sys.argv = sys.argv[1:]
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+
+
+def _end_with_parent() -> None:
+    while os.read(0, 1024):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    main()

@@ -10,16 +10,15 @@ from rich.table import Table
 
 from app.evaluation import paper
 from app.evaluation.methods import Method
-from app.evaluation.results import Evaluation, TaskEvaluation
-from app.evaluation.scores import (
+from app.evaluation.results import (
     ENDINGS,
     NOTHING,
     TOKENS,
-    Result,
-    errors_of,
+    Evaluation,
+    MethodResult,
+    TaskEvaluation,
     mean_rate,
-    pooled_result,
-    task_result,
+    result_of,
 )
 
 HOW_TO_READ = (
@@ -34,15 +33,15 @@ METHODS_SAID = (
 ENDED = ("wrong motion", "no actions", "instruction refused")
 COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
 ROBOPROMPT = "RoboPrompt (paper)"
-Row = Sequence[str]
+Cells = Sequence[str]
 
 
 @dataclass(frozen=True)
 class TextTable:
     """A table of texts whose rows come in groups. The first column is text, the others are numbers."""
 
-    header: Row
-    groups: Sequence[Sequence[Row]]
+    header: Cells
+    groups: Sequence[Sequence[Cells]]
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
@@ -64,7 +63,7 @@ class TextTable:
 
 def markdown(evaluation: Evaluation, about: str) -> str:
     """Return the contents of `table.md`, headed by what the sweep compares."""
-    success = success_table(evaluation)
+    success = _success_table(evaluation)
     methods = TextTable(["method", "asked", "all trials", *ENDED, *COSTS], [list(_method_rows(evaluation))])
     parts = [
         f"# {about[0].upper()}{about[1:]}",
@@ -74,27 +73,26 @@ def markdown(evaluation: Evaluation, about: str) -> str:
         "## Methods",
         METHODS_SAID,
         methods.markdown(),
-        *errors_section(evaluation),
+        *_errors_section(evaluation),
         f"Command: `{evaluation.command}`",
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def errors_section(evaluation: Evaluation) -> list[str]:
-    """Return a section on errors as paragraphs; none without errors."""
-    errors = [f"- {number} x {message}" for message, number in errors_of(evaluation)]
+def _errors_section(evaluation: Evaluation) -> list[str]:
+    errors = [f"- {number} x {message}" for message, number in evaluation.errors()]
     return ["## Errors", "\n".join(errors)] if errors else []
 
 
-def success_table(evaluation: Evaluation) -> TextTable:
+def _success_table(evaluation: Evaluation) -> TextTable:
     """Return success by task, and the mean: of our methods, then of the paper's if it has any of the tasks."""
     names = [task.task for task in evaluation.tasks]
     known = any(task in paper.SUCCESS_PERCENT[name] for task in names for name in paper.METHODS)
     published = paper.METHODS if known else ()
-    rows: list[Row] = []
+    rows: list[Cells] = []
     for task in evaluation.tasks:
         percents = [paper.SUCCESS_PERCENT[name].get(task.task) for name in published]
-        scores = [str(task_result(task, method).score) for method in evaluation.methods]
+        scores = [str(result_of(task, method)) for method in evaluation.methods]
         rows.append([task.task, *scores, *(NOTHING if percent is None else str(percent) for percent in percents)])
     means = [mean_rate(evaluation, method) for method in evaluation.methods]
     paper_means = [paper.mean_percent(name, names) for name in published]
@@ -112,11 +110,11 @@ def results_table(evaluation: Evaluation) -> Table:
     return TextTable(header, groups).terminal(title, "tokens: prompt/cached/completion")
 
 
-def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Row]:
+def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Cells]:
     for method in methods:
-        result = task_result(task, method)
+        result = result_of(task, method)
         *costs, read, cached, written = (_number(value, "") for value in _costs(result))
-        yield [f"  {method.label}", str(result.score), *costs, f"{read}/{cached}/{written}".strip("/")]
+        yield [f"  {method.label}", str(result), *costs, f"{read}/{cached}/{written}".strip("/")]
     percent = paper.SUCCESS_PERCENT["RoboPrompt"].get(task.task)
     if percent is not None:
         yield [f"  {ROBOPROMPT}", f"{percent} %", *[""] * 4]
@@ -125,38 +123,37 @@ def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Ro
 def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
     """Return figures by task (of the first method, and of each), means, and the paper's means."""
     names = [task.task for task in evaluation.tasks]
-    crashes = [crash for task in evaluation.tasks for crash in task.crashes]
-    timeouts = sum(crash.timed_out for crash in crashes)
+    timeouts = sum(crash.timed_out for crash in evaluation.crashes)
     return {
         "tasks": {task.task: _task_summary(task, evaluation.methods) for task in evaluation.tasks},
         "mean_success_rate": {method.label: mean_rate(evaluation, method) for method in evaluation.methods},
         "paper_mean_percent": {name: paper.mean_percent(name, names) for name in paper.METHODS},
-        "trials": sum(len(task.trials) for task in evaluation.tasks),
-        "errors": len(crashes) - timeouts,
+        "trials": len(evaluation.trials),
+        "errors": len(evaluation.crashes) - timeouts,
         "timeouts": timeouts,
     }
 
 
 def _task_summary(task: TaskEvaluation, methods: Sequence[Method]) -> dict[str, Any]:
-    by_method = {method.label: task_result(task, method).document() for method in methods}
+    by_method = {method.label: result_of(task, method).document() for method in methods}
     first = methods[0].label
     return {**by_method[first], "method": first, "methods": by_method}
 
 
-def _method_rows(evaluation: Evaluation) -> Iterator[Row]:
+def _method_rows(evaluation: Evaluation) -> Iterator[Cells]:
     for method in evaluation.methods:
-        result = pooled_result(evaluation, method)
+        result = result_of(evaluation, method)
         ended = [str(result.endings[name]) for name in ENDINGS]
         costs = [_number(value, NOTHING) for value in _costs(result)]
-        yield [method.label, _asked(result, method), str(result.score), *ended, *costs]
+        yield [method.label, _asked(result, method), str(result), *ended, *costs]
 
 
-def _costs(result: Result) -> list[float | None]:
+def _costs(result: MethodResult) -> list[float | None]:
     outside_llm_ms = None if result.outside_llm_s is None else 1000 * result.outside_llm_s
     return [result.llm_s, outside_llm_ms, result.execute_s, *(result.tokens[name] for name in TOKENS)]
 
 
-def _asked(result: Result, method: Method) -> str:
+def _asked(result: MethodResult, method: Method) -> str:
     where = "pose noise" if method.noise_on == "both" else "pose noise of tests alone"
     special = {
         where: method.noise,

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
 from app.evaluation.world import World
@@ -21,7 +20,7 @@ from app.executors import Executor
 from app.pipeline.episode import rotation_of
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError
+from roboprompt_client.errors import RoboPromptError, ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
@@ -35,12 +34,16 @@ MAX_FAILED_SHARE = 0.5
 MAX_SLUG_CHARS = 20
 
 
+class TeachingError(RoboPromptError):
+    """A task's expert fails too often, or objects cannot be found in images; the message says which and why."""
+
+
 def images_only(frames: Sequence[RgbdFrame], objects: Sequence[ObjectPose]) -> Observation:
     """Return an observation of images without poses and masks."""
     return Observation((), tuple(replace(frame, mask=None) for frame in frames), tuple(pose.name for pose in objects))
 
 
-def learned_models(
+def _learned_models(
     client: RoboPromptClient,
     name: str,
     labeled: Sequence[RecordedDemonstration],
@@ -53,7 +56,7 @@ def learned_models(
         yaw_symmetry_deg: of the objects, as for `PUT /tasks/{name}`.
 
     Raises:
-        NotLearnedError: if an object cannot be learned; with the reason.
+        TeachingError: if an object cannot be learned; with the reason.
         ServiceProblemError, ServiceUnreachableError.
     """
     school = f"{name}.labels"
@@ -61,8 +64,7 @@ def learned_models(
     episodes = []
     for item in labeled:
         seen = Observation(item.scene.objects, item.scene.frames, mask_ids=item.scene.mask_ids)
-        document = _upload(client, school, item, seen)
-        episodes.append((str(document["id"]), item.scene))
+        episodes.append((_upload(client, school, item, seen), item.scene))
     learned = client.learn_object_models(school, episodes=len(labeled))
     models = dict(learned["object_models"])
     for missing in learned["refused"]:
@@ -82,7 +84,8 @@ def _model_from_labels(
     The arrow points away from the robot in the first episode and is accurate to ten degrees. An unknown symmetry is
     tried out.
     """
-    yaws_deg = [next(_yaw_deg(pose) for pose in scene.objects if pose.name == name) for _, scene in episodes]
+    poses = [next(pose for pose in scene.objects if pose.name == name) for _, scene in episodes]
+    yaws_deg = [float(np.degrees(yaw_rad(rotation_of(pose)))) for pose in poses]
     ahead_deg = 90 * round(yaws_deg[0] / 90)
     for (id_, scene), yaw_deg in zip(episodes, yaws_deg, strict=True):
         arrow: dict[str, Any] = {} if symmetry_deg == 0 else {"yaw_deg": 10.0 * round((yaw_deg - ahead_deg) / 10)}
@@ -97,32 +100,22 @@ def _model_from_labels(
             reasons.append(f"symmetric {symmetric}: {error}")
         else:
             return model
-    raise NotLearnedError(f"{name} cannot be found in images: {'; '.join(reasons)}")
-
-
-def _yaw_deg(pose: ObjectPose) -> float:
-    return float(np.degrees(yaw_rad(rotation_of(pose))))
+    raise TeachingError(f"{name} cannot be found in images: {'; '.join(reasons)}")
 
 
 @dataclass(frozen=True, eq=False)
 class TaughtEpisode:
-    """A demonstration without its images, and the service's answer to its upload."""
+    """A demonstration without its images, and its id at the service."""
 
     recorded: RecordedDemonstration
-    document: Mapping[str, Any]
+    episode_id: str
 
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """The demonstrations of a group of methods.
-
-    Attributes:
-        name: of the task at the service.
-        num_demonstrations: that a prompt shows by default; there may be more.
-    """
+    """The demonstrations of a group of methods, and the name of the task at the service."""
 
     name: str
-    num_demonstrations: int
     taught: tuple[TaughtEpisode, ...]
 
 
@@ -166,7 +159,7 @@ def record(
         on_done: called after each success.
 
     Raises:
-        ExpertFailedError: if more than half of the expert's attempts fail.
+        TeachingError: if more than half of the expert's attempts fail.
     """
     seeds = (seed for seed in count(first_seed) if seed not in unseen)
     pending = deque(executor.submit(world.demonstrate, task, next(seeds), images) for _ in range(number))
@@ -180,7 +173,7 @@ def record(
             continue
         failed += 1
         if failed > MAX_FAILED_SHARE * number + 1:
-            raise ExpertFailedError(f"the expert of {task} failed {failed} times, last: {attempt.failure}")
+            raise TeachingError(f"the expert of {task} failed {failed} times, last: {attempt.failure}")
         pending.append(executor.submit(world.demonstrate, task, next(seeds), images))
     return tuple(recorded)
 
@@ -200,17 +193,16 @@ def upload(
         labeled: scenes from which object models are learned if `method` finds poses in images.
 
     Raises:
-        NotLearnedError: if objects cannot be learned.
+        TeachingError: if objects cannot be learned.
         ServiceProblemError, ServiceUnreachableError.
     """
     if method.poses == "vision":
-        settings = with_models(settings, learned_models(client, name, labeled, settings["yaw_symmetry_deg"]))
+        settings = with_object_models(settings, _learned_models(client, name, labeled, settings["yaw_symmetry_deg"]))
     client.configure_task(name, **settings)
-    taught = tuple(_taught(client, name, recorded, method))
-    return Lesson(name, settings["num_demonstrations"], taught)
+    return Lesson(name, tuple(_taught(client, name, recorded, method)))
 
 
-def with_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[str, Any]:
+def with_object_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[str, Any]:
     """Return a task's settings with object models; `registered` models decide their objects' symmetry."""
     symmetries = dict(settings["yaw_symmetry_deg"])
     for name, model in models.items():
@@ -227,7 +219,7 @@ def _taught(
     """Yield the uploaded demonstrations; those in whose images the service does not find an object are left out.
 
     Raises:
-        NotLearnedError: if more than half are left out.
+        TeachingError: if more than half are left out.
     """
     refused = []
     for item in shown:
@@ -236,23 +228,24 @@ def _taught(
         if method.poses == "vision":
             seen = images_only(scene.frames, scene.objects)
         try:
-            document = _upload(client, name, item, seen)
-            yield TaughtEpisode(replace(item, scene=replace(scene, frames=())), document)
+            episode_id = _upload(client, name, item, seen)
+            yield TaughtEpisode(replace(item, scene=replace(scene, frames=())), episode_id)
         except ServiceProblemError as error:
             if method.poses != "vision" or error.problem.get("type") not in UNSEEN:
                 raise
             refused.append(str(error))
     if len(refused) > MAX_FAILED_SHARE * len(shown):
-        raise NotLearnedError(f"{len(refused)} of {len(shown)} demonstrations show too little: {refused[0]}")
+        raise TeachingError(f"{len(refused)} of {len(shown)} demonstrations show too little: {refused[0]}")
 
 
-def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, seen: Observation) -> dict[str, Any]:
-    trajectory = replace(recorded.trajectory, object_positions_m=None, object_quaternions_xyzw=None)
-    return client.upload(
+def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, seen: Observation) -> str:
+    """Upload a demonstration; return its id at the service."""
+    document = client.upload(
         name,
         recorded.scene.instruction,
-        trajectory,
+        replace(recorded.trajectory, object_positions_m=None, object_quaternions_xyzw=None),
         seen,
         control_frequency_hz=recorded.control_frequency_hz,
         extra={"seed": recorded.scene.seed, "simulator": "mujoco"},
     )
+    return str(document["id"])

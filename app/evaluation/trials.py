@@ -4,17 +4,16 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from app.evaluation.methods import Method, Source
-from app.evaluation.panda import WORLD as PANDA
-from app.evaluation.panda import Actions, binned_keyframes
 from app.evaluation.paper import disturbed
+from app.evaluation.plan import PlannedTrial
 from app.evaluation.results import Trial
-from app.evaluation.robot_loops import USELESS_REPLY, run_loop
+from app.evaluation.robot_loop import USELESS_REPLY, run_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
-from app.evaluation.world import World, timed
-from app.executors import Executor, call
+from app.evaluation.world import WORLD, Actions, World, binned_keyframes
+from app.executors import Executor, call, timed
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
@@ -22,19 +21,6 @@ from roboprompt_client.robot import Observation
 
 # Problem types that mean that the instruction was not understood.
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
-
-
-class PlannedTrial(NamedTuple):
-    """A trial to be run. Its `key` is unique within a plan."""
-
-    task: str
-    seed: int
-    method: Method
-
-    @property
-    def key(self) -> tuple[str, int, str]:
-        """Task, seed and the method's label."""
-        return self.task, self.seed, self.method.label
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +33,7 @@ class TrialRunner:
 
     client: RoboPromptClient
     executor: Executor
-    world: World = PANDA
+    world: World = WORLD
     asking: threading.Semaphore = field(default_factory=threading.Semaphore)
 
     def run(self, planned: PlannedTrial, lesson: Lesson) -> Trial:
@@ -57,88 +43,85 @@ class TrialRunner:
             ServiceProblemError, ServiceUnreachableError, LanguageModelError, or a worker's error: the trial does not
                 count.
         """
-        return SOURCES[planned.method.source](self, planned, lesson, self.look(planned))
+        scene = call(self.executor, self.world.view, planned.task, planned.seed)
+        return SOURCES[planned.method.source](self, planned, lesson, Trial(*planned.key, scene))
 
-    def look(self, planned: PlannedTrial) -> SceneView:
-        """Return the trial's scene without pictures."""
-        return call(self.executor, self.world.view, planned.task, planned.seed)
+    def ask_service(self, planned: PlannedTrial, lesson: Lesson, trial: Trial) -> Trial:
+        """Ask the service, carry out its answer, and report the outcome."""
+        seen = self._observation(planned.method, trial.scene)
+        with self.asking:
+            started = time.perf_counter()
+            try:
+                predicted = self.client.predict(lesson.name, trial.scene.instruction, seen, **planned.method.options)
+            except ServiceProblemError as error:
+                return self._without_actions(replace(trial, predict_s=time.perf_counter() - started), planned, error)
+            trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
+        trial = self._execute(trial, predicted.actions)
+        self.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
+        return trial
 
-    def execute(self, trial: Trial, actions: Actions) -> Trial:
-        """Return the trial after carrying out the actions."""
+    def _observation(self, method: Method, scene: SceneView) -> Observation:
+        """Return what the robot sends of the scene: poses with the method's noise, or images only."""
+        if method.poses == "vision":
+            photographed = call(self.executor, self.world.view, scene.task, scene.seed, True)
+            return images_only(photographed.frames, scene.objects)
+        return Observation(disturbed(scene.objects, method.noise, scene.seed))
+
+    def _without_actions(self, trial: Trial, planned: PlannedTrial, error: ServiceProblemError) -> Trial:
+        """Return the failed trial of a useless reply, a refused instruction or an object that was not seen.
+
+        Raises:
+            ServiceProblemError: any other error, which says nothing about the method.
+        """
+        problem = error.problem.get("type")
+        unseen = planned.method.poses == "vision" and problem in UNSEEN
+        if problem not in USELESS_REPLY | REFUSED and not unseen:
+            raise error
+        answer = self._stored_answer(error.problem["prediction_id"]) if problem in USELESS_REPLY else None
+        return replace(trial, answer=answer, error=str(error), refused=problem in REFUSED)
+
+    def _stored_answer(self, prediction_id: str) -> dict[str, Any]:
+        """Return the stored record of a prediction without actions, in the form of an answer."""
+        stored = self.client.get(f"/predictions/{prediction_id}")
+        timings = stored["timings_ms"]
+        outside_llm_ms = sum(ms for name, ms in timings.items() if name != "llm")
+        return {**stored, "actions": [], "timings_ms": {**timings, "outside_llm": outside_llm_ms}}
+
+    def let_robot_loop(self, planned: PlannedTrial, lesson: Lesson, trial: Trial) -> Trial:
+        """Run the robot's own loop in a worker: it asks once, and may look again while it moves."""
+        with self.asking:
+            return call(
+                self.executor, run_loop, self.client.url, lesson.name, planned.seed, planned.method, trial.scene
+            )
+
+    def replay_own_keyframes(self, planned: PlannedTrial, lesson: Lesson, trial: Trial) -> Trial:
+        """Carry out a demonstration's keyframes in its own scene: an upper bound for any prediction."""
+        taught = lesson.taught[planned.seed % len(lesson.taught)]
+        keyframes = self.client.get(f"/episodes/{taught.episode_id}")["keyframes"]
+        trajectory = taught.recorded.trajectory
+        # A keyframe stores the gripper's state: it may lie shortly before or after the recorded switch.
+        actions = tuple(replace(trajectory.action_at(k["index"]), gripper_open=k["gripper_open"]) for k in keyframes)
+        return self._execute(replace(trial, scene=taught.recorded.scene), actions)
+
+    def replay_expert(self, planned: PlannedTrial, lesson: Lesson, trial: Trial) -> Trial:
+        """Carry out the expert's own keyframes in bins: an upper bound for methods that predict bins."""
+        return self._execute(trial, call(self.executor, binned_keyframes, planned.task, planned.seed))
+
+    def let_expert_solve(self, planned: PlannedTrial, lesson: Lesson, trial: Trial) -> Trial:
+        """Let the expert solve the scene: how often could the task be demonstrated at all?"""
+        solved, seconds = call(self.executor, timed, self.world.solve, planned.task, planned.seed)
+        execution = RolloutResult(len(solved.expert_actions), solved.succeeded, solved.failure)
+        return replace(trial, execution=execution, execute_s=seconds, actions=solved.expert_actions)
+
+    def _execute(self, trial: Trial, actions: Actions) -> Trial:
         execution, seconds = call(self.executor, timed, self.world.execute, trial.scene, actions)
-        return replace(trial, actions=actions, execution=execution, execute_s=seconds)
+        return replace(trial, actions=tuple(actions), execution=execution, execute_s=seconds)
 
 
-def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    trial = Trial(*planned.key, scene)
-    seen, options = _observation(runner, planned, scene), planned.method.options
-    with runner.asking:
-        started = time.perf_counter()
-        try:
-            predicted = runner.client.predict(lesson.name, scene.instruction, seen, **options)
-        except ServiceProblemError as error:
-            seconds, problem = time.perf_counter() - started, error.problem.get("type")
-            unseen = planned.method.poses == "vision" and problem in UNSEEN
-            if problem not in USELESS_REPLY | REFUSED and not unseen:
-                raise
-            answer = _without_actions(runner.client, error) if problem in USELESS_REPLY else None
-            return replace(trial, answer=answer, error=str(error), predict_s=seconds, refused=problem in REFUSED)
-        trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
-    trial = runner.execute(trial, predicted.actions)
-    runner.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
-    return trial
-
-
-def _observation(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Observation:
-    """Return what the robot sends of the scene: poses with the method's noise, or images only."""
-    if planned.method.poses == "vision":
-        photographed = call(runner.executor, runner.world.view, planned.task, planned.seed, True)
-        return images_only(photographed.frames, scene.objects)
-    return Observation(disturbed(scene.objects, planned.method.noise, planned.seed))
-
-
-def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
-    """Return the stored record of a prediction without actions, in the form of an answer."""
-    stored = client.get(f"/predictions/{error.problem['prediction_id']}")
-    timings = stored["timings_ms"]
-    outside_llm_ms = sum(ms for name, ms in timings.items() if name != "llm")
-    return {**stored, "actions": [], "timings_ms": {**timings, "outside_llm": outside_llm_ms}}
-
-
-def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Run the robot's own loop in a worker: it asks once, and may look again while it moves."""
-    with runner.asking:
-        return call(runner.executor, run_loop, runner.client.url, lesson.name, planned.seed, planned.method, scene)
-
-
-def _replay_own(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Carry out a demonstration's keyframes in its own scene: an upper bound for any prediction."""
-    demonstration = lesson.taught[planned.seed % len(lesson.taught)]
-    keyframes = runner.client.get(f"/episodes/{demonstration.document['id']}")["keyframes"]
-    trajectory = demonstration.recorded.trajectory
-    # A keyframe stores the gripper's state: it may lie shortly before or after the recorded switch.
-    actions = tuple(replace(trajectory.action_at(k["index"]), gripper_open=k["gripper_open"]) for k in keyframes)
-    return runner.execute(Trial(*planned.key, demonstration.recorded.scene), actions)
-
-
-def _replay_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Carry out the expert's own keyframes in bins: an upper bound for methods that predict bins."""
-    actions = call(runner.executor, binned_keyframes, planned.task, planned.seed)
-    return runner.execute(Trial(*planned.key, scene), actions)
-
-
-def _perform_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """Let the expert solve the scene: how often could the task be demonstrated at all?"""
-    solved, seconds = call(runner.executor, timed, runner.world.solve, planned.task, planned.seed)
-    actions = solved.expert_actions
-    execution = RolloutResult(len(actions), solved.succeeded, solved.failure)
-    return Trial(*planned.key, scene, execution=execution, execute_s=seconds, actions=actions)
-
-
-SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView], Trial]] = {
-    "service": _ask_service,
-    "robot loop": _ask_and_act,
-    "own keyframes": _replay_own,
-    "expert replay": _replay_expert,
-    "expert": _perform_expert,
+SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, Trial], Trial]] = {
+    "service": TrialRunner.ask_service,
+    "robot loop": TrialRunner.let_robot_loop,
+    "own keyframes": TrialRunner.replay_own_keyframes,
+    "expert replay": TrialRunner.replay_expert,
+    "expert": TrialRunner.let_expert_solve,
 }

@@ -1,20 +1,27 @@
-"""The Protocol of a benchmark: scenes, and an expert that solves them.
+"""Worlds: the Protocol of a benchmark (scenes, and an expert that solves them), and the simulated Panda as one.
 
-The simulated Panda is one (`app.evaluation.panda`); another is a module with a `WORLD` of this Protocol. A world that
-needs other packages names the interpreter that has them; only its module is imported there.
+Another world is a module with a `WORLD`. One that needs other packages names the interpreter that has them; only its
+module is imported there.
 """
 
 import importlib
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol
 
-from app.evaluation.failures import UnknownWorldError
+from app.pipeline.keyframes import Motion, merged
+from app.pipeline.workspace import Workspace, discretize_actions, undiscretize_actions
+from app.sim.demonstrate import Recordings, RobotName, record_demonstration, rollout, view_scene
+from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
+from app.sim.tasks import ALL_TASKS
+from app.sim.world import CAMERA_NAMES, CAMERAS
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
 
-Result = TypeVar("Result")
+Actions = Sequence[EndEffectorAction]
 
 
 class World(Protocol):
@@ -50,7 +57,7 @@ class World(Protocol):
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
         """Return the expert's attempt in a test's scene, without pictures."""
 
-    def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
+    def execute(self, scene: SceneView, actions: Actions) -> RolloutResult:
         """Carry out the actions in the scene, and judge the outcome."""
 
 
@@ -58,18 +65,96 @@ def world_named(module: str) -> World:
     """Return the `WORLD` of a module, e.g. ``benchmarks.metaworld.world``.
 
     Raises:
-        UnknownWorldError: if there is none.
+        InvalidInputError: if there is none, or its environment is missing.
     """
     try:
         world: World = importlib.import_module(module).WORLD
     except (ImportError, AttributeError) as error:
-        raise UnknownWorldError(f"{module} is no module with a WORLD: {error}") from error
+        raise InvalidInputError("world", f"{module} is no module with a WORLD: {error}") from error
     if world.python is not None and not world.python.exists():
-        raise UnknownWorldError(f"{module} needs an environment of its own, and there is none at {world.python}")
+        raise InvalidInputError("world", f"{module} needs an environment of its own: there is none at {world.python}")
     return world
 
 
-def timed(job: Callable[..., Result], /, *arguments: object) -> tuple[Result, float]:
-    """Return the job's result and its duration in seconds. Runs in a worker."""
-    started = time.perf_counter()
-    return job(*arguments), time.perf_counter() - started
+@dataclass(frozen=True)
+class Panda:
+    """The tasks of `app.sim.tasks`.
+
+    Attributes:
+        recordings: whether the expert rests at its poses while it demonstrates.
+        robot: what moves the arm, in demonstrations and tests; a Franka's driver rests at each pose.
+        control_frequency_hz: of the recordings; RLBench's by default.
+        num_cameras: that take images, the first of `app.sim.world.CAMERAS`.
+    """
+
+    recordings: Recordings = "rests"
+    robot: RobotName = "simulated"
+    control_frequency_hz: float = 20.0
+    num_cameras: int = len(CAMERA_NAMES)
+    tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        name: task.yaw_symmetry_deg for name, task in ALL_TASKS.items()
+    }
+    first_test_seed: ClassVar[int] = 100_000
+    python: ClassVar[None] = None
+
+    @property
+    def _cameras(self) -> tuple[str, ...]:
+        return tuple(CAMERAS)[: self.num_cameras]
+
+    def conditions(self) -> Mapping[str, Any]:
+        return asdict(self)
+
+    def recorded_at(self, frequency_hz: float) -> "Panda":
+        return replace(self, control_frequency_hz=frequency_hz)
+
+    def view(self, task: str, seed: int, images: bool = False) -> SceneView:
+        if images:
+            return view_scene(task, seed, variation=_variation(task, seed), cameras=self._cameras)
+        return _view(task, seed)
+
+    def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
+        rate_hz, cameras = self.control_frequency_hz, self._cameras if images else ()
+        if self.robot == "franka":
+            return over_libfranka.record_demonstration(task, seed, rate_hz, images=images)
+        return record_demonstration(task, seed, rate_hz, recordings=self.recordings, cameras=cameras)
+
+    def solve(self, task: str, seed: int) -> RecordedDemonstration:
+        variation = _variation(task, seed)
+        return record_demonstration(task, seed, variation=variation, recordings=self.recordings, cameras=())
+
+    def execute(self, scene: SceneView, actions: Actions) -> RolloutResult:
+        carry_out = over_libfranka.rollout if self.robot == "franka" else rollout
+        return carry_out(scene.task, scene.seed, actions, variation=_variation(scene.task, scene.seed))
+
+
+WORLD = Panda()
+
+
+def binned_keyframes(task: str, seed: int) -> tuple[EndEffectorAction, ...]:
+    """Return the expert's keyframes in a test's scene, after binning. Runs in a worker."""
+    trajectory, workspace = WORLD.solve(task, seed).trajectory, Workspace.rlbench()
+    actions = [trajectory.action_at(index) for index in merged(Motion.of(trajectory))]
+    binned = discretize_actions(actions, workspace)
+    return tuple(undiscretize_actions([item.bins for item in binned], workspace))
+
+
+def film(scene: SceneView, actions: Actions | None, shift_m: float) -> tuple[SceneView, RolloutResult | None]:
+    """Return a test's scene with pictures, and the result of its actions, if any, with a film. Runs in a worker.
+
+    Args:
+        shift_m: how far its free objects are moved before the motion.
+    """
+    task, seed, variation = scene.task, scene.seed, _variation(scene.task, scene.seed)
+    seen = view_scene(task, seed, variation=variation)
+    if actions is None:
+        return seen, None
+    return seen, rollout(task, seed, actions, variation=variation, film_strip=True, shift_m=shift_m)
+
+
+@lru_cache(maxsize=64)
+def _view(task: str, seed: int) -> SceneView:
+    return view_scene(task, seed, variation=_variation(task, seed), cameras=())
+
+
+def _variation(task: str, seed: int) -> int:
+    return ALL_TASKS[task].test_variation(seed)

@@ -22,7 +22,7 @@ RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors with
 
 
 @dataclass(frozen=True)
-class Quirks:
+class ModelQuirks:
     """The fields that a model accepts. A pattern to continue needs no thinking, and greedy decoding suits it best."""
 
     fields: Mapping[str, Any]  # of every request; they turn thinking off, or down where it cannot be turned off
@@ -30,26 +30,26 @@ class Quirks:
     temperature: bool = False  # the model can be asked to decode greedily
 
 
-_OFF = Quirks({"thinking": {"type": "disabled"}})
-_ALWAYS = Quirks({"output_config": {"effort": "low"}}, thinks=True)
-_OLDER = Quirks({}, temperature=True)
+_OFF = ModelQuirks({"thinking": {"type": "disabled"}})
+_ALWAYS = ModelQuirks({"output_config": {"effort": "low"}}, thinks=True)
+_OLDER = ModelQuirks({}, temperature=True)
 # By how the model's name begins, the first that fits. From the models' pages and migration guides: thinking is on by
 # default since Claude 5, and `temperature` refused since Opus 4.7.
-MODELS: Mapping[str, Quirks] = {
+MODELS: Mapping[str, ModelQuirks] = {
     "claude-opus-5-5": _ALWAYS,
     "claude-fable-": _ALWAYS,
-    "claude-sonnet-5-5": Quirks({"thinking": {"type": "between_tools"}}),
+    "claude-sonnet-5-5": ModelQuirks({"thinking": {"type": "between_tools"}}),
     "claude-haiku-5": _OFF,
     "claude-sonnet-5": _OFF,
     "claude-opus-5": _OFF,
-    "claude-opus-4-7": Quirks({}),
-    "claude-opus-4-8": Quirks({}),
+    "claude-opus-4-7": ModelQuirks({}),
+    "claude-opus-4-8": ModelQuirks({}),
     "claude-opus-4": _OLDER,
     "claude-sonnet-4": _OLDER,
     "claude-haiku-4": _OLDER,
     "claude-3": _OLDER,
 }
-UNKNOWN = Quirks({}, thinks=True)  # no field that a model may refuse, and room in case it thinks
+UNKNOWN = ModelQuirks({}, thinks=True)  # no field that a model may refuse, and room in case it thinks
 _FINISH_REASONS = {
     "end_turn": "stop",
     "stop_sequence": "stop",
@@ -83,7 +83,7 @@ class _Event(BaseModel):
     error: Any = None
 
 
-def quirks_of(model: str) -> Quirks:
+def quirks_of(model: str) -> ModelQuirks:
     """The quirks of a model."""
     return next((quirks for start, quirks in MODELS.items() if model.startswith(start)), UNKNOWN)
 

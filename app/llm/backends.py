@@ -7,16 +7,15 @@ from importlib.metadata import entry_points
 
 from pydantic import SecretStr
 
-from app.llm import baselines
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
-from app.llm.computed import SCRIPTED, ScriptedModel
+from app.llm.computed import NEAREST, REGRESSION, SCRIPTED, ScriptedModel, nearest, regression
 from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.known_models import KNOWN, profile_of
 from app.llm.llama.vocabulary import TrimmedModel
 from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
 from app.llm.llm_settings import LlmSettings, variable
-from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
+from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, ServerQuirks, quirks_of
 from app.llm.resilient import ProviderLimits
 from app.llm.sse import Server
 
@@ -79,21 +78,25 @@ def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:
     return [profile_of(model) for model in (*KNOWN, *own_models(settings))]
 
 
-def _openai(model: str, settings: LlmSettings) -> LanguageModel:
-    return OpenAiCompatibleModel(_provider_profile(f"openai/{model}"), _provider("openai", model, settings), model)
+def _provider(
+    name: str, models: Mapping[str, str], make: Callable[[ModelProfile, Server, str], LanguageModel]
+) -> Backend:
+    """Return the backend of a provider whose models need a key; `models` are those offered, with descriptions."""
 
+    def profile(model: str) -> ModelProfile:
+        description = models.get(model, "")
+        return ModelProfile(
+            f"{name}/{model}", "chat", grammar=False, representation="absolute", description=description
+        )
 
-def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
-    return AnthropicModel(_provider_profile(f"anthropic/{model}"), _provider("anthropic", model, settings), model)
+    def create(model: str, settings: LlmSettings) -> LanguageModel:
+        _require_model_name(name, model)
+        server = _server(name, settings)
+        if not server.key:
+            raise ModelUnavailableError(f"{name}/{model} needs a key: set {server.key_variable}")
+        return make(profile(model), server, model)
 
-
-def _provider(name: str, model: str, settings: LlmSettings) -> Server:
-    """Return the server of a provider's models, which need a key."""
-    _require_model_name(name, model)
-    server = _server(name, settings)
-    if not server.key:
-        raise ModelUnavailableError(f"{name}/{model} needs a key: set {server.key_variable}")
-    return server
+    return Backend(create, lambda settings: [profile(model) for model in models], _network_limits)
 
 
 def _server(name: str, settings: LlmSettings) -> Server:
@@ -101,28 +104,6 @@ def _server(name: str, settings: LlmSettings) -> Server:
     url, key = f"{name}_base_url", f"{name}_api_key"
     secret: SecretStr = getattr(settings, key)
     return Server(getattr(settings, url), secret.get_secret_value(), variable(key), variable(url))
-
-
-def _provider_profile(name: str, description: str = "") -> ModelProfile:
-    return ModelProfile(name, "chat", grammar=False, representation="absolute", description=description)
-
-
-_PROVIDERS_MODELS = {
-    "openai": {
-        "gpt-4-turbo": "The paper's main model (51.8 % of 16 RLBench tasks)",
-        "gpt-4o": "The best of the paper's comparison (56.3 % of 16 RLBench tasks)",
-        "gpt-4o-mini": "44.8 % of 16 RLBench tasks in the paper",
-    },
-    "anthropic": {
-        "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
-        "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
-        "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
-    },
-}
-
-
-def _provider_offered(name: str) -> list[ModelProfile]:
-    return [_provider_profile(f"{name}/{model}", text) for model, text in _PROVIDERS_MODELS[name].items()]
 
 
 def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
@@ -134,7 +115,7 @@ def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
     return OpenAiCompatibleModel(_compatible_profile(model, settings), server, model, _compatible_quirks(settings))
 
 
-def _compatible_quirks(settings: LlmSettings) -> Quirks:
+def _compatible_quirks(settings: LlmSettings) -> ServerQuirks:
     server = settings.compatible_server
     return quirks_of(settings.compatible_base_url) if server == "other" else SERVERS[server]
 
@@ -164,34 +145,45 @@ def _require_model_name(backend: str, model: str) -> None:
         raise UnknownModelError(f"{backend} needs the name of a model: {backend}/MODEL")
 
 
-def _nameless(backend: str, make: Callable[[LlmSettings], LanguageModel]) -> ModelFactory:
-    """Of a backend that has one model."""
+def _single(
+    name: str, make: Callable[[LlmSettings], LanguageModel], offered: Callable[[LlmSettings], Sequence[ModelProfile]]
+) -> Backend:
+    """Return a backend that has one model."""
 
     def create(model: str, settings: LlmSettings) -> LanguageModel:
         if model:
-            remedy = f"ask for {backend!r}, not '{backend}/{model}'"
-            raise UnknownModelError(f"{backend} has no models to choose from: {remedy}")
+            raise UnknownModelError(f"{name} has no models to choose from: ask for {name!r}, not '{name}/{model}'")
         return make(settings)
 
-    return create
+    return Backend(create, offered)
 
 
 BUILT_IN: Mapping[str, Backend] = {
     "embedded": Backend(_embedded, _embedded_offered, _embedded_limits),
-    "anthropic": Backend(_anthropic, lambda settings: _provider_offered("anthropic"), _network_limits),
-    "openai": Backend(_openai, lambda settings: _provider_offered("openai"), _network_limits),
+    "anthropic": _provider(
+        "anthropic",
+        {
+            "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
+            "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
+            "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
+        },
+        AnthropicModel,
+    ),
+    "openai": _provider(
+        "openai",
+        {
+            "gpt-4-turbo": "The paper's main model (51.8 % of 16 RLBench tasks)",
+            "gpt-4o": "The best of the paper's comparison (56.3 % of 16 RLBench tasks)",
+            "gpt-4o-mini": "44.8 % of 16 RLBench tasks in the paper",
+        },
+        OpenAiCompatibleModel,
+    ),
     "openai_compatible": Backend(
         _openai_compatible,
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
-    "nearest": Backend(
-        _nameless("nearest", lambda settings: baselines.nearest()), lambda settings: [baselines.NEAREST]
-    ),
-    "regression": Backend(
-        _nameless("regression", lambda settings: baselines.regression()), lambda settings: [baselines.REGRESSION]
-    ),
-    "scripted": Backend(
-        _nameless("scripted", _scripted), lambda settings: [SCRIPTED] if settings.scripted_replies else []
-    ),
+    "nearest": _single("nearest", lambda settings: nearest(), lambda settings: [NEAREST]),
+    "regression": _single("regression", lambda settings: regression(), lambda settings: [REGRESSION]),
+    "scripted": _single("scripted", _scripted, lambda settings: [SCRIPTED] if settings.scripted_replies else []),
 }

@@ -1,4 +1,4 @@
-"""The seam between the method and any text-only LLM."""
+"""The contract of a text-only LLM: requests, replies and errors."""
 
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
@@ -77,7 +77,7 @@ class Usage:
     completion_tokens: int = 0
 
     def plus(self, other: "Usage") -> "Usage":
-        """Both together."""
+        """Return the sum of both."""
         return Usage(
             self.prompt_tokens + other.prompt_tokens,
             self.cached_tokens + other.cached_tokens,
@@ -145,7 +145,7 @@ class LanguageModel(Protocol):
         """The reply piece by piece; the last item is the Completion, whose text is the TextDeltas joined.
 
         A backend that cannot stream sends its reply as one piece. It keeps no deadline: `resilient.ResilientModel`,
-        which is around every backend, does. Whoever stops early closes the stream, which ends the generation as well.
+        which is around every backend, does. A consumer that stops early closes the stream, which ends the generation.
 
         Raises:
             ModelUnavailableError, ModelBusyError, ModelTimeoutError, ModelResponseError.
@@ -167,7 +167,7 @@ class StartedModel(LanguageModel, Protocol):
 
 
 async def complete(model: LanguageModel, request: CompletionRequest) -> Completion:
-    """The whole reply. One that breaks off is asked for again where a stream could not be. Raises as `stream`."""
+    """Return the whole reply, which is requested again if it breaks off. Raises as `stream`."""
     async with aclosing(model.stream(replace(request, piecewise=False))) as pieces:
         async for piece in pieces:
             if isinstance(piece, Completion):

@@ -1,8 +1,8 @@
 """Any server that speaks OpenAI's HTTP API: OpenAI, vLLM, SGLang, Ollama, llama.cpp, OpenRouter.
 
 A CompletionRequest becomes the body of a request, and each event of the streamed reply a Chunk. The format is that of
-https://platform.openai.com/docs/api-reference (chat/completions and completions); where servers differ, `QUIRKS` says
-how.
+https://platform.openai.com/docs/api-reference (chat/completions and completions); where servers differ, `SERVERS` and
+`HOSTS` say how.
 """
 
 import re
@@ -23,7 +23,7 @@ END = "[DONE]"
 
 
 @dataclass(frozen=True)
-class Quirks:
+class ServerQuirks:
     """How a server's format differs from the common one.
 
     Attributes:
@@ -47,16 +47,16 @@ class Quirks:
 
 # `cache_prompt` keeps the prompt. llama.cpp notices that the client has gone when it sends something, with
 # `return_progress` also while it reads the prompt. (llama.cpp, tools/server/README.md)
-LLAMA_CPP = Quirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("return_progress", True)))
+LLAMA_CPP = ServerQuirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("return_progress", True)))
 # "Structured Outputs" of vLLM's documentation, since 0.12; its default backend xgrammar reads GBNF.
-VLLM = Quirks(grammar_path=("structured_outputs", "grammar"))
+VLLM = ServerQuirks(grammar_path=("structured_outputs", "grammar"))
 # "Structured Outputs" of SGLang's documentation: xgrammar, "currently uses the GGML BNF format".
-SGLANG = Quirks(grammar_path=("ebnf",))
+SGLANG = ServerQuirks(grammar_path=("ebnf",))
 # Ollama and LM Studio take no grammar ("OpenAI compatibility" and "Structured output" of their documentations). OpenAI
 # wants an object at the top of a schema, which no demonstration shows: its models are left to continue the pattern.
-JSON_SCHEMA = Quirks(schema=True)
-SERVERS: Mapping[CompatibleServer, Quirks] = {
-    "other": Quirks(),
+JSON_SCHEMA = ServerQuirks(schema=True)
+SERVERS: Mapping[CompatibleServer, ServerQuirks] = {
+    "other": ServerQuirks(),
     "llama_cpp": LLAMA_CPP,
     "vllm": VLLM,
     "sglang": SGLANG,
@@ -64,15 +64,15 @@ SERVERS: Mapping[CompatibleServer, Quirks] = {
     "lm_studio": JSON_SCHEMA,
 }
 # by the host of the base URL
-HOSTS: Mapping[str, Quirks] = {
-    "api.openai.com": Quirks(max_tokens_field="max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
-    "openrouter.ai": Quirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
+HOSTS: Mapping[str, ServerQuirks] = {
+    "api.openai.com": ServerQuirks("max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
+    "openrouter.ai": ServerQuirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
 }
 # From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
 # request says where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint and
 # prompt_cache_options).
 EXPLICIT_CACHE_SINCE = (5, 6)
-EXPLICIT_CACHE = Quirks(
+EXPLICIT_CACHE = ServerQuirks(
     prefix_mark=("prompt_cache_breakpoint", {"mode": "explicit"}),
     extra=(("prompt_cache_options", {"mode": "explicit"}),),
 )
@@ -113,12 +113,12 @@ class _Event(BaseModel):
     error: Any = None
 
 
-def quirks_of(base_url: str) -> Quirks:
+def quirks_of(base_url: str) -> ServerQuirks:
     """The quirks of the server at `base_url`."""
-    return HOSTS.get(urlsplit(base_url).hostname or "", Quirks())
+    return HOSTS.get(urlsplit(base_url).hostname or "", ServerQuirks())
 
 
-def request_body(request: CompletionRequest, model: str, style: Style, quirks: Quirks) -> dict[str, Any]:
+def request_body(request: CompletionRequest, model: str, style: Style, quirks: ServerQuirks) -> dict[str, Any]:
     """The JSON body that asks for `request` as a stream with usage; `model` is the server's name of it."""
     prompt, thinks = request.prompt, REASONING_MODELS.match(model)
     if quirks.openai and _version(model) >= EXPLICIT_CACHE_SINCE:
@@ -160,7 +160,7 @@ def _nested(path: tuple[str, ...], value: str) -> dict[str, Any]:
     return {path[0]: _nested(path[1:], value) if path[1:] else value}
 
 
-def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict[str, Any]]:
+def _user_content(request: CompletionRequest, quirks: ServerQuirks) -> str | list[dict[str, Any]]:
     """The user message; in two parts, the first marked, where the server caches up to a mark."""
     prompt = request.prompt
     if not (quirks.prefix_mark and prompt.prefix):
@@ -198,9 +198,9 @@ def _usage(usage: _Usage) -> Usage:
 
 
 class OpenAiCompatibleModel(SseModel):
-    """One model of one server, by the server's name of it; without `quirks` the server's host tells them."""
+    """One model of a server, by the server's name of it; without `quirks`, it has those of the server's host."""
 
-    def __init__(self, profile: ModelProfile, server: Server, model: str, quirks: Quirks | None = None) -> None:
+    def __init__(self, profile: ModelProfile, server: Server, model: str, quirks: ServerQuirks | None = None) -> None:
         quirks = quirks_of(server.base_url) if quirks is None else quirks
         path = "chat/completions" if profile.style == "chat" else "completions"
         headers = {"Authorization": f"Bearer {server.key}"} if server.key else {}

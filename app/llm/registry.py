@@ -1,4 +1,4 @@
-"""Models by name: made when first asked for, wrapped as the settings say, kept while there is room, closed together."""
+"""Models by name: made at their first use, wrapped by `resilient`, kept while there is room, closed together."""
 
 import asyncio
 import threading
@@ -54,7 +54,7 @@ class ModelRegistry:
     def get(self, name: str = "") -> LanguageModel:
         """The model named `backend/model`, or the default one. Starts nothing.
 
-        It is kept until others need its place: who waits for its reply says so by `using`.
+        It is kept until others need its place; a caller that waits for a reply calls `using`.
 
         Raises:
             UnknownModelError: no backend or model of that name; lists those offered.
@@ -64,7 +64,7 @@ class ModelRegistry:
         return self._get(name or self._settings.default_model)
 
     def profile(self, name: str = "") -> ModelProfile:
-        """The model's profile. Keeps nothing but the default model, whose weights need not be looked for again.
+        """Return the model's profile. Of models that are not in use, only the default one is kept.
 
         Raises:
             UnknownModelError, ModelUnavailableError.

@@ -41,7 +41,7 @@ BUSY_RETRY_AFTER_S = 1.0  # a reply takes a few seconds, and several are under w
 
 @dataclass(frozen=True)
 class ProviderLimits:
-    """How a provider is treated."""
+    """Limits of the requests to a provider."""
 
     concurrent: int  # requests at once
     queued: int  # requests that wait for a place; more are refused
@@ -75,7 +75,7 @@ class Places:
 
     @asynccontextmanager
     async def one(self) -> AsyncGenerator[None, None]:
-        """A place, as soon as one is free; raises ModelBusyError."""
+        """Hold a place, waiting for a free one; raises ModelBusyError if too many wait."""
         if self._num_inside >= self._limits.concurrent + self._limits.queued:
             taken = f"{self._limits.concurrent} requests are under way and {self._limits.queued} wait"
             raise ModelBusyError(f"{self._provider} is busy: {taken}", retry_after_s=BUSY_RETRY_AFTER_S)
@@ -106,7 +106,7 @@ class Circuit:
 
     @contextmanager
     def passage(self) -> Iterator[None]:
-        """Leave to ask; say inside whether the provider `answered` or `failed`. Raises ModelUnavailableError."""
+        """Let a request pass, inside which `answered` or `failed` is called. Raises ModelUnavailableError if open."""
         if self.is_open:
             wait_s = max(self._closes_at_s - self._clock(), 1.0)
             raise ModelUnavailableError(
@@ -123,11 +123,11 @@ class Circuit:
                 self._trial_under_way = False
 
     def answered(self) -> None:
-        """The provider lives."""
+        """Note that the provider answered."""
         self._num_failures = 0
 
     def failed(self, reason: str) -> None:
-        """The provider did not answer, or could not."""
+        """Note that the provider did not answer, or answered with an error of its own."""
         self._num_failures += 1
         self._last_failure = reason
         self._closes_at_s = self._clock() + self._limits.pause_s
@@ -187,7 +187,7 @@ class ResilientModel:
                 await self._sleep(wait_s)
 
     async def _try(self, request: CompletionRequest) -> Pieces:
-        """The reply to one try; the circuit learns how it went."""
+        """Yield the reply to one try, and report its outcome to the circuit."""
         circuit, asked_s, silent = self._guard.circuit, anyio.current_time(), True
         with circuit.passage():
             try:
@@ -216,7 +216,7 @@ class ResilientModel:
                     circuit.failed(f"no answer within {passed_s:.0f} s")
 
     def _wait_s(self, error: LanguageModelError, num_retries: int) -> float | None:
-        """How long to wait before the next try; None if there is to be none."""
+        """Return the wait before the next try; None if there is none."""
         limits = self._guard.limits
         if not error.retryable or num_retries >= limits.retries or self._guard.circuit.is_open:
             return None

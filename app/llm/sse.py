@@ -1,4 +1,4 @@
-"""POST a question, read the reply as server-sent events: what every provider's HTTP API has in common.
+"""Requests to an HTTP API whose replies are server-sent events: what all providers have in common.
 
 A provider's module says how its requests and events are written.
 Every error of httpx and every bad status is mapped to the tree of `base.py` here and nowhere else.

@@ -11,8 +11,7 @@ from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
 from app.sim.outcomes import RecordedDemonstration, RgbImage, RolloutResult, SceneView
 from app.sim.rendering import CAMERA, open_renderer
-from app.sim.robot import DWELL_S, SimulatedPanda
-from app.sim.sampler import TrajectorySampler
+from app.sim.robot import DWELL_S, SimulatedPanda, TrajectorySampler
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
@@ -28,22 +27,17 @@ DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 
 
 def view_scene(
-    task_name: str,
-    seed: int,
-    *,
-    variation: int | None = None,
-    images: bool = True,
-    cameras: Sequence[str] = CAMERA_NAMES,
+    task_name: str, seed: int, *, variation: int | None = None, cameras: Sequence[str] = CAMERA_NAMES
 ) -> SceneView:
     """The scene of a seed, as `record_demonstration` and `rollout` set it up.
 
     Args:
-        cameras: of `app.sim.world.CAMERAS`, that take the images.
+        cameras: of `app.sim.world.CAMERAS`, that take images; may be empty.
 
     Raises:
         InvalidInputError: for an unknown task or variation.
     """
-    return _view(robot_in_scene(task_name, seed, variation, images=images, cameras=cameras), seed)
+    return _view(SimulatedPanda(make_task(task_name, seed, variation), cameras), seed)
 
 
 def record_demonstration(
@@ -52,7 +46,6 @@ def record_demonstration(
     control_frequency_hz: float = 20.0,
     *,
     variation: int | None = None,
-    images: bool = True,
     film_strip: bool = False,
     recordings: Recordings = "rests",
     cameras: Sequence[str] = CAMERA_NAMES,
@@ -67,14 +60,14 @@ def record_demonstration(
     Raises:
         InvalidInputError: for an unknown task or variation, or a frequency that the simulation cannot sample at.
     """
+    task = make_task(task_name, seed, variation)
     if recordings == "rests":
-        robot = robot_in_scene(task_name, seed, variation, images=images, cameras=cameras)
+        robot = SimulatedPanda(task, cameras)
         robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
     else:
-        habits, guided = Habits(seed), make_task(task_name, seed, variation)
-        guided.way = habits.choose(guided.ways)
-        robot = GuidedPanda(guided, habits, cameras if images else ())
-    task = robot.task
+        habits = Habits(seed)
+        task.way = habits.choose(task.ways)
+        robot = GuidedPanda(task, habits, cameras)
     sampler = TrajectorySampler(robot, control_frequency_hz, task.object_names)
     scene = _view(robot, seed)
     moves = task.expert()
@@ -104,7 +97,7 @@ def rollout(
     Raises:
         InvalidInputError: for an unknown task or variation, or a scene without room for the shift.
     """
-    robot = robot_in_scene(task_name, seed, variation, images=False)
+    robot = SimulatedPanda(make_task(task_name, seed, variation), cameras=())
     if shift_m:
         shift_free_objects(robot.task, shift_m, seed)
     film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
@@ -112,50 +105,26 @@ def rollout(
     return RolloutResult(num_executed, not failure, failure, tuple(film))
 
 
-def robot_in_scene(
-    task_name: str, seed: int, variation: int | None = None, *, images: bool, cameras: Sequence[str] = CAMERA_NAMES
-) -> SimulatedPanda:
-    """The arm in the scene of a seed; with images it observes through its cameras.
-
-    Raises:
-        InvalidInputError: for an unknown task or variation.
-    """
-    return SimulatedPanda(make_task(task_name, seed, variation), cameras if images else ())
-
-
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:
     task, observation = robot.task, robot.observe()
-    return SceneView(
-        task.name,
-        seed,
-        task.instruction,
-        observation.objects,
-        observation.frames,
-        task.mask_ids(),
-        observation.end_effector,
-    )
+    seen = (observation.objects, observation.frames, task.mask_ids(), observation.end_effector)
+    return SceneView(task.name, seed, task.instruction, *seen)
 
 
 def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[list[RgbImage], int, str]:
-    """The film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
-    task, images, num_done = robot.task, list[RgbImage](), 0
+    """Return the film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
+    task, done = robot.task, list[int]()
+    images: list[RgbImage] = []
+    robot.after_move.append(done.append)
     with open_renderer(task.model) if film_strip else nullcontext() as renderer:
-
-        def shoot() -> None:
-            if renderer is not None:
-                images.append(renderer.rgb(task.data, CAMERA))
-
-        def after_move(index: int) -> None:
-            nonlocal num_done
-            num_done = index + 1
-            shoot()
-
-        shoot()
+        if renderer is not None:
+            images.append(renderer.rgb(task.data, CAMERA))
+            robot.after_move.append(lambda _: images.append(renderer.rgb(task.data, CAMERA)))
         try:
-            robot.perform(moves, after_move)
+            robot.perform(moves)
         except MotionError as error:
-            return images, num_done, str(error)
-    return images, num_done, ""
+            return images, len(done), str(error)
+    return images, len(done), ""
 
 
 def judge(robot: SimulatedPanda) -> str:

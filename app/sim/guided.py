@@ -145,14 +145,14 @@ class GuidedPanda(SimulatedPanda):
     def gripper_commanded_open(self) -> bool:
         return self._finger_goal_m > panda.FINGER_TRAVEL_M / 2
 
-    def perform(self, moves: Sequence[Move], on_done: Callable[[int], None] | None = None) -> None:
+    def perform(self, moves: Sequence[Move]) -> None:
         start = self._kinematics.forward(self._target_rad)
         steps = self._habits.steps(start, self.gripper_commanded_open, moves)
         steps, paths = self._planned(steps)
         first = 0
         for end, step in enumerate(steps, start=1):
             if step.within_m == 0:
-                self._pass(steps[first:end], paths[first:end], len(moves), on_done)
+                self._pass(steps[first:end], paths[first:end], len(moves))
                 first = end
 
     def _planned(self, steps: list[GuidedMove]) -> tuple[list[GuidedMove], list[JointPath]]:
@@ -166,9 +166,7 @@ class GuidedPanda(SimulatedPanda):
             pass  # the plan itself may be within reach; if it is not, the next line says so
         return plan, self._planner.plan(self._target_rad, [step.move for step in plan])
 
-    def _pass(
-        self, steps: Sequence[GuidedMove], paths: Sequence[JointPath], total: int, on_done: Callable[[int], None] | None
-    ) -> None:
+    def _pass(self, steps: Sequence[GuidedMove], paths: Sequence[JointPath], total: int) -> None:
         """Go along the paths without a rest, reach the last pose and set the gripper there."""
         route = joined(paths, [step.within_m for step in steps[:-1]], self._kinematics)
         pace = Pace(route, self._habits.speeds_m_s(route), TIMESTEP_S)
@@ -177,22 +175,19 @@ class GuidedPanda(SimulatedPanda):
         lead_row = max(0, len(pace.motion.positions_rad) - round(lead_s / TIMESTEP_S))
         at_the_end: _Event = (lead_row, partial(self._command, reached))
         self._target_rad = paths[-1].end_rad
-        self._run_with(pace.motion, [*self._on_the_way(passed, route.ends_m, pace, on_done), at_the_end])
+        self._run_with(pace.motion, [*self._on_the_way(passed, route.ends_m, pace), at_the_end])
         self._wait_for_fingers()
         assert reached.number is not None  # an overshoot is passed
         self._check_arrival(reached.move.pose, reached.number, total)
-        if on_done is not None:
-            on_done(reached.number)
+        self._end_move(reached.number)
 
-    def _on_the_way(
-        self, steps: Sequence[GuidedMove], ends_m: Sequence[float], pace: Pace, on_done: Callable[[int], None] | None
-    ) -> Iterator[_Event]:
+    def _on_the_way(self, steps: Sequence[GuidedMove], ends_m: Sequence[float], pace: Pace) -> Iterator[_Event]:
         begin_m = 0.0
         for step, end_m in zip(steps, ends_m, strict=False):
             set_at_m = begin_m + self._habits.on_the_way() * (end_m - begin_m)
             yield pace.row_at(set_at_m), partial(self._command, step)
-            if on_done is not None and step.number is not None:
-                yield pace.row_at(end_m), partial(on_done, step.number)
+            if step.number is not None:
+                yield pace.row_at(end_m), partial(self._end_move, step.number)
             begin_m = end_m
 
     def _run_with(self, motion: JointMotion, events: Sequence[_Event]) -> None:

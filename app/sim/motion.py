@@ -16,8 +16,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_splin
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.kinematics import Kinematics
-from app.sim.planner import JointPath
+from app.sim.planner import JointPath, Kinematics
 from roboprompt_client.types.arrays import Array
 
 # Fractions of Franka's limits: brisk, and within what the position servos follow to a millimeter

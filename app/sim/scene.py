@@ -64,7 +64,7 @@ class SceneBody:
         *,
         free: bool = False,
     ) -> None:
-        self.body = parent.add_body(name=name, pos=position_m, quat=quaternion_wxyz(rotation))
+        self.body = parent.add_body(name=name, pos=position_m, quat=rotation.as_quat(scalar_first=True))
         if free:
             self.body.add_freejoint()
 
@@ -157,7 +157,7 @@ class SceneBody:
             type=kind,
             size=size,
             pos=at_m,
-            quat=quaternion_wxyz(rotation),
+            quat=rotation.as_quat(scalar_first=True),
             rgba=[*COLORS[color], 1],
             mass=mass_kg,
             friction=[friction, TORSIONAL_FRICTION, ROLLING_FRICTION],
@@ -247,9 +247,3 @@ def scatter(
 def about_z(yaw_rad: float) -> Rotation:
     """A turn about the vertical."""
     return Rotation.from_euler("z", yaw_rad)
-
-
-def quaternion_wxyz(rotation: Rotation) -> list[float]:
-    """MuJoCo's order."""
-    x, y, z, w = rotation.as_quat()
-    return [w, x, y, z]

@@ -2,7 +2,7 @@
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.sparse.csgraph import connected_components
 
 from app.sim.tasks import ALL_TASKS
 from app.sim.tasks.base import SETTLE_S, SimTask
@@ -56,7 +56,7 @@ def shift_free_objects(task: SimTask, distance_m: float, seed: int) -> tuple[str
 def _try(task: SimTask, moves: list[tuple[list[int], Array]]) -> bool:
     """Move groups of bodies and let the scene settle; whether everything lies where it was put."""
     model, data = task.model, task.data
-    wanted = {body: (data.xpos[body] + shift_m, _rotation(task, body)) for group, shift_m in moves for body in group}
+    wanted = {body: (data.xpos[body] + shift_m, task.rotation(body)) for group, shift_m in moves for body in group}
     for body, (position_m, _) in wanted.items():
         data.qpos[model.jnt_qposadr[model.body_jntadr[body]] :][:3] += position_m - data.xpos[body]
     mujoco.mj_forward(model, data)
@@ -67,31 +67,20 @@ def _try(task: SimTask, moves: list[tuple[list[int], Array]]) -> bool:
     data.time = time_s
     return all(
         float(np.linalg.norm(data.xpos[body] - position_m)) < SLIP_M
-        and np.degrees((_rotation(task, body).inv() * rotation).magnitude()) < SLIP_DEG
+        and np.degrees((task.rotation(body).inv() * rotation).magnitude()) < SLIP_DEG
         for body, (position_m, rotation) in wanted.items()
     )
 
 
 def _groups(task: SimTask, bodies: list[int]) -> list[list[int]]:
-    """The bodies with whatever free body touches them, those that touch each other together."""
-    geom_body = task.model.geom_bodyid
-    pairs = [(int(geom_body[a]), int(geom_body[b])) for a, b in task.data.contact.geom[: task.data.ncon]]
-    touching = [pair for pair in pairs if all(_is_free(task, body) for body in pair)]
-    groups: list[list[int]] = []
-    for body in bodies:
-        if any(body in group for group in groups):
-            continue
-        group = [body]
-        for member in group:
-            group += {b for pair in touching if member in pair for b in pair} - set(group)
-        groups.append(group)
-    return groups
+    """Return the bodies with every free body that touches them, directly or through others: one list for each group."""
+    model, touching = task.model, np.zeros((task.model.nbody, task.model.nbody))
+    for one, other in model.geom_bodyid[task.data.contact.geom[: task.data.ncon]]:
+        touching[one, other] = _is_free(task, one) and _is_free(task, other)
+    _, group = connected_components(touching, directed=False)
+    return [np.flatnonzero(group == number).tolist() for number in dict.fromkeys(group[bodies].tolist())]
 
 
 def _is_free(task: SimTask, body: int) -> bool:
     joint = task.model.body_jntadr[body]
     return bool(joint >= 0 and task.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
-
-
-def _rotation(task: SimTask, body: int) -> Rotation:
-    return Rotation.from_matrix(task.data.xmat[body].reshape(3, 3))

@@ -20,11 +20,45 @@ BASE_POSITION_M = (-0.3, 0.0, TABLE_TOP_M)  # RLBench's Panda stands 0.3 m behin
 TIMESTEP_S = 0.002
 # The tool points down at (0.007, 0, 1.239) m: above the objects and out of the front camera's sight of them
 HOME_RAD = panda.READY_RAD
-SCENERY_CONTACT = {"contype": 3, "conaffinity": 3}  # touches robot and objects, see panda.ROBOT_CONTACT
-OBJECT_CONTACT = {"contype": 2, "conaffinity": 3}
+OBJECT_CONTACT = {"contype": 2, "conaffinity": 3}  # the room's is 3 and 3: it touches robot and objects
 MAIN_LIGHT_DIRECTION = (-0.25, -0.4, -1.0)
 SKY_RGB = (0.80, 0.85, 0.90)
-TABLE_FRICTION = (0.8, 0.005, 0.0001)
+_SKY, _LIGHT = (" ".join(map(str, numbers)) for numbers in (SKY_RGB, MAIN_LIGHT_DIRECTION))
+_THICK_M = 0.04  # the table's top
+_LEG_M = TABLE_TOP_M - _THICK_M
+# Elliptic cones and a high impratio keep grasped objects from slipping (MuJoCo documentation, "Slippage"). With a small
+# shadow map and no multisampling a 640x480 image on a CPU takes 22 instead of 92 ms.
+ROOM = f"""
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="{TIMESTEP_S}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+  <statistic extent="1" center="0.2 0 1"/>
+  <visual>
+    <map znear="0.05" zfar="12"/>
+    <quality shadowsize="1024" offsamples="0"/>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.15 0.15 0.15" specular="0 0 0"/>
+  </visual>
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="{_SKY}" rgb2="{_SKY}" width="64" height="64"/>
+  </asset>
+  <default>
+    <default class="room">
+      <geom type="box" contype="3" conaffinity="3" rgba="0.55 0.48 0.4 1"/>
+    </default>
+  </default>
+  <worldbody>
+    <light type="directional" pos="0.5 1 2.8" dir="{_LIGHT}" diffuse="0.55 0.55 0.55"/>
+    <light type="directional" pos="0 -1 2.8" dir="0.2 0.4 -1" diffuse="0.25 0.25 0.25" castshadow="false"/>
+    <geom class="room" name="floor" type="plane" size="6 6 0.1" rgba="0.5 0.52 0.55 1"/>
+    <geom class="room" name="table" size="0.55 0.65 {_THICK_M / 2}"
+      pos="0.15 0 {TABLE_TOP_M - _THICK_M / 2}" rgba="0.76 0.68 0.57 1" friction="0.8 0.005 0.0001"/>
+    <geom class="room" size="0.03 0.03 {_LEG_M / 2}" pos="-0.34 -0.59 {_LEG_M / 2}"/>
+    <geom class="room" size="0.03 0.03 {_LEG_M / 2}" pos="-0.34 0.59 {_LEG_M / 2}"/>
+    <geom class="room" size="0.03 0.03 {_LEG_M / 2}" pos="0.64 -0.59 {_LEG_M / 2}"/>
+    <geom class="room" size="0.03 0.03 {_LEG_M / 2}" pos="0.64 0.59 {_LEG_M / 2}"/>
+  </worldbody>
+</mujoco>
+"""
 
 
 @dataclass(frozen=True)
@@ -67,13 +101,11 @@ def camera_to_world(placement: CameraPlacement) -> Array:
 
 def base_spec() -> mujoco.MjSpec:
     """A mujoco.MjSpec of the world without a task. World frame: origin on the floor, z up, x away from the robot."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False  # otherwise joint ranges are read in degrees
-    _set_options(spec)
-    _add_room(spec)
+    spec = mujoco.MjSpec.from_string(ROOM)
     for name, placement in CAMERAS.items():
-        x, y, z, w = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO).as_quat()
-        spec.worldbody.add_camera(name=name, pos=placement.eye_m, quat=[w, x, y, z], fovy=placement.vertical_fov_deg)
+        axes = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO)
+        facing = {"pos": placement.eye_m, "quat": axes.as_quat(scalar_first=True)}
+        spec.worldbody.add_camera(name=name, fovy=placement.vertical_fov_deg, **facing)
     panda.add_panda(spec, BASE_POSITION_M)
     return spec
 
@@ -87,52 +119,3 @@ def place_arm(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     data.ctrl[: panda.NUM_JOINTS] = HOME_RAD
     data.ctrl[panda.GRIPPER_CTRL] = panda.FINGER_TRAVEL_M
     mujoco.mj_forward(model, data)
-
-
-def _set_options(spec: mujoco.MjSpec) -> None:
-    spec.option.timestep = TIMESTEP_S
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # Elliptic cones and a high impratio keep grasped objects from slipping (MuJoCo documentation, "Slippage")
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10
-    spec.stat.extent, spec.stat.center = 1.0, [0.2, 0, 1]
-    spec.visual.map.znear, spec.visual.map.zfar = 0.05, 12.0
-    # Small shadow map, no multisampling: a 640x480 image on a CPU takes 22 instead of 92 ms
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 1024, 0
-    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.15] * 3
-    spec.visual.headlight.specular = [0.0] * 3
-
-
-def _add_room(spec: mujoco.MjSpec) -> None:
-    world = spec.worldbody
-    sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=64, height=64)
-    sky.builtin, sky.rgb1, sky.rgb2 = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, SKY_RGB, SKY_RGB
-    directional = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    world.add_light(pos=[0.5, 1, 2.8], dir=MAIN_LIGHT_DIRECTION, diffuse=[0.55] * 3, type=directional)
-    world.add_light(pos=[0, -1, 2.8], dir=[0.2, 0.4, -1], diffuse=[0.25] * 3, castshadow=False, type=directional)
-    world.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[6, 6, 0.1],
-        rgba=[0.50, 0.52, 0.55, 1],
-        **SCENERY_CONTACT,
-    )
-    thickness_m = 0.04
-    table = world.add_geom(
-        name="table",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.55, 0.65, thickness_m / 2],
-        pos=[0.15, 0, TABLE_TOP_M - thickness_m / 2],
-        rgba=[0.76, 0.68, 0.57, 1],
-        **SCENERY_CONTACT,
-    )
-    table.friction = TABLE_FRICTION
-    for x_m, y_m in np.array([[-0.34, -0.59], [-0.34, 0.59], [0.64, -0.59], [0.64, 0.59]]):
-        height_m = TABLE_TOP_M - thickness_m
-        world.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[0.03, 0.03, height_m / 2],
-            pos=[x_m, y_m, height_m / 2],
-            rgba=[0.55, 0.48, 0.40, 1],
-            **SCENERY_CONTACT,
-        )

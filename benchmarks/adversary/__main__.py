@@ -26,7 +26,7 @@ from benchmarks.adversary.run import Run
 from benchmarks.adversary.table import shown, summary, tables
 from roboprompt_client.client import RoboPromptClient
 
-PANDA = "app.evaluation.panda"
+PANDA = "app.evaluation.world"
 SERVICE = {
     "ROBOPROMPT_WARM_UP": "false",
     "ROBOPROMPT_DEFAULT_MODEL": "nearest",

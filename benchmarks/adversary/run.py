@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from app.evaluation.panda import Panda
 from app.evaluation.teach import record
-from app.evaluation.world import World
+from app.evaluation.world import Panda, World
 from app.executors import Executor, call
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from benchmarks.adversary.case import Case, unchanged_case

@@ -4,8 +4,8 @@ from contextlib import closing
 
 import pytest
 
-from app.evaluation.panda import WORLD
 from app.evaluation.run import SIMULATION
+from app.evaluation.world import WORLD
 from app.executors import LocalExecutor
 from benchmarks.adversary.kinds import KINDS, RIGHT
 from benchmarks.adversary.run import Run

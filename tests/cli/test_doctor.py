@@ -3,7 +3,6 @@
 import shutil
 import socket
 import sqlite3
-import sys
 from collections import namedtuple
 from contextlib import closing
 
@@ -23,7 +22,7 @@ GIGABYTES = 10**6  # in kB
 def look(tmp_path, monkeypatch):
     """Runs the command in an empty folder, on a free port; what takes seconds is looked at by tests of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("app.cli.doctor.opengl", lambda: doctor.Row("OpenGL", "ok", "", required=False))
+    monkeypatch.setattr("app.cli.doctor.opengl", lambda: doctor.Probe("OpenGL", "ok", "", required=False))
 
     def run(**environment):
         with socket.socket() as free:
@@ -109,7 +108,7 @@ def test_full_disk(tmp_path, monkeypatch):
     ],
 )
 def test_llama_cpp_that_does_not_load(code, remedy):
-    row = doctor.library([sys.executable, "-c", code])
+    row = doctor.library(code)
     assert (row.state, row.remedy) == ("wrong", remedy)
 
 

@@ -10,7 +10,7 @@ def forked_services():
     """Services of this process's evaluations are forked; those of the commands in test_sweep_run.py are started."""
 
     def leashed(command, environment, log):
-        arguments = ["app.evaluation.leash", *command]
+        arguments = ["app.evaluation.server", *command]
         return Forked(arguments, environment, log, leashed=True, new_session=True)
 
     with pytest.MonkeyPatch.context() as patch:

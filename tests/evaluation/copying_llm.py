@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 
-from app.llm.baselines import copied_reply
+from app.llm.computed import copied_reply
 
 CHARACTERS = 2  # a token
 

@@ -12,12 +12,12 @@ from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.run import PlanRun
 from app.evaluation.server import running_server
 from app.evaluation.sweeps import EMBEDDED, OPEN, SWEEPS, chosen
 from app.evaluation.teach import suffix_of
+from app.evaluation.world import Panda
 from app.pipeline.workspace import Workspace, discretize_actions
 from app.sim.moves import action_from_move
 from app.sim.tasks import COMPOSITION_TASKS, make_task

@@ -4,13 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
-from app.evaluation.ledger import Ledger, digest_of
+from app.evaluation.ledger import Ledger, LedgerError, digest_of
 from app.evaluation.methods import Method
-from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.results import Crash
 from app.evaluation.sweeps import REGRESSION
+from app.evaluation.world import Panda
 from tests.evaluation.trials import ACTION, ANSWER, OBJECTS, trial
 
 SOLVED = trial("stack_cube", 100_000, "default", succeeded=True, answer=ANSWER)
@@ -84,12 +83,12 @@ def test_a_line_that_was_not_finished_is_dropped(path, kept):
 @pytest.mark.parametrize("line", [b"nonsense", b"[]", b'{"status": "success"}'])
 def test_a_damaged_line_is_named(path, line):
     path.write_bytes(path.read_bytes() + line + b"\n")
-    with pytest.raises(LedgerDamagedError, match="line 5"):
+    with pytest.raises(LedgerError, match="line 5"):
         Ledger(path)
 
 
 def test_one_run_at_a_time(path):
-    with Ledger(path), pytest.raises(LedgerInUseError, match=r"results\.jsonl"):
+    with Ledger(path), pytest.raises(LedgerError, match=r"results\.jsonl"):
         Ledger(path)
     with Ledger(path) as ledger:
         assert find(ledger, 100_000) is not None

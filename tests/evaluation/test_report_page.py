@@ -8,9 +8,8 @@ from urllib.parse import urlsplit
 import pytest
 from PIL import Image
 
-from app.evaluation.illustrate import MAX_FAILURES
 from app.evaluation.methods import Method
-from app.evaluation.report.page import write_report
+from app.evaluation.report.page import MAX_FAILURES, write_report
 from app.evaluation.results import Evaluation, TaskEvaluation, Trial
 from app.evaluation.sweeps import REPLAY
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
@@ -63,7 +62,7 @@ def evaluation(tmp_path_factory):
 
 
 def teach(client, seed):
-    recorded = record_demonstration(TASK, seed, images=False)
+    recorded = record_demonstration(TASK, seed, cameras=())
     client.upload(TASK, recorded.scene.instruction, recorded.trajectory, Observation(recorded.scene.objects))
 
 

@@ -11,18 +11,17 @@ import numpy as np
 import pytest
 from rich.progress import Progress
 
-from app.evaluation.failures import OtherModelError, ServiceLostError
-from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.panda import Panda
 from app.evaluation.paper import disturbed
-from app.evaluation.plan import Plan, evaluation_of
+from app.evaluation.plan import OtherModelError, Plan, evaluation_of
+from app.evaluation.report.page import illustrated
 from app.evaluation.results import Crash, Evaluation
-from app.evaluation.run import PlanRun
+from app.evaluation.run import PlanRun, ServiceLostError
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
 from app.evaluation.sweeps import COPY, EXPERT, REGRESSION, REPLAY
+from app.evaluation.world import Panda
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
@@ -174,7 +173,7 @@ def test_methods_are_taught_as_they_ask(run, url):
         assert places(true) == places(moved) != places(sampled)
         assert [item["index"] % 40 for item in sampled["keyframes"][:-1]] == [0] * (len(sampled["keyframes"]) - 1)
     seed = plain[0]["extra"]["seed"]
-    expected = disturbed(view_scene("open_drawer", seed, images=False).objects, 2.0, seed)
+    expected = disturbed(view_scene("open_drawer", seed, cameras=()).objects, 2.0, seed)
     assert positions(noisy[0]) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
 
 
@@ -182,7 +181,7 @@ def test_noise_on_tests_alone_leaves_the_demonstrations_as_they_are(run, url):
     task = run(REGRESSION, replace(NOISY, noise_on="test"))
     plain, noisy = (httpx.get(f"{url}/predictions/{trial.answer['id']}").json() for trial in task.trials)
     assert noisy["demonstration_ids"] == plain["demonstration_ids"]
-    expected = disturbed(view_scene("open_drawer", 100_000, images=False).objects, 2.0, 100_000)
+    expected = disturbed(view_scene("open_drawer", 100_000, cameras=()).objects, 2.0, 100_000)
     assert positions(noisy) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
     assert positions(plain) != positions(noisy)
 

@@ -1,14 +1,12 @@
 import pytest
 
 from app.api.schemas.requests import PredictBody
-from app.cli.evaluate import METHOD_NAMES, SWEEP_NAMES
 from app.evaluation.methods import Method, with_models, with_noise, with_poses
 from app.evaluation.sweeps import (
     COPY,
     EXPERT,
     REGRESSION,
     REPLAY,
-    SIMPLE_NAMES,
     SWEEPS,
     chosen,
     methods_beside,
@@ -36,11 +34,6 @@ def test_names_of_taught_tasks_are_valid(sweep):
     for suffix in variants(sweep.with_models(())):
         for task in TASKS:
             assert NAME_PATTERN.fullmatch(f"{task}{suffix}.eval-123456.labels")
-
-
-def test_the_command_line_names_every_sweep_and_every_simple_name():
-    assert SWEEP_NAMES.split(", ") == list(SWEEPS)
-    assert METHOD_NAMES.split(", ") == list(SIMPLE_NAMES)
 
 
 def test_only_what_differs_is_taught_anew():

@@ -5,8 +5,7 @@ import pytest
 from rich.console import Console
 
 from app.evaluation.methods import Method
-from app.evaluation.results import Crash, Evaluation, TaskEvaluation
-from app.evaluation.scores import reached, task_result
+from app.evaluation.results import Crash, Evaluation, TaskEvaluation, reached, result_of
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, results_table, sweep_summary
 from tests.evaluation.trials import ANSWER, trial
@@ -74,12 +73,8 @@ def test_timeouts_and_errors_count_apart_and_as_no_failures():
     assert (summary["trials"], summary["errors"], summary["timeouts"]) == (4, 1, 2)
     figures = summary["tasks"]["stack_cube"]
     assert (figures["trials"], figures["errors"], figures["timeouts"]) == (2, 1, 2)
-    ours, other = (task_result(run.tasks[0], method) for method in run.methods)
-    assert (ours.score.not_run, str(ours.score.rate), other.score.not_run) == (
-        "2 timeouts, 1 error",
-        "1/2 (9-91 %)",
-        "",
-    )
+    ours, other = (result_of(run.tasks[0], method) for method in run.methods)
+    assert (ours.not_run, str(ours.rate), other.not_run) == ("2 timeouts, 1 error", "1/2 (9-91 %)", "")
 
 
 def printed(table, width):
@@ -132,11 +127,11 @@ def driven(*misses):
 
 
 def test_every_action_counts_once():
-    found = reached(driven(((0.001, 0.2), (0.004, 0.1)), ((0.002, 0.6),)))
+    found = reached(driven(((0.001, 0.2), (0.004, 0.1)), ((0.002, 0.6),)).trials)
     assert (found.poses, found.median_mm, found.worst_mm) == (3, pytest.approx(2.0), pytest.approx(4.0))
     assert (found.median_deg, found.worst_deg) == (0.2, 0.6)
     assert str(found) == "3 poses reached: off by 2 mm in the median, 4 mm at worst (0.2 and 0.6 degrees)"
 
 
 def test_the_direct_simulation_reaches_by_itself():
-    assert reached(driven((), ())) is None
+    assert reached(driven((), ()).trials) is None

@@ -11,10 +11,10 @@ from rich.progress import Progress
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import with_poses
-from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.sweeps import REGRESSION
-from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_models
+from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_object_models
+from app.evaluation.world import Panda
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.types.quaternions import yaw_rad
@@ -71,7 +71,7 @@ def test_neither_poses_nor_masks_are_sent(trial, url):
     for id_ in trial.answer["demonstration_ids"]:
         episode = httpx.get(f"{url}/episodes/{id_}").json()
         assert {item["estimator"] for item in episode["objects"]} == {"cuboid"}
-        scene = view_scene("slide_block", episode["extra"]["seed"], images=False)
+        scene = view_scene("slide_block", episode["extra"]["seed"], cameras=())
         for found, true in zip(episode["objects"], scene.objects, strict=True):
             np.testing.assert_allclose(found["position"], true.position_m, atol=0.004)
 
@@ -98,7 +98,7 @@ def test_a_task_whose_objects_cannot_be_learned_is_an_error_with_the_reason(url,
     evaluated = run_plan(url, tmp_path, "open_drawer", episodes=2, num_cameras=1)
     assert evaluated.trials == ()
     assert [crash.seed for crash in evaluated.crashes] == [100_000, 100_001]
-    assert "NotLearnedError: bottom drawer cannot be found in images:" in evaluated.crashes[0].message
+    assert "TeachingError: bottom drawer cannot be found in images:" in evaluated.crashes[0].message
     assert "is undecided: " in evaluated.crashes[0].message
 
 
@@ -112,7 +112,7 @@ def test_a_task_whose_objects_cannot_be_learned_is_an_error_with_the_reason(url,
     ],
 )
 def test_labels_say_how_symmetric_an_object_is(model, symmetries):
-    settings = with_models({"yaw_symmetry_deg": {"lid": 0.0, "cup": 90.0}}, {"cup": model})
+    settings = with_object_models({"yaw_symmetry_deg": {"lid": 0.0, "cup": 90.0}}, {"cup": model})
     assert settings == {"yaw_symmetry_deg": symmetries, "object_models": {"cup": model}}
 
 
@@ -125,7 +125,7 @@ def test_a_scene_that_cannot_be_read_is_a_failure(url, monkeypatch, trial):
     task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
     with RoboPromptClient(url) as client:
         runner = trials.TrialRunner(client, InlineExecutor())
-        failed = runner.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, 2, ()))
+        failed = runner.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, ()))
     assert not failed.succeeded
     assert (failed.answer, failed.execution) == (None, None)
     assert "no camera sees it" in failed.failure

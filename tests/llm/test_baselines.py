@@ -6,7 +6,7 @@ import random
 import pytest
 
 from app.llm.base import ModelResponseError, complete
-from app.llm.baselines import copied_reply, regressed_reply, regression
+from app.llm.computed import copied_reply, regressed_reply, regression
 from tests.llm.texts import absolute_prompt, asking
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import pytest
 
-from app.llm import baselines
 from app.llm.base import (
     Completion,
     ModelProfile,
@@ -19,7 +18,7 @@ from app.llm.base import (
     TextDelta,
     complete,
 )
-from app.llm.computed import ScriptedModel
+from app.llm.computed import ScriptedModel, nearest, regression
 from app.llm.openai_compatible import LLAMA_CPP, SERVERS, OpenAiCompatibleModel
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation.absolute import Column, list_schema
@@ -36,8 +35,8 @@ def models(gemma, llama_server, run):
     }
     made |= {
         "embedded": gemma,
-        "nearest": baselines.nearest(),
-        "regression": baselines.regression(),
+        "nearest": nearest(),
+        "regression": regression(),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
     yield {name: as_asked(model) for name, model in made.items()}

@@ -1,6 +1,6 @@
 import pytest
 
-from app.llm.openai_compatible import LLAMA_CPP, SERVERS, Quirks, quirks_of, request_body
+from app.llm.openai_compatible import LLAMA_CPP, SERVERS, ServerQuirks, quirks_of, request_body
 from app.llm.sse import THINKING_TOKENS
 from app.llm.streaming import error_message
 from app.pipeline.prompt import Prompt
@@ -11,7 +11,7 @@ COMMON = {"model", "temperature", "seed", "stream", "stream_options", "messages"
 
 
 def chat_body(model="little", prompt=PROMPT, quirks=None, **options):
-    return request_body(asking(prompt, **options), model, "chat", quirks or Quirks())
+    return request_body(asking(prompt, **options), model, "chat", quirks or ServerQuirks())
 
 
 def test_only_the_common_fields_are_sent_to_a_server_without_quirks():

@@ -35,8 +35,8 @@ def whole_server(settings):
 
 def small_file():
     """Four tokens, of which the matrix has a row each, and another tensor behind it."""
-    tokens = gguf.Array(gguf.STRING, [gguf.text(word).item for word in ("a", "b", "ж", "d")])
-    values = {"general.architecture": gguf.text("gemma3"), "tokenizer.ggml.tokens": tokens}
+    tokens = gguf.Array(gguf.STRING, [gguf.string(word) for word in ("a", "b", "ж", "d")])
+    values = {"general.architecture": gguf.string_value("gemma3"), "tokenizer.ggml.tokens": tokens}
     rows = b"".join(bytes([number]) * ROW_BYTES for number in range(4))
     padded = rows + bytes(-len(rows) % gguf.ALIGNMENT)
     tensors = {
@@ -92,7 +92,7 @@ def test_tokens_that_stay():
 def test_the_file_is_less_than_half_and_names_the_change_in_its_metadata(trimmed_path, settings):
     assert trimmed_path.stat().st_size < find_weights("gemma-3-270m", settings)().stat().st_size / 2
     description = gguf.read(trimmed_path.read_bytes()).values["general.description"]
-    assert b"Modified by RoboPrompt" in description.item
+    assert b"Modified by RoboPrompt" in description
     assert b"ai.google.dev/gemma/terms" in description.item
 
 

@@ -39,7 +39,7 @@ class Service:
     def __init__(self, data, environment=None, arguments=()):
         port = free_port()
         self.url = f"http://127.0.0.1:{port}"
-        command = ["app.evaluation.leash", "app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
+        command = ["app.evaluation.server", "app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115  closed with the service
         self.process = Forked(
             command, {**ENVIRONMENT, **(environment or {})}, self._log, leashed=True, new_session=True

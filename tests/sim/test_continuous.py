@@ -7,8 +7,7 @@ import pytest
 
 from app.sim.demonstrate import record_demonstration
 from app.sim.guided import ROUNDING_M, GuidedPanda, Habits
-from app.sim.robot import SimulatedPanda
-from app.sim.sampler import TrajectorySampler, measured_open
+from app.sim.robot import SimulatedPanda, TrajectorySampler, measured_open
 from app.sim.tasks import TASKS, make_task
 
 SEED = 3
@@ -18,7 +17,7 @@ ARRAYS = ("positions_m", "quaternions_xyzw", "joint_velocities_rad_s", "gripper_
 
 
 def newly_recorded(task, seed=SEED, **options):
-    return record_demonstration(task, seed, images=False, recordings="continuous", **options)
+    return record_demonstration(task, seed, cameras=(), recordings="continuous", **options)
 
 
 recorded = cache(newly_recorded)  # for tests that only look
@@ -52,7 +51,8 @@ def guided(request):
     robot = GuidedPanda(make_task(request.param, SEED), Habits(SEED))
     recorder = TrajectorySampler(robot)
     moves, times_s = robot.task.expert(), {}
-    robot.perform(moves, lambda number: times_s.setdefault(number, robot.task.data.time))
+    robot.after_move.append(lambda number: times_s.setdefault(number, robot.task.data.time))
+    robot.perform(moves)
     return moves, times_s, recorder.trajectory("measured")
 
 

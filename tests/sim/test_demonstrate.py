@@ -64,5 +64,5 @@ def test_an_unknown_task_is_refused_with_those_there_are(call):
 
 
 def expert_actions(task_name, seed):
-    trajectory = record_demonstration(task_name, seed, images=False).trajectory
+    trajectory = record_demonstration(task_name, seed, cameras=()).trajectory
     return [trajectory.action_at(frame) for frame in merged(Motion.of(trajectory))]

@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.kinematics import Kinematics
+from app.sim.planner import Kinematics
 from app.sim.world import base_spec
 
 BASE_M = np.array([0.1, -0.2, 0.3])

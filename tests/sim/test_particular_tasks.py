@@ -24,7 +24,7 @@ def test_tests_ask_for_one_to_six_presses():
 
 def test_the_longest_sequence_succeeds():
     longest = SEQUENCES.index(("red", "yellow", "green", "blue", "red", "red"))
-    demonstration = record_demonstration(NAME, 1, variation=longest, images=False)
+    demonstration = record_demonstration(NAME, 1, variation=longest, cameras=())
     assert demonstration.succeeded, demonstration.failure
     assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)
 

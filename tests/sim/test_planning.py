@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from app.sim import panda
-from app.sim.kinematics import Kinematics
 from app.sim.motion import Pace, joined, time_path
 from app.sim.moves import move_to, tool_down
-from app.sim.planner import Planner
+from app.sim.planner import Kinematics, Planner
 from app.sim.world import BASE_POSITION_M, HOME_RAD, TIMESTEP_S
 from roboprompt_client.errors import MotionError
 

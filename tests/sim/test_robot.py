@@ -3,10 +3,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.kinematics import Kinematics
 from app.sim.moves import moves_from_actions, tool_down
-from app.sim.robot import SimulatedPanda
-from app.sim.sampler import TrajectorySampler
+from app.sim.planner import Kinematics
+from app.sim.robot import SimulatedPanda, TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.world import BASE_POSITION_M, HOME_RAD
 from roboprompt_client.errors import InvalidInputError, MotionError
@@ -53,9 +52,10 @@ def test_an_unreachable_action_is_named_before_anything_moves(robot):
 
 def test_a_blocked_action_is_named(robot):
     done = []
+    robot.after_move.append(done.append)
     under_the_table = [action(0.2, 0.2, 0.95), action(0.2, 0.2, 0.65)]
     with pytest.raises(MotionError, match=r"action 2 of 2 did not arrive, .* cm"):
-        robot.perform(moves_from_actions(under_the_table), done.append)
+        robot.perform(moves_from_actions(under_the_table))
     assert done == [0]
 
 

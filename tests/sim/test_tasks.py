@@ -128,7 +128,7 @@ def test_the_front_camera_sees_every_object(name, seed):
 @every_expert
 @pytest.mark.parametrize("seed", [0, ONE_MORE, *LATER])
 def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
-    demonstration = record_demonstration(name, seed, images=False)
+    demonstration = record_demonstration(name, seed, cameras=())
     assert demonstration.succeeded, demonstration.failure
     keyframes = merged(Motion.of(demonstration.trajectory))
     assert len(keyframes) == len(demonstration.expert_actions)
@@ -141,7 +141,7 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
 
 @pytest.mark.parametrize(("name", "frequency_hz"), EXPERTS_AT_RATES)
 def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
-    demonstration = record_demonstration(name, 1, frequency_hz, images=False)
+    demonstration = record_demonstration(name, 1, frequency_hz, cameras=())
     assert demonstration.succeeded, demonstration.failure
     assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)
 

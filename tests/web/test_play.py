@@ -30,7 +30,7 @@ def test_the_skeleton_ends_at_the_flange():
 
 
 def test_the_recorded_arm_ends_where_the_recorded_hand_begins():
-    trajectory = record_demonstration("push_button", 0, images=False).trajectory
+    trajectory = record_demonstration("push_button", 0, cameras=()).trajectory
     times_s = np.arange(len(trajectory)) / 20
     motion = recorded_motion(trajectory, times_s, PANDA)
     wrists = np.array(motion["arm"])[:, -1]

@@ -1,27 +1,33 @@
 """Writes an evaluation as a folder with `index.html` and images that any browser shows without network or scripts.
 
+Trials that are shown in detail are simulated again for their pictures, which take longer than the simulation.
 Instructions, replies and errors are texts of users and LLMs; the templates escape them.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from rich.progress import Progress
 
-from app.evaluation.illustrate import detailed_failures, detailed_successes, failures_in_order
 from app.evaluation.ledger import action_of
 from app.evaluation.methods import Method
 from app.evaluation.report.pictures import PagePicture, captions, draw_scene, film_grid, film_tiles, save_photo
-from app.evaluation.results import Evaluation, TaskEvaluation, Trial
-from app.evaluation.scores import NOTHING, task_result
+from app.evaluation.results import NOTHING, Evaluation, TaskEvaluation, Trial, result_of
+from app.evaluation.world import film
+from app.executors import Executor
 from app.pipeline.spans import prompt_spans
-from app.sim.outcomes import SceneView
+from app.sim.outcomes import RolloutResult, SceneView
 from app.sim.rendering import CAMERA
 from roboprompt_client.types.poses import EndEffectorAction
 
 Shown = dict[str, Any]  # the variables of a template
+MAX_FAILURES = 12  # a task
+MAX_SUCCESSES = 2  # a task
 
 
 def write_report(evaluation: Evaluation, folder: Path, illustrated: Iterable[TaskEvaluation] | None = None) -> Path:
@@ -84,10 +90,10 @@ def _task(folder: Path, number: int, task: TaskEvaluation, methods: Sequence[Met
     return {
         "task": task.task,
         "anchor": anchor,
-        "results": [task_result(task, method) for method in methods],
-        "failures": in_detail("failure", detailed_failures(task.trials, methods)),
-        "successes": in_detail("success", detailed_successes(task.trials, methods)),
-        "failed": failures_in_order(task.trials, methods),
+        "results": [result_of(task, method) for method in methods],
+        "failures": in_detail("failure", _detailed_failures(task.trials, methods)),
+        "successes": in_detail("success", _detailed_successes(task.trials, methods)),
+        "failed": _failures_in_order(task.trials, methods),
         "num_trials": len(task.trials),
     }
 
@@ -118,3 +124,64 @@ def _scene_picture(
         if frame.camera.name == CAMERA and frame.rgb is not None:
             return save_photo(folder, name, draw_scene(frame.rgb, frame.camera, scene.objects, actions), alt)
     return None
+
+
+def _failures_in_order(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
+    """Return the failed trials, by method and then in the order in which they ran."""
+    return list(chain.from_iterable(_by_method(trials, methods, succeeded=False)))
+
+
+def _detailed_failures(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
+    """Return at most 12 failed trials, alternating methods; of yardsticks only if there is no other method."""
+    chosen = _in_turns(_by_method(trials, _models(methods), succeeded=False))[:MAX_FAILURES]
+    return [trial for trial in _failures_in_order(trials, methods) if trial in chosen]
+
+
+def _detailed_successes(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
+    """Return at most two solved trials, of different methods if possible; of yardsticks only if there is no other."""
+    in_turns = _in_turns(_by_method(trials, _models(methods), succeeded=True))
+    return sorted(in_turns, key=lambda trial: trial.answer is None)[:MAX_SUCCESSES]
+
+
+def _models(methods: Sequence[Method]) -> Sequence[Method]:
+    return [method for method in methods if not method.is_yardstick] or methods
+
+
+def _by_method(trials: Sequence[Trial], methods: Sequence[Method], *, succeeded: bool) -> list[list[Trial]]:
+    return [
+        [trial for trial in trials if trial.method == method.label and trial.succeeded == succeeded]
+        for method in methods
+    ]
+
+
+def _in_turns(groups: Sequence[Sequence[Trial]]) -> list[Trial]:
+    return [trial for turn in zip_longest(*groups) for trial in turn if trial is not None]
+
+
+def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Iterator[TaskEvaluation]:
+    """Yield the evaluation's tasks with pictures of the detailed trials, one by one: a task's take some 100 MB."""
+    methods = evaluation.methods
+    shown = [
+        [*_detailed_failures(task.trials, methods), *_detailed_successes(task.trials, methods)]
+        for task in evaluation.tasks
+    ]
+    bar = progress.add_task("pictures", total=sum(map(len, shown)))
+    for task, chosen in zip(evaluation.tasks, shown, strict=True):
+        pictures = {
+            trial: executor.submit(film, trial.scene, trial.actions if trial.execution else None, trial.shift_m)
+            for trial in chosen
+        }
+        for future in pictures.values():
+            future.add_done_callback(lambda _: progress.advance(bar))
+        trials = (_illustrate(trial, pictures[trial].result()) if trial in pictures else trial for trial in task.trials)
+        yield replace(task, trials=tuple(trials))
+
+
+def _illustrate(trial: Trial, pictures: tuple[SceneView, RolloutResult | None]) -> Trial:
+    """Return the trial with pictures. It keeps its outcome; a note says if the pictures show another one."""
+    execution, (scene, again) = trial.execution, pictures
+    if execution is not None and again is not None:
+        differs = again.succeeded != execution.succeeded
+        note = " (simulated again for these pictures: another outcome)" if differs else ""
+        execution = replace(execution, film_strip=again.film_strip, failure=execution.failure + note)
+    return replace(trial, scene=scene, execution=execution)

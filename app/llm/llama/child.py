@@ -75,7 +75,7 @@ def _start(options: dict[str, Any]) -> Any:  # noqa: ANN401  xllamacpp has no ty
 
 
 def _compute_each_token_alike(params: Any, xllamacpp: Any) -> None:  # noqa: ANN401
-    """One token's arithmetic, whatever shares its batch.
+    """Compute each token in the same way, whatever else is in its batch.
 
     With llama.cpp's defaults the kernels that multiply and attend change with the number of tokens in a batch. A
     prompt's logits then depend on how much of it was cached, on drafts and on other requests: by up to 0.8, enough to
@@ -92,10 +92,10 @@ def _compute_each_token_alike(params: Any, xllamacpp: Any) -> None:  # noqa: ANN
 
 
 class _Slots:
-    """What the slots have read, in files `COMPUTED-SLOT-DIGEST.bin` while no server runs; at its start they go.
+    """Keeps what the slots have read in files `COMPUTED-SLOT-DIGEST.bin` while no server runs; its start removes them.
 
     COMPUTED stands for all that the numbers depend on: the weights, llama.cpp and this program. DIGEST is the file's
-    own: a damaged one would be taken for what the model read. What cannot be written or read is read from text again.
+    own: a damaged one would be taken for what the model read. What cannot be written or read is evaluated again.
     """
 
     def __init__(self, options: dict[str, Any], url: str) -> None:

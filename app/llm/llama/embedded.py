@@ -5,11 +5,14 @@ as such. Started by the first request or by `warm_up`.
 """
 
 import asyncio
-from collections import OrderedDict, deque
+import math
+from collections import OrderedDict
 from collections.abc import AsyncIterator
 from contextlib import aclosing, asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import anyio
 
 from app.executors import usable_cores
 from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError, Pieces
@@ -107,8 +110,8 @@ class WarmSlots:
     """Lets a request wait for a slot that knows its prefix, rather than read the prefix again in another slot.
 
     llama.cpp itself picks the idle slot that shares most of a prompt, but of the requests that come at once each gets
-    another slot: four robots that begin together would each wait until all four slots have read the same. Who has
-    waited for `PATIENCE_S` takes a further slot, so that lasting demand spreads out. Used from one event loop.
+    another slot: four robots that begin together would each wait until all four slots have read the same. A request
+    that has waited for `PATIENCE_S` takes a further slot, so that lasting demand spreads out. Used from one event loop.
 
     Args:
         slots: of the server; so many prefixes are remembered, the most recently used ones.
@@ -120,16 +123,26 @@ class WarmSlots:
 
     @asynccontextmanager
     async def turn(self, prefix: str) -> AsyncIterator[None]:
-        """Inside the block one of the slots that know the prefix is this request's; an empty one waits for none."""
+        """Inside the block the request has one of the slots that know the prefix; an empty prefix waits for none."""
         if not prefix:
             yield
             return
         lane = self._lane(prefix)
-        await lane.enter(self._slots)
+        await self._enter(lane)
         try:
             yield
         finally:
-            lane.leave()
+            lane.free.release()
+
+    async def _enter(self, lane: "_Lane") -> None:
+        with anyio.move_on_after(PATIENCE_S if lane.known < self._slots else math.inf) as waiting:
+            await lane.free.acquire()
+        if not waiting.cancelled_caught:
+            return
+        if lane.known < self._slots:
+            lane.known += 1  # a slot that does not know the prefix yet
+        else:
+            await lane.free.acquire()
 
     def _lane(self, prefix: str) -> "_Lane":
         lane = self._lanes.setdefault(prefix, _Lane())
@@ -139,40 +152,9 @@ class WarmSlots:
         return lane
 
 
+@dataclass
 class _Lane:
-    """The requests of one prefix, first come, first served."""
+    """The slots that know a prefix: how many, and those that are free, first come, first served."""
 
-    def __init__(self) -> None:
-        self._known, self._busy = 1, 0  # slots
-        self._waiting: deque[asyncio.Future[None]] = deque()
-
-    async def enter(self, slots: int) -> None:
-        if self._busy < self._known:
-            self._busy += 1
-            return
-        turn = asyncio.get_running_loop().create_future()
-        self._waiting.append(turn)
-        try:
-            done, _ = await asyncio.wait({turn}, timeout=PATIENCE_S)
-            if not done and self._known >= slots:
-                await asyncio.wait({turn})
-        except asyncio.CancelledError:
-            self._give_up(turn)
-            raise
-        if not turn.done():
-            self._waiting.remove(turn)
-            self._known += 1
-            self._busy += 1
-
-    def leave(self) -> None:
-        """Hand the slot to whoever waits longest."""
-        if self._waiting:
-            self._waiting.popleft().set_result(None)
-        else:
-            self._busy -= 1
-
-    def _give_up(self, turn: asyncio.Future[None]) -> None:
-        if turn.done():
-            self.leave()  # its turn came just now
-        else:
-            self._waiting.remove(turn)
+    known: int = 1
+    free: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(1))

@@ -5,7 +5,7 @@ The format, version 3: https://github.com/ggml-org/ggml/blob/master/docs/gguf.md
 """
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from mmap import mmap
 from pathlib import Path
@@ -27,6 +27,10 @@ class Array:
     kind: int
     items: Sequence[bytes]
 
+    def head(self) -> bytes:
+        """Return what is before the items in the file."""
+        return struct.pack("<IIQ", ARRAY, self.kind, len(self.items))
+
     def texts(self) -> list[str]:
         """The items of an array of strings; bytes that are not UTF-8 are replaced."""
         return [item[8:].decode("utf-8", "replace") for item in self.items]
@@ -36,17 +40,15 @@ class Array:
         return Array(self.kind, [self.items[index] for index in indices])
 
 
-@dataclass(frozen=True)
-class Scalar:
-    """A number, a truth value or a string as its bytes in the file."""
-
-    kind: int
-    item: bytes
+def string(text: str) -> bytes:
+    """Return a string as an array's item."""
+    encoded = text.encode()
+    return struct.pack("<Q", len(encoded)) + encoded
 
 
-def text(content: str) -> Scalar:
-    """A string as the value of a key."""
-    return Scalar(STRING, _string(content))
+def string_value(text: str) -> bytes:
+    """Return a string as the value of a key."""
+    return struct.pack("<I", STRING) + string(text)
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,9 @@ class Tensor:
 
 @dataclass(frozen=True)
 class GgufFile:
-    """The parts of a file by name, in the file's order."""
+    """The parts of a file by name, in the file's order; of values that are no arrays, the bytes in the file."""
 
-    values: dict[str, Array | Scalar]
+    values: dict[str, Array | bytes]
     tensors: dict[str, Tensor]
 
     def array(self, name: str) -> Array:
@@ -110,28 +112,15 @@ def write(parts: GgufFile, file: BinaryIO) -> None:
     """Write the parts as a file; equal parts give equal bytes."""
     head = bytearray(MAGIC + struct.pack("<IQQ", VERSION, len(parts.tensors), len(parts.values)))
     for name, value in parts.values.items():
-        head += _string(name) + b"".join(_value(value))
+        head += string(name) + (value if isinstance(value, bytes) else value.head() + b"".join(value.items))
     offset = 0
     for name, tensor in parts.tensors.items():
-        head += _string(name) + struct.pack(f"<I{len(tensor.shape)}Q", len(tensor.shape), *tensor.shape)
+        head += string(name) + struct.pack(f"<I{len(tensor.shape)}Q", len(tensor.shape), *tensor.shape)
         head += struct.pack("<IQ", tensor.kind, offset)
         offset += len(tensor.data)
     file.write(head + bytes(-len(head) % ALIGNMENT))
     for tensor in parts.tensors.values():
         file.write(tensor.data)
-
-
-def _string(text: str) -> bytes:
-    return struct.pack("<Q", len(text.encode())) + text.encode()
-
-
-def _value(value: Array | Scalar) -> Iterator[bytes]:
-    if isinstance(value, Scalar):
-        yield struct.pack("<I", value.kind)
-        yield value.item
-    else:
-        yield struct.pack("<IIQ", ARRAY, value.kind, len(value.items))
-        yield from value.items
 
 
 class _Reader:
@@ -155,9 +144,9 @@ class _Reader:
     def shape(self) -> tuple[int, ...]:
         return tuple(self.number(8) for _ in range(self.number(4)))
 
-    def value(self) -> Array | Scalar:
+    def value(self) -> Array | bytes:
         if (kind := self.number(4)) != ARRAY:
-            return Scalar(kind, self._item(kind))
+            return struct.pack("<I", kind) + self._item(kind)
         kind, count = self.number(4), self.number(8)
         return Array(kind, [self._item(kind) for _ in range(count)])
 

@@ -1,7 +1,7 @@
 """llama.cpp's HTTP server in a child process: how it starts and stops, and why it failed.
 
-All processes that use a model on this machine, such as several uvicorn workers, share one. Whoever needs the model
-first starts it and writes its address and key to a file that only this user can read; the others read it. When its
+All processes that use a model on this machine, such as several uvicorn workers, share one. The first that needs
+the model starts it and writes its address and key to a file that only this user can read; the others read it. When its
 owner ends, llama.cpp ends, too; the next one that needs it starts it again.
 """
 
@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TextIO
 
 import httpx
 
@@ -87,12 +88,12 @@ class LlamaProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process, for the operating system's own account of it."""
+        """The id of the process."""
         return self._process.pid
 
     @property
     def running(self) -> bool:
-        """Whether the process still lives."""
+        """Whether the process runs."""
         return self._process.poll() is None
 
     def ends_within(self, timeout_s: float) -> bool:
@@ -128,7 +129,7 @@ class LlamaProcess:
 
 def _last_line(text: str) -> str:
     lines = [line for line in text.splitlines() if line.strip()]
-    return lines[-1].strip() if lines else "it ended without a word"
+    return lines[-1].strip() if lines else "it ended without a message"
 
 
 class SharedLlama:
@@ -145,20 +146,21 @@ class SharedLlama:
     """
 
     def __init__(self, options: LlamaOptions, folder: Path) -> None:
-        note = folder / f"llama-{_name(options)}.json"
         self._process: LlamaProcess | None = None
         self._gone = False
-        with _locked(note):
-            found = _read(note)
+        with _locked_note(folder / f"llama-{_name(options)}.json") as note:
+            found = _server_in(note.read())
             if found is None or not _answers(found):
                 self._process = LlamaProcess(options)
                 found = self._process.server
-                _write(note, found)
+                note.seek(0)
+                note.truncate()
+                json.dump({"url": found.base_url, "api_key": found.key}, note)
         self.server = found
 
     @property
     def running(self) -> bool:
-        """Whether it still lives; of another process's, whether `ends_within` has not found it gone."""
+        """Whether it runs; if another process started it, whether `ends_within` has not found it ended."""
         return self._process.running if self._process else not self._gone
 
     def ends_within(self, timeout_s: float) -> bool:
@@ -172,7 +174,7 @@ class SharedLlama:
         return self._gone
 
     def stop(self) -> None:
-        """End it if it is this process's; otherwise leave it alone."""
+        """End it if it is this process's; otherwise do nothing."""
         if self._process:
             self._process.stop()
 
@@ -183,35 +185,28 @@ def _name(options: LlamaOptions) -> str:
 
 
 @contextmanager
-def _locked(note: Path) -> Iterator[None]:
+def _locked_note(path: Path) -> Iterator[TextIO]:
+    """Open a file that only this user can read; one process at a time has it."""
     try:
-        note.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        file = os.fdopen(os.open(note.with_suffix(".lock"), os.O_WRONLY | os.O_CREAT, 0o600), "w")
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+")
     except OSError as error:
         raise ModelUnavailableError(f"workers cannot share a model: {error}") from error
     with file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+        yield file
 
 
-def _read(note: Path) -> Server | None:
+def _server_in(note: str) -> Server | None:
     try:
-        found = json.loads(note.read_text())
+        found = json.loads(note)
         return Server(found["url"], found["api_key"], trust_env=False)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 
-def _write(note: Path, server: Server) -> None:
-    temporary = note.with_suffix(".tmp")
-    temporary.unlink(missing_ok=True)
-    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-        json.dump({"url": server.base_url, "api_key": server.key}, file)
-    temporary.replace(note)
-
-
 def _answers(server: Server) -> bool:
-    """Whether llama.cpp answers there and knows the key: the port may be somebody else's by now."""
+    """Whether llama.cpp answers there and knows the key: another program may have the port by now."""
     headers = {"Authorization": f"Bearer {server.key}"}
     try:
         url = f"{server.base_url}/models"

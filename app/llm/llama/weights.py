@@ -94,7 +94,7 @@ def find_trimmed_weights(model: str, settings: LlmSettings) -> Weights | None:
 
 
 def _file_weights(path: Path) -> Weights:
-    """A file of the operator's, taken as it is."""
+    """Return the operator's own file, whose content is not verified."""
     try:
         is_gguf = path.is_file() and gguf.is_gguf(path)
     except OSError:
@@ -149,9 +149,9 @@ def _ready(path: Path, sha256: str, cache_folder: Path, make: Callable[[Path], o
 def assemble(path: Path, cache_folder: Path, make: Callable[[Path], object]) -> None:
     """Write `path` whole or not at all: in a folder of this process's own first, then renamed."""
     with ExitStack() as stack:
-        with _locked(cache_folder):  # until its folder is locked, too, `remove_left` must not take it for a left one
+        with locked(cache_folder):  # until its folder is locked, too, `remove_left` must not take it for a left one
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(dir=cache_folder, prefix=ASSEMBLING)))
-            stack.enter_context(_locked(folder))
+            stack.enter_context(locked(folder))
         new = folder / path.name
         make(new)
         with new.open("rb") as file:
@@ -161,14 +161,14 @@ def assemble(path: Path, cache_folder: Path, make: Callable[[Path], object]) -> 
 
 def remove_left(cache_folder: Path) -> None:
     """Remove the folders of processes that were killed: no process holds their locks."""
-    with _locked(cache_folder):
+    with locked(cache_folder):
         for folder in cache_folder.glob(f"{ASSEMBLING}*"):
-            with contextlib.suppress(OSError), _locked(folder, fcntl.LOCK_NB):
+            with contextlib.suppress(OSError), locked(folder, fcntl.LOCK_NB):
                 shutil.rmtree(folder)
 
 
 @contextmanager
-def _locked(folder: Path, how: int = 0) -> Iterator[None]:
+def locked(folder: Path, how: int = 0) -> Iterator[None]:
     """Hold the folder's lock, which ends with the process; with LOCK_NB raises BlockingIOError if another holds it."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:

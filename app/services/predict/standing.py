@@ -7,7 +7,7 @@ from statistics import median
 
 from sqlalchemy import Connection
 
-from app.llm.baselines import YARDSTICKS
+from app.llm.computed import YARDSTICKS
 from app.pipeline.success_rate import Pairs
 from app.store import prediction_lists, tasks
 from app.store.prediction_lists import Attempt, Configuration, Counts

@@ -19,7 +19,7 @@ from app.sim.moves import action_from_move
 from app.sim.outcomes import RecordedDemonstration, RolloutResult
 from app.sim.tasks import ALL_TASKS, make_task
 from app.sim.tasks.base import NOT_SOLVED
-from app.sim.world import BASE_POSITION_M
+from app.sim.world import BASE_POSITION_M, CAMERA_NAMES
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.franka import Franka
@@ -93,7 +93,7 @@ def record_demonstration(
         MotionError: if the scene cannot be served.
     """
     actions = tuple(map(action_from_move, make_task(task, seed).expert()))
-    scene = view_scene(task, seed, images=images)
+    scene = view_scene(task, seed, cameras=CAMERA_NAMES if images else ())
     with _served(task, seed) as served, served.open_arm() as arm, tempfile.TemporaryDirectory() as folder:
         recorder = Recorder(arm, Path(folder) / "journal", control_frequency_hz)
         recorder.start()

@@ -7,18 +7,16 @@ a yardstick for language models. Every part of a plan is demonstrated (`SHOWN`),
 from collections.abc import Mapping
 
 from app.sim.tasks.base import SimTask
-from app.sim.tasks.blocks import SlideBlock, SortShape
 from app.sim.tasks.buttons import PressInOrder, PushButton, PushButtonReal, PushMultipleButtons
 from app.sim.tasks.carrying import PickDrifting, PickFromConveyor, WayRound
 from app.sim.tasks.cubes import BuildTower, DestackCube, StackBlocks, StackCube
 from app.sim.tasks.cups import PlaceCups, StackCups
-from app.sim.tasks.drawers import OpenDrawer, PutInDrawer
+from app.sim.tasks.fitting import CloseJar, ScrewBulb, SortShape
+from app.sim.tasks.furniture import OpenDrawer, PutInCupboard, PutInDrawer, PutInSafe
 from app.sim.tasks.kitchen import MeatOffGrill, PlaceWine, TurnTap
 from app.sim.tasks.laptop import CloseLaptop, UnplugCable
+from app.sim.tasks.pushing import SlideBlock, SweepToDustpan
 from app.sim.tasks.rearranging import ClearKind, PlaceBeside, SwapCubes
-from app.sim.tasks.screwing import CloseJar, ScrewBulb
-from app.sim.tasks.shelves import PutInCupboard, PutInSafe
-from app.sim.tasks.sweep_to_dustpan import SweepToDustpan
 from roboprompt_client.errors import InvalidInputError
 
 TASKS: Mapping[str, type[SimTask]] = {

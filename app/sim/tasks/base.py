@@ -156,13 +156,13 @@ class SimTask(ABC):
         children = np.flatnonzero(self.model.body_parentid == body_id).tolist()
         return (body_id, *(i for child in children if child != body_id for i in self._subtree(child)))
 
-    def position_m(self, body: str) -> Array:
-        """(3,) of a body's origin in the world frame."""
+    def position_m(self, body: str | int) -> Array:
+        """(3,) of a body's origin in the world frame; the body by name or id."""
         position: Array = self.data.body(body).xpos.copy()
         return position
 
-    def rotation(self, body: str) -> Rotation:
-        """From a body's axes to the world's."""
+    def rotation(self, body: str | int) -> Rotation:
+        """From a body's axes to the world's; the body by name or id."""
         return Rotation.from_matrix(self.data.body(body).xmat.reshape(3, 3))
 
     def yaw_rad(self, body: str) -> float:

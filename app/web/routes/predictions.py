@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from app.api.routes import Wired
-from app.llm.baselines import YARDSTICKS
+from app.llm.computed import YARDSTICKS
 from app.services.predict.standing import task_stats
 from app.store import episodes, prediction_lists, predictions, tasks
 from app.store.prediction_lists import FATES, ListCursor, ListOrder, PredictionFilter

@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, Response
 from app.api.image_work import image_work
 from app.api.routes import Cursor, Wired
 from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
-from app.llm.baselines import YARDSTICKS
+from app.llm.computed import YARDSTICKS
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.store import episodes, prediction_lists, tasks

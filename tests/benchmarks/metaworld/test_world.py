@@ -15,14 +15,13 @@ from rich.progress import Progress
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.evaluation.foreign import ForeignExecutor
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.plan import Plan
 from app.evaluation.run import PlanRun
 from app.evaluation.sweep_run import SweepRun
 from app.evaluation.sweeps import COPY, OWN_KEYFRAMES, SWEEPS
-from app.executors import call
+from app.executors import ForeignExecutor, call
 from benchmarks.metaworld import world
 from benchmarks.metaworld.world import AFTER_SUCCESS_STEPS, GRIP_STEPS, MOVE_STEPS, MetaWorld, gripper_open
 from roboprompt_client.client import RoboPromptClient
@@ -210,7 +209,7 @@ def test_an_expert_that_never_succeeds_is_an_error_of_its_trials(url, tmp_path, 
     with Ledger(tmp_path / "results.jsonl") as ledger, RoboPromptClient(url) as client:
         (task,) = PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True), shared=True)().tasks
     assert (task.trials, len(task.crashes)) == ((), 2)
-    assert "ExpertFailedError: the expert of button-press failed 4 times" in task.crashes[0].message
+    assert "TeachingError: the expert of button-press failed 4 times" in task.crashes[0].message
 
 
 def die():

@@ -1,13 +1,67 @@
-"""Sweep dirt into a dustpan with a broom."""
+"""Things that are pushed over the table: `slide_block`, and with a broom `sweep_to_dustpan`."""
+
+from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.moves import UP, Move, move_to, pick, tool_down
+from app.sim.moves import LOOSE_M, UP, Move, move_to, pick, push, tool_down
 from app.sim.scene import SceneBody, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.types.arrays import Array
+
+BLOCK_HALF_M = 0.03
+SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M = 0.045, 0.0005
+DISTANCE_M = 0.16
+SQUARES = {"green target": "green", "blue square": "blue", "pink square": "pink", "yellow square": "yellow"}
+PUSH_HEIGHT_M = 0.022  # the fingers reach 8 mm lower
+FINGER_HALF_M = 0.010  # of the closed fingers, in the direction of the push
+BEHIND_M, RISE_M = 0.035, 0.10
+
+
+class SlideBlock(SimTask):
+    """A 6 cm block at x 0.12..0.30 m, y -0.15..0.15 m and four squares around it, each 16 cm away.
+
+    As in RLBench block and squares are turned as a whole, by any angle. The block's pose is its center. The target's
+    pose is its center; x points away from the block, towards the white stripe on its far edge. Success: some part of
+    the block lies on the green square.
+    """
+
+    name = "slide_block"
+    object_names = ("block", "green target")
+    yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {"block": 90.0}
+    instruction = "slide the block to the green target"
+
+    def build(self, random: np.random.Generator) -> None:
+        center = np.array([*random.uniform((0.12, -0.15), (0.30, 0.15)), TABLE_TOP_M])
+        yaw_rad = random.uniform(-np.pi, np.pi)
+        self.add_cube("block", "red", center + BLOCK_HALF_M * UP, BLOCK_HALF_M, yaw_rad, mass_kg=0.15)
+        for quarter, (name, color) in enumerate(SQUARES.items()):
+            turn = about_z(yaw_rad + quarter * np.pi / 2)
+            at_m = center + turn.apply([DISTANCE_M, 0, SQUARE_HALF_THICKNESS_M])
+            square = self.add_part(name, at_m, turn)
+            square.mark((SQUARE_HALF_M, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), color)
+            stripe_m = [SQUARE_HALF_M - 0.006, 0, SQUARE_HALF_THICKNESS_M]
+            square.mark((0.004, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), "white", at_m=stripe_m)
+
+    def expert(self) -> list[Move]:
+        touching_m = BLOCK_HALF_M + FINGER_HALF_M  # from the block's center
+        start_m, end_m = -DISTANCE_M - touching_m - BEHIND_M, -touching_m
+        route = [(start_m, RISE_M, LOOSE_M), (start_m, 0, BEHIND_M / 4), (end_m, 0, 0), (end_m, RISE_M, 0)]
+        in_world = [
+            (self.body_to_world("green target", [x_m, 0, PUSH_HEIGHT_M + rise_m]), within_m)
+            for x_m, rise_m, within_m in route
+        ]
+        return push(in_world, self.tool_over("green target"))
+
+    def succeeded(self) -> bool:
+        """The block's inscribed circle reaches into the square."""
+        offset = self.world_to_body("green target", self.position_m("block"))
+        outside_m = np.maximum(np.abs(offset[:2]) - SQUARE_HALF_M, 0)
+        return bool(np.linalg.norm(outside_m) < BLOCK_HALF_M)
+
 
 # The broom, around the point of its handle where it is grasped; it sweeps along x, its brush in front of the handle
 GRASP_HEIGHT_M = 0.13

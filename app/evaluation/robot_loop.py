@@ -7,11 +7,11 @@ from typing import Any
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Trial
-from app.sim.demonstrate import judge, robot_in_scene
+from app.sim.demonstrate import judge
 from app.sim.outcomes import RolloutResult, SceneView
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
-from app.sim.tasks import ALL_TASKS, MOVING_TASKS
+from app.sim.tasks import ALL_TASKS, MOVING_TASKS, make_task
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
@@ -28,65 +28,62 @@ USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-actio
 ANSWER_S, LOOK_S = 1.0, 0.4
 
 
-class ShiftedPanda:
-    """A simulated robot whose free objects are moved once it has looked for the first time.
+class ChangingPanda:
+    """A simulated robot in a scene that changes: objects are moved once it has looked, or move while it looks.
 
     Attributes:
         actions: carried out, and the one that failed.
         num_done: how many were carried out.
     """
 
-    def __init__(self, robot: SimulatedPanda, shift_m: float, seed: int, noise: float = 0.0) -> None:
-        self._robot, self._shift_m, self._seed, self._noise = robot, shift_m, seed, noise
-        self._looks = 0
-        self._shifted = shift_m == 0
+    def __init__(self, robot: SimulatedPanda, seed: int, method: Method) -> None:
+        self._robot, self._seed, self._method = robot, seed, method
+        self._has_looked = False
+        self._shifted = method.shift_m == 0
         self.actions: list[EndEffectorAction] = []
         self.num_done = 0
         self.stop = robot.stop
 
     def observe(self) -> Observation:
-        """The objects as they lie, up to the noise of an estimator."""
-        self._looks += 1
-        if self._looks > 1:
-            self._change()
+        """Return the objects as they lay when the picture was taken, up to the noise of an estimator."""
+        if self._has_looked:
+            self._shift()
+        self._has_looked = True
         seen = self._robot.observe()
-        return replace(seen, objects=disturbed(seen.objects, self._noise, self._seed))
+        if moves(self._robot):
+            self._robot.hold(LOOK_S)
+        return replace(seen, objects=disturbed(seen.objects, self._method.noise, self._seed))
 
     def execute(self, action: EndEffectorAction) -> None:
         """Carry out the action as the simulated robot does."""
-        self._change()
+        self._shift()
         self.actions.append(action)
         self._robot.execute(action)
         self.num_done += 1
 
-    def _change(self) -> None:
+    def _shift(self) -> None:
         if not self._shifted:
-            shift_free_objects(self._robot.task, self._shift_m, self._seed)
+            shift_free_objects(self._robot.task, self._method.shift_m, self._seed)
             self._shifted = True
 
 
-class WaitingPanda(ShiftedPanda):
-    """The same in a scene that goes on while the robot looks: what it sees is `LOOK_S` old once it knows it."""
-
-    def observe(self) -> Observation:
-        """The objects as they lay when the picture was taken."""
-        seen = super().observe()
-        self._robot.hold(LOOK_S)
-        return seen
+def moves(robot: SimulatedPanda) -> bool:
+    """Whether objects of the robot's scene move by themselves."""
+    return robot.task.name in MOVING_TASKS
 
 
 class _Client(RoboPromptClient):
-    """Keeps what it was answered, also where carrying it out fails; the arm waits for the answer where that matters."""
+    """Keeps what it was answered, also where carrying it out fails; time passes meanwhile where objects move."""
 
-    def __init__(self, url: str, waiting: SimulatedPanda | None) -> None:
+    def __init__(self, url: str, robot: SimulatedPanda) -> None:
         super().__init__(url)
         self.predicted: PredictedActions | None = None
-        self._waiting = waiting
+        self._robot = robot
 
     def predict(self, *arguments: Any, **options: Any) -> PredictedActions:  # noqa: ANN401
         self.predicted = super().predict(*arguments, **options)
-        if self._waiting is not None:
-            self._waiting.hold(ANSWER_S)
+        if moves(self._robot):
+            self._robot.hold(ANSWER_S)
         return self.predicted
 
 
@@ -100,10 +97,9 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
     started, task = time.perf_counter(), scene.task
-    panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
-    moves = task in MOVING_TASKS
-    robot = (WaitingPanda if moves else ShiftedPanda)(panda, method.shift_m, seed, method.noise)
-    with _Client(url, panda if moves else None) as client:
+    panda = SimulatedPanda(make_task(task, seed, ALL_TASKS[task].test_variation(seed)), cameras=())
+    robot = ChangingPanda(panda, seed, method)
+    with _Client(url, panda) as client:
         error, blocked = _ask_and_move(client, robot, name, panda, method)
         failure_text = error or blocked or judge(panda)
         if client.predicted is not None:
@@ -126,7 +122,7 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
 
 
 def _ask_and_move(
-    client: _Client, robot: ShiftedPanda, name: str, panda: SimulatedPanda, method: Method
+    client: _Client, robot: ChangingPanda, name: str, panda: SimulatedPanda, method: Method
 ) -> tuple[str, str]:
     """Return why the reply gave no actions, and what ended the motion; empty texts if nothing did."""
     leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
