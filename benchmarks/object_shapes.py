@@ -3,9 +3,13 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim.scene import SceneBody
+from roboprompt_client.types.arrays import Array
+
+ROLL_STEP_DEG = 5.0  # of a body that is round about its x axis
 
 
 @dataclass(frozen=True)
@@ -15,12 +19,27 @@ class Thing:
     Attributes:
         build: adds its shapes to a body whose origin is on the table.
         radius_m: of the circle around the origin that holds it.
-        symmetry_deg: the turn that leaves it unchanged: 0 any, None none.
+        symmetry_deg: the turn about z that leaves it unchanged: 0 any, None none.
+        roll_deg: the same about the axis along x at half its height: lying so, it is the same body at the same place.
+        height_m: given with `roll_deg`.
     """
 
     build: Callable[[SceneBody], object]
     radius_m: float
     symmetry_deg: float | None = None
+    roll_deg: float | None = None
+    height_m: float = 0.0
+
+    @property
+    def rolls(self) -> list[Array]:
+        """The transforms (4, 4) about the axis along x that leave it unchanged, the identity first."""
+        poses = []
+        for angle_deg in [0.0] if self.roll_deg is None else np.arange(0, 360, self.roll_deg or ROLL_STEP_DEG):
+            pose, middle_m = np.eye(4), np.array([0, 0, self.height_m / 2])
+            pose[:3, :3] = Rotation.from_euler("x", angle_deg, degrees=True).as_matrix()
+            pose[:3, 3] = middle_m - pose[:3, :3] @ middle_m
+            poses.append(pose)
+        return poses
 
 
 def _mug(part: SceneBody) -> None:
@@ -102,14 +121,14 @@ THINGS: Mapping[str, Thing] = {
     "mug": Thing(_mug, 0.07),
     "bowl": Thing(_bowl, 0.073, 0.0),
     "jar": Thing(_jar, 0.043, 0.0),
-    "tool": Thing(_tool, 0.105),
+    "tool": Thing(_tool, 0.105, roll_deg=0.0, height_m=0.03),
     "car": Thing(_car, 0.062),
     "carton": Thing(_carton, 0.04),
     "drawer": Thing(_drawer_front, 0.108),
     "kettle": Thing(_kettle, 0.095),
     "bracket": Thing(_bracket, 0.075),
     "bulb": Thing(_bulb, 0.037, 0.0),
-    "brick": Thing(_brick, 0.05, 180.0),
+    "brick": Thing(_brick, 0.05, 180.0, roll_deg=180.0, height_m=0.05),
     "bottle": Thing(_bottle, 0.036, 0.0),
 }
 

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
-from app.perception.registered.geometry import angle_deg
+from app.perception.registered.icp import angle_deg
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
@@ -160,9 +160,12 @@ def _judge(tally: Tally, name: str, pose: ObjectPose, true: Array | None, taught
     found[:3, 3] = pose.position_m
     if pose.quaternion_xyzw is not None:
         found[:3, :3] = Rotation.from_quat(pose.quaternion_xyzw).as_matrix()
-    expected = true @ np.linalg.inv(taught.object_to_template)
-    off_m = float(np.linalg.norm(found[:3, 3] - expected[:3, 3]))
-    off_deg = angle_deg(found[:3, :3], expected[:3, :3], symmetric)
+    template_to_object = np.linalg.inv(taught.object_to_template)
+    equal = [true @ roll @ template_to_object for roll in THINGS[name].rolls]
+    off_deg, off_m = min(
+        (angle_deg(found[:3, :3], pose[:3, :3], symmetric), float(np.linalg.norm(found[:3, 3] - pose[:3, 3])))
+        for pose in equal
+    )
     if off_m > WRONG_M or off_deg > WRONG_DEG:
         tally.wrong.append(f"off by {1000 * off_m:.0f} mm, {off_deg:.0f} degrees, confidence {pose.confidence}")
         return

@@ -3,12 +3,16 @@
 An estimator takes object queries (`base.ObjectQuery`) and the cameras' frames; it returns one pose for each object or
 raises (`base.PoseEstimator`). An object's model (`models`) names its estimator; `registry` maps names to estimators.
 
-From images to poses: `cuboid` and `markers` process each camera by itself. They segment pixels that may be the object
-and fit its shape to depth and outline, or its markers to their corners. Each camera yields a `sightings.Sighting`: a
-pose, a confidence and a reason. `registered` uses all cameras together: `scene` (points above the table) ->
-`candidates` -> `hypotheses` with scores -> `decide` (one of them, or a refusal); `learn` makes its templates.
+`cuboid`, for each camera: `segmentation` (pixels of its color -> pieces) -> `measurements` (surface points, outline
+rays, ground) -> `fit` (robust least squares of a box or cylinder, `shape`) -> `confidence`; `estimator` groups these
+sightings by object and selects one; `learn` makes models, `appearance` measures color and size for it.
 
-Refusals: `cuboid.judge`, `markers.estimator` and `registered.decide` compute confidences. `sightings.fused` and
-`registered.decide` refuse a pose below its model's `min_confidence`, cameras that contradict each other, and several
-objects that match. The error names the object, the cameras, the numbers and a remedy.
+`markers`, for each camera: `view` (ArUco, AprilTag: corners; depth on faces) -> `fit` -> `estimator` (confidence).
+
+`registered`, all cameras together: `scene` (points above the table) -> `candidates` (parts of its colors) ->
+`hypotheses` (`icp` from many starts) -> `score` (agreement of template and images) -> `decide` (one pose or a refusal,
+with `image_faults`); `learn` merges labeled views to a template, completed under its `symmetry`; `marks` makes masks.
+
+Refusals: `sightings.fused` and `registered.decide` refuse a pose below its model's `min_confidence`, cameras that
+contradict each other, and several objects that match. The error names the object, cameras, numbers and a remedy.
 """

@@ -8,11 +8,11 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
+from app.perception.cuboid.confidence import sighting_of_fit
 from app.perception.cuboid.fit import fit_any_size
-from app.perception.cuboid.fit_data import fit_data
-from app.perception.cuboid.judge import judged
+from app.perception.cuboid.measurements import measure_piece
 from app.perception.cuboid.model import SHAPES
-from app.perception.cuboid.pieces import piece_points_m, trimmed
+from app.perception.cuboid.segmentation import piece_points_m, trimmed
 from app.perception.cuboid.shape import SX, YAW
 from app.perception.models import MasksModel
 from app.perception.sightings import Miss, Sighting, fused
@@ -79,7 +79,7 @@ def _box(query: ObjectQuery, model: MasksModel, frame: RgbdFrame) -> Sighting | 
     name, piece = frame.camera.name, trimmed(0, 0, np.isin(frame.mask, query.mask_ids), frame.depth_m)
     if len(piece_points_m(frame, piece)) < MIN_POINTS:
         return Miss(name, f"fewer than {MIN_POINTS} masked pixels have depth")
-    data = fit_data(frame, piece)
+    data = measure_piece(frame, piece)
     box, cylinder = (fit_any_size(data, shape) for shape in SHAPES)
     if cylinder.cost < ROUND_MARGIN * box.cost:
         return Miss(name, "it looks round, so it has no yaw", seen=True)
@@ -89,4 +89,4 @@ def _box(query: ObjectQuery, model: MasksModel, frame: RgbdFrame) -> Sighting | 
         return Miss(name, f"its sides of {100 * x_m:.1f} and {100 * y_m:.1f} cm are too alike for a heading", seen=True)
     yaw = box.candidate[YAW] + (np.pi / 2 if y_m > x_m else 0.0)
     turn = Rotation.from_euler("z", yaw).as_quat(canonical=True)
-    return replace(judged(frame, piece, data, "box", box), quaternion_xyzw=turn)
+    return replace(sighting_of_fit(frame, piece, data, "box", box), quaternion_xyzw=turn)

@@ -16,9 +16,8 @@ from pydantic_core import CoreSchema, ErrorDetails
 
 from app.perception.cuboid.model import CuboidModel
 from app.perception.markers.model import MarkersModel
-from app.perception.object_model import MIN_CONFIDENCE, Confidence, ObjectModel, one_of, within
+from app.perception.object_model import MIN_CONFIDENCE, Confidence, Number, ObjectModel, Truth, one_of, within
 from app.perception.registered.model import RegisteredModel
-from app.perception.strict import Number, Truth
 from roboprompt_client.errors import InvalidInputError
 
 MAX_TIMEOUT_S = 300.0

@@ -1,19 +1,34 @@
-"""The base of all object models: the estimator's name as a tag, JSON, and checks that name a field."""
+"""The base of all object models: strict JSON types, the estimator's name as a tag, errors that name a field."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
-from pydantic import ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, Strict
+from pydantic_core import PydanticKnownError
 
-from app.perception.strict import Number
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import MAX_M
 
 MIN_CONFIDENCE = 0.5  # below this a pose is refused, unless the model says otherwise
 
 
+def _no_text(value: object) -> object:
+    if isinstance(value, bool | str):
+        raise PydanticKnownError("int_type")
+    return value
+
+
+# Strict types of JSON values: by default pydantic accepts `true` as 1 and "5" as 5.
+Number = Annotated[float, Strict()]
+# Positions and lengths in the world frame, bounded so that their squares do not overflow.
+Meters = Annotated[Number, Field(ge=-MAX_M, le=MAX_M)]
+Truth = Annotated[bool, Strict()]
+# For whole numbers. 10.0 is accepted: JSON does not distinguish it, and some languages write all numbers so.
+WHOLE = BeforeValidator(_no_text)
 Length = Annotated[Number, Field(ge=1e-4, le=100, description="meters")]
+Share = Annotated[Number, Field(ge=0, le=1)]
 Confidence = Annotated[
     Number, Field(ge=0, le=1, description="a number in 0..1; a pose that is less certain is refused")
 ]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from app.drawing import Canvas, Color, RgbImage
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.model import CuboidModel
-from app.perception.cuboid.pieces import color_mask, to_hsv
+from app.perception.cuboid.segmentation import color_mask, to_hsv
 from app.perception.cuboid.shape import outline_points_m
 from app.perception.markers.model import MarkersModel
 from app.perception.object_model import ObjectModel

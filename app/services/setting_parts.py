@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from app.perception.strict import Meters, Number
+from app.perception.object_model import Meters, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, RuleName
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace

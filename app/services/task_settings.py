@@ -19,8 +19,7 @@ from sqlalchemy import Connection
 
 from app.perception.base import ESTIMATOR_NAMES, GivenPoses, ObjectQuery
 from app.perception.models import AsObjectModel, model_from_json
-from app.perception.object_model import ObjectModelError
-from app.perception.strict import WHOLE, Number
+from app.perception.object_model import WHOLE, Number, ObjectModelError
 from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion

@@ -7,7 +7,7 @@ import pytest
 from app.perception.base import LabeledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
-from app.perception.cuboid.pieces import color_mask, to_hsv
+from app.perception.cuboid.segmentation import color_mask, to_hsv
 from roboprompt_client.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, labeled, shoot
 

@@ -10,8 +10,8 @@ from app.api.schemas.requests import CameraIn, Described, MaskId, Name, RequestM
 from app.api.schemas.responses import PoseOut
 from app.perception.base import ObjectQuery
 from app.perception.models import AsObjectModel, model_from_json
+from app.perception.object_model import WHOLE, Number, Truth
 from app.perception.registered.model import Symmetric
-from app.perception.strict import WHOLE, Number, Truth
 
 Pixel = Annotated[tuple[Number, Number], Field(description="[x, y] = [column, row]")]
 Box = Annotated[tuple[Number, Number, Number, Number], Field(description="[left, top, right, bottom]")]

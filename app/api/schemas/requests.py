@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.perception.strict import WHOLE, Meters, Number, Truth
+from app.perception.object_model import WHOLE, Meters, Number, Truth
 from app.pipeline.episode import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import plain_text

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
+from app.perception.cuboid.confidence import sighting_of_fit
 from app.perception.cuboid.fit import fit_upright
-from app.perception.cuboid.fit_data import FitData, fit_data
-from app.perception.cuboid.judge import judged
+from app.perception.cuboid.measurements import Measurements, measure_piece
 from app.perception.cuboid.model import CuboidModel
-from app.perception.cuboid.pieces import Bytes, HsvImage, Piece, color_mask, find_pieces, to_hsv
+from app.perception.cuboid.segmentation import Bytes, HsvImage, Piece, color_mask, find_pieces, to_hsv
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
@@ -97,16 +97,16 @@ class _Search:
 
 def _sighted(images: Sequence[tuple[RgbdFrame, HsvImage]], looks: CuboidModel) -> list[Sighting | Miss]:
     size_m, yaw_range_rad = np.array(looks.size_m), np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
-    seen: list[tuple[RgbdFrame, Piece, FitData]] = []
+    seen: list[tuple[RgbdFrame, Piece, Measurements]] = []
     misses = []
     for frame, hsv in images:
         mask = color_mask(hsv, looks.color)
         pieces = find_pieces(frame, mask, size_m, looks.shape)
-        seen += [(frame, piece, fit_data(frame, piece)) for piece in pieces]
+        seen += [(frame, piece, measure_piece(frame, piece)) for piece in pieces]
         if not pieces:
             misses.append(_miss(frame, mask))
     fits = fit_upright([data for *_, data in seen], looks.shape, size_m, yaw_range_rad=yaw_range_rad)
-    return [*(judged(*item, looks.shape, fit) for item, fit in zip(seen, fits, strict=True)), *misses]
+    return [*(sighting_of_fit(*item, looks.shape, fit) for item, fit in zip(seen, fits, strict=True)), *misses]
 
 
 def _miss(frame: RgbdFrame, mask: Bytes) -> Miss:

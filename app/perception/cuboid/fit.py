@@ -13,9 +13,9 @@ from typing import Self
 
 import numpy as np
 
-from app.perception.cuboid.fit_data import FitData
+from app.perception.cuboid.measurements import Measurements
 from app.perception.cuboid.model import Shape
-from app.perception.cuboid.pieces import quantiles
+from app.perception.cuboid.segmentation import quantiles
 from app.perception.cuboid.shape import SX, SY, SZ, YAW, Reals, X, Y, Z, ray_distances_m, surface_distances_m
 from roboprompt_client.types.arrays import Array
 
@@ -62,7 +62,7 @@ class _FitBatch:
 
     Attributes:
         eyes: (V, 1, 7) the camera positions, to subtract from candidates.
-        points_m, rays: (V, N, 3) and (V, M, 3), see `FitData`.
+        points_m, rays: (V, N, 3) and (V, M, 3), see `Measurements`.
         point_sigma_m, ray_sigma_m: (V, 1, N) and (V, 1, M).
         ground_m, ground_sigma_m: (V, 1); infinite sigma where no ground is visible.
     """
@@ -76,7 +76,7 @@ class _FitBatch:
     ground_sigma_m: Reals
 
     @classmethod
-    def of(cls, pieces: Sequence[FitData], thinning: int = 1) -> Self:
+    def of(cls, pieces: Sequence[Measurements], thinning: int = 1) -> Self:
         """Return the measurements of pieces, with every `thinning`-th point and ray."""
         eyes = np.array([[[*piece.eye_m, 0, 0, 0, 0]] for piece in pieces])
         points_m = [piece.points_m[::thinning] - piece.eye_m for piece in pieces]
@@ -101,7 +101,7 @@ def _filled_up(vectors: Sequence[Array], sigmas: Sequence[float]) -> tuple[Reals
     return filled, filled_sigmas
 
 
-def fit_upright(pieces: Sequence[FitData], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
+def fit_upright(pieces: Sequence[Measurements], shape: Shape, size_m: Array, *, yaw_range_rad: float) -> list[Fit]:
     """Return the best candidate of a known size for each piece.
 
     Args:
@@ -111,7 +111,7 @@ def fit_upright(pieces: Sequence[FitData], shape: Shape, size_m: Array, *, yaw_r
     return _fits(pieces, shape, size_m, yaw_range_rad, _PLACE[shape]) if pieces else []
 
 
-def fit_any_size(piece: FitData, shape: Shape) -> Fit:
+def fit_any_size(piece: Measurements, shape: Shape) -> Fit:
     """Return the best candidate of unknown size; a box's x and y sides may be swapped."""
     low, high = quantiles(piece.points_m, 0.02, 0.98)
     side_m = float(np.hypot(*(high - low)[:2])) / np.sqrt(2)
@@ -120,7 +120,7 @@ def fit_any_size(piece: FitData, shape: Shape) -> Fit:
 
 
 def _fits(
-    pieces: Sequence[FitData], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
+    pieces: Sequence[Measurements], shape: Shape, size_m: Array, yaw_range_rad: float, columns: Sequence[int]
 ) -> list[Fit]:
     """Return the best candidate for each piece; `columns` of the candidates are optimized."""
     starts = np.array([_starts(piece, shape, size_m, yaw_range_rad) for piece in pieces])
@@ -144,7 +144,7 @@ def _best(ends: Array, costs: Array, yaw_range_rad: float) -> Fit:
     return Fit(ends[best], float(costs[best]), float(rival_yaw), float(rival_cost))
 
 
-def _starts(piece: FitData, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
+def _starts(piece: Measurements, shape: Shape, size_m: Array, yaw_range_rad: float) -> Array:
     """Return starting candidates (B, 7), their centers behind the visible points."""
     middle_m = piece.points_m.mean(axis=0)
     away = middle_m - piece.eye_m

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import LabeledScene, ObjectQuery
+from app.perception.cuboid.appearance import MeasuredShape, learn_color, measure, object_pixels
 from app.perception.cuboid.estimator import CuboidPoses, likenesses
-from app.perception.cuboid.looks import MeasuredShape, learn_color, measure, object_pixels
 from app.perception.cuboid.model import SHAPES, ColorModel, CuboidModel, Rank, Shape
 from app.perception.frame_checks import check_rgbd
 from app.perception.object_model import ObjectModelError

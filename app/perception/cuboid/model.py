@@ -7,13 +7,21 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel
-from app.perception.strict import WHOLE, Meters, Number
+from app.perception.object_model import (
+    MIN_CONFIDENCE,
+    WHOLE,
+    Checked,
+    Confidence,
+    Length,
+    Meters,
+    Number,
+    ObjectModel,
+    Share,
+)
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.names import checked_name
 
 Degrees = Annotated[Number, Field(ge=0, le=360)]
-Share = Annotated[Number, Field(ge=0, le=1)]
 Shape = Literal["box", "cylinder"]
 SHAPES: tuple[Shape, ...] = ("box", "cylinder")
 _RANGE = Field(description="[least, greatest], each 0..1")

@@ -11,6 +11,7 @@ from typing import Self
 import cv2
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse_transform
@@ -132,18 +133,11 @@ def _starts(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None
         for marker_to_camera in view.starts(camera):
             start = marker_to_camera @ inverse_transform(view.marker_to_object)
             if up_camera is not None:
-                start[:3, :3] = _smallest_turn(start[:3, 2], up_camera) @ start[:3, :3]
+                upright, _ = Rotation.align_vectors(up_camera, start[:3, 2])
+                start[:3, :3] = upright.as_matrix() @ start[:3, :3]
             if all(_angle_rad(start, other) > RIVAL_RAD for other in starts):
                 starts.append(start)
     return starts
-
-
-def _smallest_turn(one: Array, other: Array) -> Array:
-    """Return the rotation (3, 3) that maps one unit vector to another."""
-    axis = np.cross(one, other)
-    sine = float(np.linalg.norm(axis))
-    angle_rad = np.arctan2(sine, one @ other)
-    return np.asarray(cv2.Rodrigues(axis / max(sine, TINY) * angle_rad)[0], np.float64)
 
 
 def _refined(data: _MarkerData, start: Array) -> MarkerFit:
@@ -152,11 +146,7 @@ def _refined(data: _MarkerData, start: Array) -> MarkerFit:
     def errors(step: Array) -> Array:
         return _errors(data, _moved(start, step))
 
-    def slopes(step: Array) -> Array:
-        here = errors(step)
-        return np.stack([errors(step + shift) - here for shift in STEP * np.eye(6)], axis=1) / STEP
-
-    found = least_squares(errors, np.zeros(6), slopes, method="lm", ftol=SETTLED)
+    found = least_squares(errors, np.zeros(6), method="lm", ftol=SETTLED, diff_step=STEP)
     corners = found.fun[: data.corners_px.size].reshape(-1, 2) * data.corner_sigmas_px[:, None]
     pose, spread = _moved(start, found.x), np.linalg.inv(found.jac.T @ found.jac)
     x, y, z = start[:3, 3]

@@ -7,8 +7,17 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
-from app.perception.strict import WHOLE, Meters, Truth
+from app.perception.object_model import (
+    MIN_CONFIDENCE,
+    WHOLE,
+    Checked,
+    Confidence,
+    Length,
+    Meters,
+    ObjectModel,
+    Truth,
+    one_of,
+)
 from roboprompt_client.calibration.board import DICTIONARIES, marker_dictionary
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import ROTATION_MATRIX_TOLERANCE

@@ -8,8 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from app.perception.registered.geometry import VOXEL_M, Index, Poses, lengths
+from app.perception.registered.depth_view import VOXEL_M, Index, lengths
 from app.perception.registered.hypotheses import MAX_RISE_M
+from app.perception.registered.icp import Poses
 from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
 from roboprompt_client.types.arrays import Array

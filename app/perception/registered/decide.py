@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.perception.frame_checks import are_swapped
-from app.perception.registered.candidates import SAME_LAB, candidates, of_its_colors_within
-from app.perception.registered.depth_view import DepthView
-from app.perception.registered.geometry import Index, Poses, angle_deg
+from app.perception.registered.candidates import candidates, of_its_colors_within
+from app.perception.registered.depth_view import Index
 from app.perception.registered.hypotheses import MOST, Hypothesis, hypotheses
+from app.perception.registered.icp import Poses, angle_deg
+from app.perception.registered.image_faults import image_faults
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import score, shares_seen
-from app.perception.registered.template import Template
+from app.perception.registered.template import STANDS_WITHIN_M, Template
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from roboprompt_client.cameras.table import MAX_OFF_M, OTHER_M, find_flat_surface
-from roboprompt_client.types.camera import RgbdFrame
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
@@ -25,13 +23,10 @@ EXPLAINED_M = 0.015  # points closer than this to the object in its pose belong 
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
 OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found object: two objects cannot
 LIES_SCORE, LIES_BETTER = 0.6, 0.1  # least score of a lying pose, and least gain over upright ones
+MAX_BELOW_M = 0.003  # of an object below the table; upright ones are within 1.5 mm (cameras 0.3 degrees and 1 mm off)
 SEEN_SHARE = 0.12  # a camera sees the object if it sees this share of the side that faces it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
 WELL_SEEN = 0.5  # share of the facing side that one camera sees where another one should see it, too
-OTHER_TABLE_RGB = 25.0  # of 255
-OTHER_BRIGHTNESS, MIN_OTHERS = 1.4, 2  # ratio of one camera's table to the median of at least so many others
-STEP_PX = 4  # stride of the pixels that are checked for missing depth
-MIN_PIXELS, MIN_SHARE = 200, 0.8  # of pixels of the object's colors, without depth, to be reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +87,12 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
         cameras = ", ".join(view.camera.name for view in lit.scene.views)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
         within = "" if elsewhere is None else " within its masks"
-        raise ObjectNotVisibleError(name, message + within + causes(template, lit), HELP_SEE)
+        raise ObjectNotVisibleError(name, message + within + image_faults(template, lit), HELP_SEE)
     first, part = places[0]
     best = _with_all_within(template, lit, first[0], part, elsewhere)
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
+    _check_height(name, template, lit, best)
     _check_ends(name, template, lit, best, part)
     leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
     rivals = [place[0] for place, _ in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
@@ -143,14 +139,15 @@ def _check(
     seen = ", ".join(f"{camera} {100 * share:.0f} %" for camera, share in shares.items())
     least_score = max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
     if best.value < least_score:
+        faults = image_faults(template, lit)
         if hypotheses(template, lit, parts[0], fallen=True)[0].value > max(LIES_SCORE, best.value + LIES_BETTER):
-            message = f"it seems to lie on its side, or to be absent: it is found upright only{causes(template, lit)}"
+            message = f"it seems to lie on its side, or to be absent: it is found upright only{faults}"
             raise UncertainPoseError(name, message, "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score:.2f}"
         if best.color < 1:
             message += ", as it has its shape in other colors, or much brighter or darker"
         remedy = "it upright on the table, uncovered; or labeled views in this light and from this side"
-        message += f" (of its facing side agree: {seen}){causes(template, lit)}"
+        message += f" (of its facing side agree: {seen}){faults}"
         blind = [camera for camera, share in shares.items() if share < max(shares.values()) / 2]
         if blind and max(shares.values()) > WELL_SEEN:
             message += f"; {' and '.join(blind)}: hidden there, an old picture, or camera_to_world is off"
@@ -158,6 +155,16 @@ def _check(
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
         raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)
+
+
+def _check_height(name: str, template: Template, lit: LitScene, best: Hypothesis) -> None:
+    """Refuse a standing object whose bottom would lie below the table: it fits best so if it lies on another side."""
+    standing_m = lit.scene.table.level_m(best.origin_m) - template.bottom_m
+    below_m = standing_m - float(best.origin_m[2])
+    if template.above_table_m < STANDS_WITHIN_M and below_m > MAX_BELOW_M:
+        message = f"it fits best {1000 * below_m:.0f} mm below the table, as if it lay on another side"
+        remedy = "it upright, as it was labeled; or labels of it on this table, if something flat lay below it"
+        raise UncertainPoseError(name, f"{message}; at most {1000 * MAX_BELOW_M:g} mm are tolerated", remedy)
 
 
 def _check_ends(name: str, template: Template, lit: LitScene, best: Hypothesis, part: Index) -> None:
@@ -198,50 +205,3 @@ def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: In
     if elsewhere is not None:
         explained[elsewhere] = True
     return candidates(template, lit, without=np.flatnonzero(explained))
-
-
-def causes(template: Template, lit: LitScene) -> str:
-    """Return likely faults of images in which an object was not found, as the end of a message; may be empty."""
-    notes = [_without_depth(template, lit, number) for number in range(len(lit.scene.views))]
-    notes += [_bumped(view, lit.scene) for view in lit.scene.views]
-    notes += [_colored_otherwise(view, lit.scene) for view in lit.scene.views]
-    taught_rgb, table = template.table_rgb, lit.scene.table
-    if are_swapped(taught_rgb, table.rgb):
-        notes.append("the table has its taught color if red and blue change places: BGR images?")
-    elif np.abs(taught_rgb - table.rgb).max() > OTHER_TABLE_RGB:
-        notes.append("the table looks otherwise than in its labeled views")
-    return "".join(f"; {note}" for note in notes if note)
-
-
-def _bumped(view: DepthView, scene: Scene) -> str:
-    surface = find_flat_surface(RgbdFrame(view.camera, None, view.depth_m))
-    off_m = 0.0 if surface is None else float(scene.table.height_m(surface.middle_m[None])[0])
-    if not MAX_OFF_M < abs(off_m) < OTHER_M:
-        return ""
-    return f"{view.camera.name} sees the table {1000 * off_m:+.0f} mm off: was the camera bumped?"
-
-
-def _colored_otherwise(view: DepthView, scene: Scene) -> str:
-    """Return how the table looks in one camera if it looks otherwise in the others together."""
-    own, *others = (scene.table_rgb_in(item) for item in (view, *(item for item in scene.views if item is not view)))
-    known = [rgb for rgb in others if rgb is not None]
-    if own is None or len(known) < MIN_OTHERS:
-        return ""
-    usual = np.median(known, axis=0)
-    if are_swapped(usual, own):
-        return f"{view.camera.name} shows the others' table with red and blue exchanged: BGR images?"
-    times = float(own.sum() / max(usual.sum(), 1.0))
-    if max(times, 1 / max(times, 0.01)) < OTHER_BRIGHTNESS:
-        return ""
-    return f"{view.camera.name} shows the table {times:.1f} times as bright as the others: the same exposure for all?"
-
-
-def _without_depth(template: Template, lit: LitScene, number: int) -> str:
-    view = lit.scene.views[number]
-    rows, columns = STEP_PX * np.indices(view.depth_m[::STEP_PX, ::STEP_PX].shape).reshape(2, -1)
-    off_lab, _ = template.palette.query(lit.lab_at(number, rows, columns), distance_upper_bound=SAME_LAB)
-    depths_m = view.depth_m[rows, columns][np.isfinite(off_lab)]
-    unknown = int(np.count_nonzero(depths_m == 0))
-    if unknown * STEP_PX**2 < MIN_PIXELS or unknown < MIN_SHARE * len(depths_m):
-        return ""
-    return f"{view.camera.name} has no depth for {100 * unknown / len(depths_m):.0f} % of the pixels of its colors"

@@ -1,4 +1,7 @@
-"""One camera's images, prepared for the search: downsampled, without flying pixels."""
+"""From depth images to points: one camera's images without flying pixels, point clouds with normals.
+
+Clouds have one point per voxel; their normals point towards the camera.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,10 +10,17 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
-from app.perception.registered.geometry import Bools, Index
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
+
+Index = npt.NDArray[np.intp]
+Bools = npt.NDArray[np.bool_]
+
+VOXEL_M = 0.004
+MAX_VOXELS = 2**20  # along an axis, about 4 km
+NORMAL_RADIUS_M, NORMAL_NEIGHBORS = 0.015, 14
 
 WIDTH_PX = 800  # wider images are downsampled by an integer factor
 FLYING_STEP_M = 0.02  # a larger step between neighbors makes a pixel unreliable
@@ -114,3 +124,41 @@ def _without_flying(depth_m: DepthImage, focal_px: float) -> DepthImage:
     near, far = cv2.erode(depth_m, window), cv2.dilate(depth_m, window)
     step_m = np.maximum(np.float32(FLYING_STEP_M), near * np.float32(SLOPE / focal_px))
     return np.where((far - near > step_m) | (near == 0), np.float32(0), depth_m)
+
+
+def thinned(points_m: Array, *others: Array) -> tuple[Array, ...]:
+    """Return the mean point (N, 3) of each voxel, and the means (N, 3) of the points' other values (M, 3)."""
+    cells = np.floor(points_m / VOXEL_M).astype(np.int64) + MAX_VOXELS // 2
+    _, inverse, counts = np.unique(cells @ [1, MAX_VOXELS, MAX_VOXELS**2], return_inverse=True, return_counts=True)
+    return tuple(
+        np.stack([np.bincount(inverse, values[:, axis]) for axis in range(3)], axis=1) / counts[:, None]
+        for values in (points_m, *others)
+    )
+
+
+def normals_of(points_m: Array, eyes_m: Array) -> Array:
+    """Return unit normals (N, 3) of planes through each point's neighbors, towards the camera positions (N, 3)."""
+    if len(points_m) < 3:
+        return unit(eyes_m - points_m)
+    count = min(NORMAL_NEIGHBORS, len(points_m))
+    _, index = cKDTree(points_m).query(points_m, k=count, distance_upper_bound=NORMAL_RADIUS_M)
+    known = (index < len(points_m))[..., None]
+    near = points_m[np.minimum(index, len(points_m) - 1)]
+    mean = np.where(known, near, 0).sum(axis=1, keepdims=True) / known.sum(axis=1, keepdims=True)
+    offsets = np.where(known, near - mean, 0)
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1][:, :, 0]
+    facing = np.einsum("ni,ni->n", normals, eyes_m - points_m) < 0
+    return np.where(facing[:, None], -normals, normals)
+
+
+def lengths(vectors: Array) -> Array:
+    """Return the lengths (...) of vectors (..., 3); several times as fast as `np.linalg.norm`."""
+    result: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return result
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors scaled to length 1; zero vectors remain zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    result: Array = vectors / np.maximum(lengths, 1e-12)
+    return result

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery, model_of
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, FoundPose, find
-from app.perception.registered.depth_view import DepthView
-from app.perception.registered.geometry import Index
+from app.perception.registered.depth_view import DepthView, Index
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template

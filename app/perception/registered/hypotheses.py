@@ -1,7 +1,4 @@
-"""Poses that explain one part of a scene, the best first, with evidence to distinguish them.
-
-Robust iterative closest points (ICP) from many starts in one batch: point to plane, with a little point to point.
-"""
+"""Poses that explain one part of a scene, the best first, with evidence to distinguish them: ICP from many starts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,16 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.perception.registered.geometry import Index, Poses, about_z
+from app.perception.registered.depth_view import Index
+from app.perception.registered.icp import ALL_FREE, COARSE_M, FINAL_M, FINE_M, UPRIGHT, Poses, about_z, icp
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import same_color, score
-from app.perception.registered.template import LAB_AS_M, Template
+from app.perception.registered.template import Template
 from roboprompt_client.types.arrays import Array
 
 FEW, SOME, MANY, MOST = 110, 160, 250, 800  # points of the scene in each stage, from coarse to final
-COARSE_M = (0.05, 0.04, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02)
-FINE_M = (0.02, 0.02, 0.015, 0.015, 0.012)
-FINAL_M = (0.012, 0.01, 0.01)
 HOPELESS = 0.5  # no refinement follows if the best coarse score is lower
 CLOSE_BY, FEWEST_KEPT, MAX_KEPT = 0.12, 4, 14  # poses whose score is so close to the best are kept; their number
 NEARBY_YAWS_DEG = (0.0, -10.0, -7, -4, -2, 2, 4, 7, 10)
@@ -27,12 +22,7 @@ MIN_SHARE = 0.02  # least evidence for that, relative to the number of points
 
 MAX_RISE_M = 0.025  # tolerance of the taught height above the table: a cloth, errors of calibration
 START_YAWS_DEG = np.arange(0, 360, 15.0)
-MAX_TURN_RAD = 0.2  # per step
-POINT_TO_POINT, POINT_TO_POINT_COLORED = 0.02, 0.06  # weight relative to point to plane; prevents sliding
-DAMPING_RAD2, DAMPING_M2 = 1e-4, 1e-2
 FEW_SEEN = 20  # with fewer visible points, use all points of the template
-TURN_ABOUT_Z = [2, 3, 4, 5]  # free components of (3,) rotation and (3,) translation of an upright object
-ALL_FREE = [0, 1, 2, 3, 4, 5]
 FALLS = Rotation.from_euler("xyz", [[90, 0, 0], [-90, 0, 0], [0, 90, 0], [0, -90, 0], [180, 0, 0]], degrees=True)
 
 
@@ -95,14 +85,14 @@ def hypotheses(
         fallen: whether the object lies on its side.
     """
     index = np.random.default_rng(0).permutation(index)
-    free = ALL_FREE if fallen else TURN_ABOUT_Z
+    free = ALL_FREE if fallen else UPRIGHT
     points_m = lit.scene.points_m
     few, many = index[:FEW], index[:MANY]
     if fallen:
         poses = _fallen_starts(template, lit.scene, points_m[index])
     else:
         poses = _upright_starts(template, lit.scene, points_m[index], yaws_deg)
-    poses = registered(template, poses, points_m[few], COARSE_M, free=free)
+    poses = icp(template, poses, points_m[few], COARSE_M, free=free)
     if not fallen:
         poses = _at_height(template, lit, poses)
     coarse = score(template, lit, few, poses, MANY)
@@ -111,10 +101,10 @@ def hypotheses(
         return [Hypothesis(poses[[best]], float(coarse.value[best]), float(coarse.support[best]), None)]
     close = int((coarse.value > coarse.value[best] - CLOSE_BY).sum())
     poses = poses[np.argsort(-coarse.value)[: min(max(FEWEST_KEPT, close), MAX_KEPT)]]
-    poses = registered(template, poses, points_m[many], FINE_M, lab=lit.lab[many], free=free)
+    poses = icp(template, poses, points_m[many], FINE_M, lab=lit.lab[many], free=free)
     if template.yaw_symmetry_deg != 0:
         poses = _best_nearby(template, lit, index[:SOME], poses)
-    poses = registered(template, poses, points_m[many], FINAL_M, lab=lit.lab[many], free=free)
+    poses = icp(template, poses, points_m[many], FINAL_M, lab=lit.lab[many], free=free)
     if not fallen:
         poses = _at_height(template, lit, poses)
     final = score(template, lit, index[:MOST], poses, MOST)
@@ -172,75 +162,3 @@ def _best_nearby(template: Template, lit: LitScene, index: Index, poses: Poses) 
     turned = Poses(rotations, np.repeat(poses.origins_m, count, axis=0))
     values = score(template, lit, index, turned, SOME).value.reshape(len(poses), count)
     return turned[np.arange(len(poses)) * count + values.argmax(axis=1)]
-
-
-def registered(
-    template: Template,
-    poses: Poses,
-    points_m: Array,
-    reaches_m: Sequence[float],
-    *,
-    lab: Array | None = None,
-    free: Sequence[int] = TURN_ABOUT_Z,
-) -> Poses:
-    """Return the poses after ICP steps that move the scene's points (P, 3) onto the template, one step per reach.
-
-    Args:
-        reaches_m: points farther from the template have no weight.
-        lab: (P, 3) colors of the points; if given, partners are the nearest by place and color.
-        free: the components of (3,) rotation and (3,) translation that may change.
-    """
-    beside = POINT_TO_POINT if lab is None else POINT_TO_POINT_COLORED
-    damping = np.diag([DAMPING_RAD2 if column < 3 else DAMPING_M2 for column in free])
-    for reach_m in reaches_m:
-        places_m = poses.to_template(points_m)
-        partners = _partners(template, places_m, lab)
-        offsets_m, normals = places_m - template.points_m[partners], template.normals[partners]
-        weights = np.clip(1 - np.einsum("spi,spi->sp", offsets_m, offsets_m) / reach_m**2, 0, None) ** 2
-        to_plane = _columns(places_m, normals, free)
-        weighted = to_plane * weights[..., None]
-        to_point, point_rhs = _to_points(places_m, offsets_m, beside * weights)
-        lhs = weighted.transpose(0, 2, 1) @ to_plane + to_point[:, free][:, :, free] + damping
-        along_m = np.einsum("spi,spi->sp", offsets_m, normals)
-        rhs = np.einsum("spi,sp->si", weighted, along_m) + point_rhs[:, free]
-        step = np.zeros((len(poses), 6))  # of the scene in the template's frame
-        step[:, free] = -np.linalg.solve(lhs, rhs[..., None])[..., 0]
-        turns = Rotation.from_rotvec(np.clip(step[:, :3], -MAX_TURN_RAD, MAX_TURN_RAD)).as_matrix()
-        rotations = poses.rotations @ turns.transpose(0, 2, 1)
-        poses = Poses(rotations, poses.origins_m - np.einsum("sij,sj->si", rotations, step[:, 3:]))
-    return poses
-
-
-def _partners(template: Template, places_m: Array, lab: Array | None) -> Index:
-    """Return the index (S, P) of each point's partner in the template."""
-    if lab is None:
-        return template.closest(places_m)
-    colored = np.concatenate([places_m, np.broadcast_to(lab * LAB_AS_M, places_m.shape)], axis=2)
-    partners: Index = template.tree.query(colored.reshape(-1, 6))[1].reshape(places_m.shape[:2])
-    return partners
-
-
-def _columns(places_m: Array, normals: Array, free: Sequence[int]) -> Array:
-    """Return the derivatives (S, P, F) of points' offsets along normals by the free components."""
-    x, n = np.moveaxis(places_m, -1, 0), np.moveaxis(normals, -1, 0)
-    turns = [x[(k + 1) % 3] * n[(k + 2) % 3] - x[(k + 2) % 3] * n[(k + 1) % 3] for k in free if k < 3]
-    return np.stack([*turns, *(n[k - 3] for k in free if k >= 3)], axis=-1)
-
-
-def _to_points(places_m: Array, offsets_m: Array, weights: Array) -> tuple[Array, Array]:
-    """Return the normal equations (S, 6, 6) and (S, 6) that move points (S, P, 3) by their weighted offsets.
-
-    The unknowns are (3,) rotation and (3,) translation.
-    """
-    lhs, rhs = np.zeros((len(places_m), 6, 6)), np.empty((len(places_m), 6))
-    weighted_m = (places_m * weights[..., None]).transpose(0, 2, 1)
-    products, moments = weighted_m @ places_m, weighted_m @ offsets_m
-    lhs[:, :3, :3] = np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3) - products
-    lhs[:, 3:, 3:] = weights.sum(axis=1)[:, None, None] * np.eye(3)
-    sums_m = weighted_m.sum(axis=2)
-    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
-        lhs[:, i, 3 + j] = lhs[:, 3 + j, i] = -sums_m[:, k]
-        lhs[:, j, 3 + i] = lhs[:, 3 + i, j] = sums_m[:, k]
-        rhs[:, k] = moments[:, i, j] - moments[:, j, i]
-    rhs[:, 3:] = np.einsum("spi,sp->si", offsets_m, weights)
-    return lhs, rhs

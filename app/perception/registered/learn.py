@@ -10,8 +10,7 @@ import numpy as np
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import MIN_SCORE, yaw_rivals
-from app.perception.registered.depth_view import free_views
-from app.perception.registered.geometry import Index, thinned, unit
+from app.perception.registered.depth_view import Index, free_views, thinned, unit
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import NEAR_M

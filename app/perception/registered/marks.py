@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from app.perception.registered.candidates import parts_of
-from app.perception.registered.geometry import VOXEL_M, Bools, Index
+from app.perception.registered.depth_view import VOXEL_M, Bools, Index
 from app.perception.registered.scene import ABOVE_TABLE_M, Scene, to_lab
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array

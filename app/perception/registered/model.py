@@ -5,13 +5,11 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, ObjectModel
-from app.perception.strict import WHOLE, Number, Truth
+from app.perception.object_model import MIN_CONFIDENCE, WHOLE, Checked, Confidence, ObjectModel, Share, Truth
 from roboprompt_client.errors import InvalidInputError
 
 SYMMETRIES = '"none", "yaw" (the same all around), or degrees of a turn that leaves it unchanged, e.g. 180'
 MIN_SYMMETRY_DEG = 30.0  # an object with a smaller symmetry counts as round
-Share = Annotated[Number, Field(ge=0, le=1)]
 
 
 def yaw_symmetry_deg(symmetric: str | float) -> float | None:

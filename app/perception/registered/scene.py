@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.spatial import Delaunay
 
 from app.perception.frame_checks import are_swapped, check_cameras, check_level
-from app.perception.registered.depth_view import FARTHEST_M, DepthView, RgbImage
-from app.perception.registered.geometry import Bools, Index, normals_of, thinned
+from app.perception.registered.depth_view import FARTHEST_M, Bools, DepthView, Index, RgbImage, normals_of, thinned
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
@@ -52,14 +52,7 @@ class Table:
 
     def holds(self, points_m: Array) -> Bools:
         """Return whether points (N, 3) lie above or below its area, (N,)."""
-        low = self.hull_m.min(axis=0)
-        size = np.ceil((self.hull_m.max(axis=0) - low) / CELL_M).astype(int) + 1
-        area = np.zeros(size[::-1], np.uint8)
-        cv2.fillConvexPoly(area, np.rint((self.hull_m - low) / CELL_M).astype(np.int32), 1)
-        cells = np.rint((points_m[:, :2] - low) / CELL_M).astype(int)
-        inside = ((cells >= 0) & (cells < size)).all(axis=1)
-        column, row = np.where(inside[:, None], cells, 0).T
-        covered: Bools = inside & (area[row, column] > 0)
+        covered: Bools = Delaunay(self.hull_m).find_simplex(points_m[:, :2]) >= 0
         return covered
 
 
@@ -74,7 +67,8 @@ def find_table(points_m: Array, rgb: Array) -> Table | None:
         return None
     for _ in range(NUM_REFINEMENTS):
         inside = some[np.abs(_above(plane, some)) < FLAT_M]
-        plane = np.asarray(np.linalg.lstsq(_with_one(inside), inside[:, 2], rcond=None)[0], np.float64)
+        with_one = np.column_stack([inside[:, :2], np.ones(len(inside))])
+        plane = np.asarray(np.linalg.lstsq(with_one, inside[:, 2], rcond=None)[0], np.float64)
     near = np.abs(_above(plane, points_m)) < FLAT_M
     if near.mean() < MIN_SHARE:
         return None
@@ -83,24 +77,20 @@ def find_table(points_m: Array, rgb: Array) -> Table | None:
 
 def _most_supported(points_m: Array, triples_m: Array) -> Array | None:
     """Return the level plane through one of the triples (T, 3, 3) with most inliers (RANSAC), or None."""
-    best, most = None, 0
-    for corners in triples_m:
-        if abs(np.linalg.det(_with_one(corners))) < 1e-9:
-            continue
-        plane = np.linalg.solve(_with_one(corners), corners[:, 2])
-        support = int((np.abs(_above(plane, points_m)) < FLAT_M).sum())
-        if np.hypot(*plane[:2]) < MAX_SLOPE and support > most:
-            best, most = plane, support
-    return best
+    normals = np.cross(triples_m[:, 1] - triples_m[:, 0], triples_m[:, 2] - triples_m[:, 0])
+    is_level = np.hypot(normals[:, 0], normals[:, 1]) < MAX_SLOPE * np.abs(normals[:, 2])
+    if not is_level.any():
+        return None
+    slopes = -normals[is_level, :2] / normals[is_level, 2:]
+    heights_m = triples_m[is_level, 0, 2] - (slopes * triples_m[is_level, 0, :2]).sum(axis=1)
+    off_m = np.abs(points_m[:, 2] - slopes @ points_m[:, :2].T - heights_m[:, None])
+    best = int((off_m < FLAT_M).sum(axis=1).argmax())
+    return np.append(slopes[best], heights_m[best])
 
 
 def _above(plane: Array, points_m: Array) -> Array:
     above: Array = points_m[:, 2] - points_m[:, :2] @ plane[:2] - plane[2]
     return above
-
-
-def _with_one(points_m: Array) -> Array:
-    return np.column_stack([points_m[:, :2], np.ones(len(points_m))])
 
 
 def _hull(places_m: Array) -> Array:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses, lengths
+from app.perception.registered.depth_view import VOXEL_M, Bools, Index, lengths
+from app.perception.registered.icp import Poses
 from app.perception.registered.scene import LIGHTNESS, LitScene
 from app.perception.registered.template import Template
 from roboprompt_client.types.arrays import Array

@@ -7,8 +7,9 @@ from scipy.spatial import cKDTree
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import yaw_rivals
-from app.perception.registered.geometry import VOXEL_M, Bools, Index, Poses, about_z, thinned, unit
-from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses, registered
+from app.perception.registered.depth_view import VOXEL_M, Bools, Index, thinned, unit
+from app.perception.registered.hypotheses import hypotheses
+from app.perception.registered.icp import COARSE_M, FINAL_M, Poses, about_z, icp
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import STANDS_WITHIN_M, Template
 from roboprompt_client.types.arrays import Array
@@ -159,7 +160,7 @@ def _turn_axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
     middle_m = template.points_m.mean(axis=0)
     turn = about_z(symmetry_deg)
     start = Poses(turn, (middle_m - turn[0] @ middle_m)[None])
-    pose = registered(template, start, template.points_m, (*COARSE_M, *FINAL_M), lab=template.lab)
+    pose = icp(template, start, template.points_m, (*COARSE_M, *FINAL_M), lab=template.lab)
     axis_m = np.asarray(np.linalg.solve(np.eye(2) - pose.rotations[0, :2, :2], pose.origins_m[0, :2]), np.float64)
     off_mm = 1000 * float(np.median(template.distance_m(pose.to_template(template.points_m)[0])))
     problem = f"differs from itself turned by {symmetry_deg:g} degrees: by {off_mm:.0f} mm in the median"

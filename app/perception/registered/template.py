@@ -14,8 +14,7 @@ import numpy.typing as npt
 from scipy import ndimage
 from scipy.spatial import ConvexHull, cKDTree
 
-from app.perception.registered.depth_view import DepthView
-from app.perception.registered.geometry import VOXEL_M, Index, lengths
+from app.perception.registered.depth_view import VOXEL_M, DepthView, Index, lengths
 from app.perception.registered.scene import to_lab
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
-from app.perception.strict import WHOLE, Number, Truth
+from app.perception.object_model import WHOLE, Number, Truth
 from app.pipeline.alike import Alike
 from app.pipeline.representation.base import KAT_FORMAT, usual_format
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.fit import fit_any_size
-from app.perception.cuboid.fit_data import fit_data
+from app.perception.cuboid.measurements import measure_piece
 from app.perception.cuboid.model import ColorModel, Shape
-from app.perception.cuboid.pieces import SQUARE, Bools, color_mask, find_parts, to_hsv
+from app.perception.cuboid.segmentation import SQUARE, Bools, color_mask, find_parts, to_hsv
 from app.perception.cuboid.shape import SX, YAW
 from app.perception.object_model import ObjectModelError
 from roboprompt_client.types.arrays import Array
@@ -106,7 +106,7 @@ def measure(
     shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
     if not any(shares):
         return None
-    data = fit_data(frame, pieces[int(np.argmax(shares))])
+    data = measure_piece(frame, pieces[int(np.argmax(shares))])
     fit = fit_any_size(data, shape)
     size_m, turn = _along_axes(fit.candidate, query, shape)
     origin_m = None

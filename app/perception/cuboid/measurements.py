@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner, quantiles
+from app.perception.cuboid.segmentation import CROSS, Bools, Piece, eroded, inner, quantiles
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
@@ -26,7 +26,7 @@ NEIGHBORS: Pixels = np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
-class FitData:
+class Measurements:
     """One camera's measurements of an object, to which a shape is fitted.
 
     Attributes:
@@ -46,7 +46,7 @@ class FitData:
     ground_m: float | None
 
 
-def fit_data(frame: RgbdFrame, piece: Piece) -> FitData:
+def measure_piece(frame: RgbdFrame, piece: Piece) -> Measurements:
     """Return the camera's measurements of the piece."""
     assert frame.depth_m is not None
     camera = frame.camera
@@ -73,7 +73,7 @@ def fit_data(frame: RgbdFrame, piece: Piece) -> FitData:
     # edges towards an occluder, or to something on top of it, are not its outline
     edges = (rim + outward / 2)[behind & ~mask[tuple(probe.T)]]
     sigma_m = float(np.hypot(DEPTH_SIGMA_AT_1_M * piece.distance_m**2, DEPTH_SIGMA_FLOOR_M))
-    return FitData(
+    return Measurements(
         surface_m,
         sigma_m * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
         camera.camera_to_world[:3, 3],

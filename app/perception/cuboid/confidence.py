@@ -5,9 +5,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.cuboid.fit import Fit
-from app.perception.cuboid.fit_data import FitData
+from app.perception.cuboid.measurements import Measurements
 from app.perception.cuboid.model import Shape
-from app.perception.cuboid.pieces import SQUARE, Piece, window
+from app.perception.cuboid.segmentation import SQUARE, Piece, window
 from app.perception.cuboid.shape import YAW, outline_points_m, surface_distances_m
 from app.perception.sightings import Sighting
 from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
@@ -24,7 +24,7 @@ NOTED = 0.85  # the reason mentions shares below this
 BORDER_PX = 2
 
 
-def judged(frame: RgbdFrame, piece: Piece, data: FitData, shape: Shape, fit: Fit) -> Sighting:
+def sighting_of_fit(frame: RgbdFrame, piece: Piece, data: Measurements, shape: Shape, fit: Fit) -> Sighting:
     """Return the pose of the fitted shape; its confidence compares the piece's pixels with those of the shape.
 
     These lower it: pixels outside of the shape's outline; pixels inside the outline that show something behind it or

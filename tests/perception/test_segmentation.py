@@ -1,7 +1,7 @@
 import numpy as np
 
 from app.perception.cuboid.model import COLORS, ColorModel
-from app.perception.cuboid.pieces import color_mask, find_parts, find_pieces, to_hsv
+from app.perception.cuboid.segmentation import color_mask, find_parts, find_pieces, to_hsv
 from tests.perception.solid_scene import Solid, cube, shoot
 
 CUBE_M = np.full(3, 0.05)
