@@ -9,7 +9,7 @@ from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import BatchSpanProcessor
 
 from app.services import measures
-from roboprompt_client.http.connection import is_own_machine
+from roboprompt_client.http import is_own_machine
 
 
 class Tracing:

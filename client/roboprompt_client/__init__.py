@@ -30,8 +30,8 @@ from roboprompt_client.errors import (
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.leading import Leading
 from roboprompt_client.runs.live import Live
+from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import RunOptions, run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.camera import Camera, RgbdFrame

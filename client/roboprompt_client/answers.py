@@ -16,7 +16,7 @@ from roboprompt_client.errors import (
     NotConfirmedError,
     ServiceProblemError,
 )
-from roboprompt_client.http.connection import event_document
+from roboprompt_client.http import event_document
 from roboprompt_client.motion.guard import action_from_json
 from roboprompt_client.runs.reanchoring import ActionAnchor, anchor_from_json
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json

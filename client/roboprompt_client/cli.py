@@ -25,7 +25,7 @@ from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_fro
 from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
-from roboprompt_client.types.trajectory_npz import trajectory_from_file
+from roboprompt_client.types.trajectory import trajectory_from_file
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."

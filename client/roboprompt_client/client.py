@@ -13,7 +13,7 @@ from httpx_sse import EventSource
 
 from roboprompt_client.answers import OnFindings, PredictedActions, StreamReader
 from roboprompt_client.errors import ServiceUnreachableError
-from roboprompt_client.http.connection import Request, http_options, require_success
+from roboprompt_client.http import Request, http_options, require_success
 from roboprompt_client.requests import Requests
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction

@@ -8,15 +8,22 @@ import httpx
 
 from roboprompt_client.answers import PlannedStep, PredictedActions
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.http.connection import Request, document_in, require_success
-from roboprompt_client.http.encoding import Part, npz_part, prediction_request, request_parts, scene_json
+from roboprompt_client.http import (
+    Part,
+    Request,
+    document_in,
+    npz_part,
+    prediction_request,
+    request_parts,
+    require_success,
+    scene_json,
+)
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
 from roboprompt_client.types.film import Film, npz_from_film
 from roboprompt_client.types.poses import ObjectPose, object_from_json, object_json
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each

@@ -11,7 +11,7 @@ from makers import DOWN, FIRST_M, MAKERS, Body
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import STEERED_S, Calibration
-from roboprompt_client.arms.tolerance import Tolerance
+from roboprompt_client.arms.safety import Tolerance
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types import quaternions as rotations

@@ -14,8 +14,8 @@ pytest.importorskip("scipy", reason="the extra `calibrate` is not installed")
 import cv2
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.calibration.board import CharucoBoard
-from roboprompt_client.calibration.bundle import Sighting, fit_cameras
+from roboprompt_client.cameras.board import CharucoBoard
+from roboprompt_client.cameras.calibration import Sighting, fit_cameras
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.errors import InvalidInputError

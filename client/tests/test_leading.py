@@ -8,7 +8,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.reanchoring import ActionAnchor
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose

@@ -14,12 +14,13 @@ from arms import client_of
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recording.recorder import Recorder, trajectory_from_journal
+from roboprompt_client.recording.journal import trajectory_from_journal
+from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.recording.spool import JOURNAL, Spool
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import npz_from_trajectory
 
 FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)), np.zeros((4, 4, 3), np.uint8), np.ones((4, 4), np.float32))
 SCENE = Observation(ObjectPose("cube", np.array([0.4, 0, 0.1])), FRONT)

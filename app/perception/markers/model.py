@@ -9,7 +9,7 @@ from pydantic import Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
 from app.perception.strict import WHOLE, Meters, Truth
-from roboprompt_client.calibration.board import DICTIONARIES, marker_dictionary
+from roboprompt_client.cameras.board import DICTIONARIES, marker_dictionary
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import ROTATION_MATRIX_TOLERANCE
 

@@ -22,8 +22,8 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import Pose
 
 if TYPE_CHECKING:  # OpenCV and scipy are extras
-    from roboprompt_client.calibration.board import CharucoBoard
-    from roboprompt_client.calibration.bundle import FittedCamera, Sighting
+    from roboprompt_client.cameras.board import CharucoBoard
+    from roboprompt_client.cameras.calibration import FittedCamera, Sighting
 
 MOTION_DEG, MOTION_M = 22.0, 0.05  # of the proposed poses around the hand's first pose
 PROPOSED = 14
@@ -55,8 +55,8 @@ def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
     """Visit poses, fit, print residuals, write the cell's file; return 1 if one is large or nothing is written."""
     import_extra("cv2", "opencv-python-headless", "calibrate")
     import_extra("scipy", "scipy", "calibrate")
-    from roboprompt_client.calibration.board import CharucoBoard
-    from roboprompt_client.calibration.bundle import fit_cameras
+    from roboprompt_client.cameras.board import CharucoBoard
+    from roboprompt_client.cameras.calibration import fit_cameras
 
     sides = (arguments.square, arguments.marker)
     board = CharucoBoard(arguments.columns, arguments.rows, *sides, arguments.dictionary, arguments.legacy)
@@ -83,8 +83,8 @@ def _sightings(
     arm: Arm, cameras: Sequence[MountedCamera], board: "CharucoBoard", *, by_hand: bool
 ) -> tuple[list["Sighting"], dict[str, Intrinsics]]:
     """Return the sightings of the board at all poses, and the intrinsics by camera name."""
-    from roboprompt_client.calibration.board import check_seen
-    from roboprompt_client.calibration.bundle import Sighting
+    from roboprompt_client.cameras.board import check_seen
+    from roboprompt_client.cameras.calibration import Sighting
 
     assert arm.cameras is not None
     found, intrinsics = [], {}

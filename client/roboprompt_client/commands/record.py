@@ -18,12 +18,12 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     ServiceUnreachableError,
 )
+from roboprompt_client.recording.journal import films_from_journal
 from roboprompt_client.recording.recorder import (
     RATE_HZ,
     HasState,
     checked_film_hz,
     checked_rate_hz,
-    films_from_journal,
 )
 from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Sent, Spool
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file

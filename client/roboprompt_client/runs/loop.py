@@ -27,8 +27,7 @@ from roboprompt_client.errors import (
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
 from roboprompt_client.robot import Observation, Robot, stop_after_error
-from roboprompt_client.runs.leading import Leading
-from roboprompt_client.runs.look_again import Follower, ObjectFinder
+from roboprompt_client.runs.look_again import Follower, Leading, ObjectFinder
 from roboprompt_client.types.poses import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str | None], None]
