@@ -5,14 +5,15 @@
 
 Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
 
-- What the service is asked: `requests` (one method for each request), sent by `client`.
+- What the service is asked and what it answers: `client`, `answers`.
 - What a run does between `observe` and `execute`: `runs.loop`. Where a limit of motion is checked: `motion.guard`.
 - Arms: `arms.driver` has the Protocol of a new one, `arms.arm` makes a `Robot` of it, `cell` names it.
 """
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.client import AsyncRoboPromptClient, RoboPromptClient
+from roboprompt_client.async_client import AsyncRoboPromptClient
+from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
     InvalidAnswerError,

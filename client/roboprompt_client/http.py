@@ -1,26 +1,18 @@
-"""HTTP with the service: requests and observations as values, and answers read as JSON or raised as errors."""
+"""HTTP with one service: requests as values, and answers read as JSON or raised as this package's errors."""
 
-import io
 import ipaddress
 import json
-import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
-import numpy as np
 from httpx_sse import ServerSentEvent
 
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.robot import Observation
-from roboprompt_client.types.camera import RgbdFrame, camera_json
-from roboprompt_client.types.film import MAX_PICTURE_PIXELS
-from roboprompt_client.types.poses import object_json
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
@@ -29,9 +21,6 @@ EVENT_STREAM = "text/event-stream"
 DEFAULT_TIMEOUT_S = 60.0
 KEEPALIVE_S = 2.0  # idle connections; the service closes them after 5 s, and a request sent at that moment is lost
 MAX_DETAIL_CHARS = 500  # of an error page that is not a problem document
-Part = tuple[str, bytes, str]
-JPEG_QUALITY, FILM_QUALITY = 95, 85
-_MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
 
 
 def is_loopback(host: str) -> bool:
@@ -119,6 +108,11 @@ class Request(Generic[Answer]):
             raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 
+def ask(method: str, path: str, **arguments: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
+    """Return a request for a JSON object; arguments as of `httpx.Client.request`."""
+    return Request(method, path, arguments, document_in)
+
+
 def require_success(response: httpx.Response) -> httpx.Response:
     """Return the response; raises ServiceProblemError if the service refused or failed."""
     if not response.is_error:
@@ -158,82 +152,14 @@ def _json(data: str | bytes) -> object:
         return None
 
 
-def request_parts(metadata: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
-    """Return the multipart files of a request: `metadata` as JSON, and every image of every frame.
-
-    Images travel as JPEG and 16-bit PNG where OpenCV is installed (extra `images`), else as `.npy`.
-    """
-    encoded = _compressed if find_spec("cv2") else npy_part
-    parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
-    for frame in frames:
-        parts |= {name: encoded(name, image, frame) for name, image in images_of(frame)}
-    return parts
-
-
-def prediction_request(
-    task: str | None,
-    instruction: str,
-    observation: Observation,
-    options: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return the body of `POST /predict` as arguments of httpx: JSON, or multipart where there are images."""
-    document = {"task": task, "instruction": instruction, **scene_json(observation), **options}
-    if (pose := observation.end_effector) is not None:
-        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
-    if not observation.frames:
-        return {"json": document}
-    return {"files": request_parts(document, observation.frames)}
-
-
-def images_of(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
-    """Yield the frame's images with the names of their parts, such as `rgb_front`."""
-    for kind, image in (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask)):
-        if image is not None:
-            yield f"{kind}_{frame.camera.name}", image
-
-
-def npy_part(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
-    """Return an image as a `.npy` file."""
-    stream = io.BytesIO()
-    np.save(stream, image, allow_pickle=False)
-    return f"{name}.npy", stream.getvalue(), "application/octet-stream"
-
-
-def npz_part(name: str, data: bytes) -> Part:
-    """Return a `.npz` file, such as a trajectory's."""
-    return f"{name}.npz", data, "application/octet-stream"
-
-
-def _compressed(name: str, image: np.ndarray[Any, Any], frame: RgbdFrame) -> Part:
-    import cv2
-
-    if image is frame.rgb:
-        return f"{name}.jpg", jpeg(cv2, image), "image/jpeg"
-    if image is frame.depth_m:
-        image = np.minimum(np.rint(image / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
-    return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
-
-
-def film_jpeg(cv2: Any, rgb: np.ndarray[Any, Any]) -> bytes:  # noqa: ANN401
-    """Return a picture of a film: of a large image every second row and column, or fewer."""
-    step = math.ceil(math.sqrt(rgb[..., 0].size / MAX_PICTURE_PIXELS))
-    return jpeg(cv2, rgb[::step, ::step], FILM_QUALITY)
-
-
-def jpeg(cv2: Any, rgb: np.ndarray[Any, Any], quality: int = JPEG_QUALITY) -> bytes:  # noqa: ANN401
-    """Return an image (H, W, 3) of uint8, red first, as a JPEG file."""
-    return bytes(cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
-
-
-def scene_json(observation: Observation) -> dict[str, Any]:
-    """Return `objects` (with a pose, with mask ids, or only a name to be found) and `cameras` of a request."""
-    if not isinstance(observation, Observation):
-        raise InvalidInputError("observation", f"is a {type(observation).__name__}", "Observation(poses)")
-    unnamed = {name: list(ids) for name, ids in observation.mask_ids.items()}
-    objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
-    objects += [{"name": name} for name in observation.to_find]
-    for item in objects:
-        if (ids := unnamed.pop(item["name"], None)) is not None:
-            item["mask_ids"] = ids
-    objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
-    return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
+def read_ping(response: httpx.Response) -> None:
+    """Return if a RoboPrompt service has answered `GET /healthz`; raises as `Request.read`."""
+    try:
+        known = document_in(response).get("checks") is not None
+    except ServiceProblemError as error:
+        if "type" in error.problem:
+            raise
+        known = False
+    if not known:
+        address = str(response.url).removesuffix("/healthz")
+        raise ServiceUnreachableError(f"{address}: what answers there is not a RoboPrompt service")

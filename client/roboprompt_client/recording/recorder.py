@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.cameras.rig import MountedCamera
+from roboprompt_client.encoding import film_jpeg
 from roboprompt_client.errors import CameraError, InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
-from roboprompt_client.http import film_jpeg
 from roboprompt_client.recording import journal as files
 from roboprompt_client.types.film import FILM_HZ, MAX_FILM_BYTES, MAX_PICTURE_BYTES, MAX_PICTURES, Film
 from roboprompt_client.types.trajectory import Trajectory

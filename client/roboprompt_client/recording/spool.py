@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.encoding import Part, images_of, npy_part, npz_part, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.http import Part, images_of, npy_part, npz_part, scene_json
 from roboprompt_client.recording.journal import (
     WRITABLE,
     create_private,
