@@ -241,6 +241,15 @@ def test_a_motion_that_franky_does_not_plan_is_tried_at_other_speeds(body, monke
     assert body.starts == 6
 
 
+def test_commands_that_come_too_late_say_what_to_do(body, monkeypatch):
+    """libfranka's words for a program that missed the control unit's milliseconds."""
+    arm = Arm(MAKERS["franka"](body, monkeypatch))
+    reflex = RuntimeError('Move command aborted: motion aborted by reflex! ["communication_constraints_violation"]')
+    monkeypatch.setattr(body, "poll", lambda: setattr(body, "error", reflex) or True)
+    with pytest.raises(MotionError, match=r"violation.*: commands came too late: end busy programs"):
+        arm.execute(to())
+
+
 def test_a_steered_velocity_that_franky_does_not_plan_is_tried_slower(body, monkeypatch):
     arm, before_m = Arm(MAKERS["franka"](body, monkeypatch)), body.position_m
     with arm.steered() as steer:

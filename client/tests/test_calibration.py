@@ -149,7 +149,7 @@ def cell(tmp_path, monkeypatch):
     world = {name: Sees(arm, lambda hand, at=at: np.linalg.inv(at) @ hand @ HELD) for name, at in FIXED.items()}
     carried = Sees(arm, lambda hand: np.linalg.inv(hand @ IN_THE_HAND) @ LYING)
     arm.cameras = Rig([*(MountedCamera(*item) for item in world.items()), MountedCamera("wrist", carried, True)])
-    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", lambda name: arm)
+    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", lambda name: arm)
     monkeypatch.setattr("roboprompt_client.commands.calibrate.SETTLE_S", 0.0)
     return tmp_path / "cell.json"
 

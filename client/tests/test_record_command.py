@@ -49,7 +49,7 @@ def service(monkeypatch, tmp_path):
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
     monkeypatch.setattr("roboprompt_client.recording.spool.WAITS_S", ())
-    opened = "roboprompt_client.commands.look.open_robot"
+    opened = "roboprompt_client.commands.shared.open_robot"
     monkeypatch.setattr(opened, lambda name: Arm(open_xarm(Body(), monkeypatch)))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     return state
@@ -149,7 +149,7 @@ def test_what_cannot_be_led_so_is_not_recorded(service, monkeypatch, tmp_path, c
 
 @pytest.mark.parametrize(("option", "valid"), [("--rate-hz", "20 to 1000"), ("--film-hz", "0 (no film) to 60")])
 def test_a_rate_out_of_range_is_refused_before_the_arm_is_opened(service, monkeypatch, tmp_path, capsys, option, valid):
-    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", None)
+    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", None)
     with pytest.raises(SystemExit, match="2"):
         run(monkeypatch, tmp_path, option, "1e4")
     assert f"{option[2:].replace('-', '_')}: is 10000 (valid: {valid})" in capsys.readouterr().err
@@ -267,7 +267,7 @@ def test_a_recording_that_the_arm_interrupted_is_not_uploaded_by_the_way(
 ):
     body = Body()
     arm = Arm(open_xarm(body, monkeypatch))
-    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", lambda name: arm)
+    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", lambda name: arm)
 
     def the_arm_fails():
         body.gone = True

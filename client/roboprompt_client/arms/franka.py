@@ -30,6 +30,12 @@ DYNAMICS_MARGIN = 0.95  # franky's planner fails for velocities at the limit
 # Ruckig fails to synchronize one of about 70 motions, and one of about 200 steered velocities. At another speed it
 # succeeds; nothing has moved by then.
 PLANNER_FAILED, SPEED_SHARES = "Motion planner failed", (1.0, 0.9, 0.8)
+# libfranka's words for commands that came too late for its loop of 1 kHz
+TOO_LATE = ("communication_constraints_violation", "UDP receive")
+LATE_REMEDY = (
+    "commands came too late: end busy programs on this computer, use a real-time kernel and a network cable of its own "
+    "to the control unit"
+)
 
 
 class Franka:
@@ -237,7 +243,9 @@ class Franka:
         except MotionError:
             raise
         except Exception as error:  # franky's errors share no base class
-            raise MotionError(f"{self.name}: {what}: {error or type(error).__name__}") from error
+            message = f"{self.name}: {what}: {error or type(error).__name__}"
+            late = any(words in message for words in TOO_LATE)
+            raise MotionError(f"{message}: {LATE_REMEDY}" if late else message) from error
 
 
 def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401
