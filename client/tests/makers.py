@@ -36,6 +36,7 @@ class Body:
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
         self.code = 0  # the error that an xArm's box reports
+        self.tool = np.eye(4)  # in the flange's frame
         self.unplanned, self.error = 0, None  # motions that franky's planner fails to plan; raised until it is joined
         self._left = 0
 
@@ -116,7 +117,7 @@ def franky(body):
 
         @property
         def state(self):
-            return answer(Named(F_T_EE=Named(matrix=np.eye(4)), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5]))
+            return answer(Named(F_T_EE=Named(matrix=body.tool), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5]))
 
         def move(self, motion, asynchronous):
             assert asynchronous

@@ -313,6 +313,14 @@ def test_what_was_never_seen_on_an_arm_says_so_at_the_start(driver, caplog):
     assert ("untested on hardware" in caplog.text) == (not driver.proven)
 
 
+@pytest.mark.parametrize(("tool_m", "is_warned"), [(0.0, True), (0.1034, False)])
+def test_a_franka_whose_tool_is_not_set_warns_of_the_flange(body, monkeypatch, caplog, tool_m, is_warned):
+    body.tool[2, 3] = tool_m
+    with caplog.at_level(logging.WARNING):
+        MAKERS["franka"](body, monkeypatch)
+    assert ("those of the flange" in caplog.text) == is_warned
+
+
 def test_a_calibration_says_what_it_wants():
     for document in (None, {}, {"base_to_world": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}}):
         with pytest.raises(InvalidInputError, match="base_to_world"):

@@ -4,6 +4,7 @@ Franky's convention is ours: meters, quaternions xyzw, end effector in the base 
 full dynamics.
 """
 
+import logging
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -20,9 +21,11 @@ from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types.arrays import Array
 
+log = logging.getLogger(__name__)
 DYNAMICS = 0.05
 GRIPPER_M_S, GRASP_N = 0.05, 20.0
 POLL_S = 0.05
+MIN_TOOL_M = 0.03  # a gripper is longer; the Franka Hand: 0.1034
 CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
@@ -80,6 +83,11 @@ class Franka:
                 CONNECT_S, lambda: franky.Robot(address, relative_dynamics_factor=dynamics, realtime_config=kernel)
             )
             self._gripper = _within(CONNECT_S, lambda: franky.Gripper(address)) if gripper else None
+        if gripper and np.linalg.norm(self._flange_to_tip()[:3, 3]) < MIN_TOOL_M:
+            log.warning(
+                "%s: no end effector is set in Desk: its poses are those of the flange, not of the fingertips",
+                self.name,
+            )
 
     def state(self) -> ArmState:
         with self._errors("state"):
@@ -104,8 +112,11 @@ class Franka:
         self.geometry().way(joints, position_m, quaternion_xyzw)
 
     def geometry(self) -> PandaGeometry:
+        return PandaGeometry(self._model, self._flange_to_tip())
+
+    def _flange_to_tip(self) -> Array:
         with self._errors("state"):
-            return PandaGeometry(self._model, np.array(self._robot.state.F_T_EE.matrix, float))
+            return np.array(self._robot.state.F_T_EE.matrix, float)
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._going = not self._is_at(position_m, quaternion_xyzw)

@@ -129,18 +129,19 @@ def run_task(
     except BaseException:
         stop_after_error(robot)
         raise
-    _record(client, predicted, how.on_outcome)
+    if how.on_outcome is not None and predicted.actions:
+        record_outcome(client, predicted, how.on_outcome)
     return predicted
 
 
-def _record(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome | None) -> None:
-    """Record what `on_outcome` says of actions that were carried out."""
-    if on_outcome is None or not predicted.actions or (outcome := on_outcome(predicted)) is None:
-        return
-    try:
-        client.record_outcome(predicted.id, *outcome)
-    except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
-        log.warning("the outcome was not recorded: %s", error)
+def record_outcome(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome) -> Outcome | None:
+    """Return what `on_outcome` says of actions that were carried out, and record it; a failure to record is logged."""
+    if (outcome := on_outcome(predicted)) is not None:
+        try:
+            client.record_outcome(predicted.id, *outcome)
+        except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
+            log.warning("the outcome was not recorded: %s", error)
+    return outcome
 
 
 @dataclass(frozen=True)
