@@ -4,6 +4,7 @@ Units and return values are theirs: franky meters and x y z w, UR meters and rot
 codes, LeRobot meters, rotation vectors and per cent.
 """
 
+import time
 from types import SimpleNamespace as Named
 
 import numpy as np
@@ -117,7 +118,13 @@ def franky(body):
 
         @property
         def state(self):
-            return answer(Named(F_T_EE=Named(matrix=body.tool), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5]))
+            return answer(
+                Named(
+                    F_T_EE=Named(matrix=body.tool),
+                    O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5],
+                    time=Named(to_sec=time.monotonic),
+                )
+            )
 
         def move(self, motion, asynchronous):
             assert asynchronous

@@ -6,6 +6,7 @@ import json
 import os
 import stat
 import time
+from dataclasses import replace
 
 import httpx
 import numpy as np
@@ -61,6 +62,21 @@ def test_forces_are_recorded_and_uploaded_where_the_arm_tells_them(tmp_path):
     np.testing.assert_allclose(felt[:, 2], 10 * (0.5 - trajectory.positions_m[:, 2]))
     np.testing.assert_array_equal(felt[:, 5], 0.1)
     assert record(Guided(), tmp_path / "without").wrenches_n_nm is None
+
+
+class SlowClock(Guided):
+    """A simulated arm on a busy machine: half as much time passes for it."""
+
+    def state(self):
+        state = super().state()
+        return replace(state, time_s=100.0 + state.joint_positions_rad[0] / 2)
+
+
+def test_an_arm_s_own_clock_gives_the_times(tmp_path):
+    trajectory = record(SlowClock(), tmp_path / "journal")
+    times_s = trajectory.timestamps_s
+    assert times_s[0] == 0
+    np.testing.assert_allclose(2 * np.diff(times_s), np.diff(trajectory.joint_positions_rad[:, 0]), atol=1e-9)
 
 
 def test_a_guided_arm_with_measured_fingers(tmp_path):

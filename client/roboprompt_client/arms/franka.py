@@ -92,7 +92,8 @@ class Franka:
     def state(self) -> ArmState:
         with self._errors("state"):
             now, pose = self._robot.current_joint_state, self._robot.current_pose.end_effector_pose
-            wrench = np.array(self._robot.state.O_F_ext_hat_K, float).reshape(6)
+            measured = self._robot.state
+            wrench, time_s = np.array(measured.O_F_ext_hat_K, float).reshape(6), float(measured.time.to_sec())
             width_m = None if self._gripper is None else float(self._gripper.width)
         return ArmState(
             np.array(pose.translation, float).reshape(3),
@@ -101,6 +102,7 @@ class Franka:
             np.array(now.velocity, float).reshape(7),
             width_m,
             wrench_n_nm=wrench,
+            time_s=time_s,
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
@@ -124,34 +126,25 @@ class Franka:
             return
         target, motion = self._franky.Affine(position_m, quaternion_xyzw), self._franky.CartesianMotion
         # a motion object is good for one motion
-        self._begin([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
+        self._attempts = iter([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
+        self._start_next()
 
-    def _begin(self, attempts: list[Any]) -> None:
-        """Start the first motion that franky can plan; `finished` starts the next one if the failure comes later."""
-        self._attempts = iter(attempts)
-        failed: MotionError | None = None
-        while True:
+    def _start_next(self, failed: MotionError | None = None) -> None:
+        """Start the next attempt that franky can plan; raise the last failure if none is left."""
+        while (motion := next(attempts := self._attempts, None)) is not None:
             try:
-                started = self._attempt()
+                with self._errors("move"):
+                    self._robot.move(motion, asynchronous=True)
+                    if attempts is not self._attempts:  # another thread has halted meanwhile
+                        self._robot.stop()
+                return
             except MotionError as error:  # of this motion, or of the one before
                 if PLANNER_FAILED not in str(error):
                     raise
                 failed = error
                 self._forget_error()
-                continue
-            if failed is not None and not started:
-                raise failed
-            return
-
-    def _attempt(self) -> bool:
-        """Start the next attempt; return whether there was one."""
-        attempts = self._attempts
-        with self._errors("move"):
-            if (motion := next(attempts, None)) is not None:
-                self._robot.move(motion, asynchronous=True)
-                if attempts is not self._attempts:  # another thread has halted meanwhile
-                    self._robot.stop()
-        return motion is not None
+        if failed is not None:
+            raise failed
 
     def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
         off_m, off_deg = self.state().distance_to(position_m, quaternion_xyzw)
@@ -169,8 +162,7 @@ class Franka:
             if PLANNER_FAILED not in str(error):
                 raise
             self._forget_error()
-            if not self._attempt():
-                raise
+            self._start_next(error)
             ended = False
         if not ended:
             time.sleep(POLL_S)
@@ -184,9 +176,9 @@ class Franka:
             speeds = [float(np.linalg.norm(vector)) for vector in (velocity_m_s, turning_rad_s)]
             slower = 1 / max(1.0, *(speed / fastest for speed, fastest in zip(speeds, most, strict=True)))
             shares = [share * slower for share in SPEED_SHARES]
-            motions = [self._held(share * velocity_m_s, share * turning_rad_s) for share in shares]
+            self._attempts = iter([self._held(share * velocity_m_s, share * turning_rad_s) for share in shares])
         self._going = True
-        self._begin(motions)
+        self._start_next()
 
     def _held(self, velocity_m_s: Array, turning_rad_s: Array) -> Any:  # noqa: ANN401
         """Return a motion with velocities that are held for `STEERED_S`, then to rest."""
