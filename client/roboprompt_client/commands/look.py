@@ -11,7 +11,7 @@ from roboprompt_client.cameras.table import Table
 from roboprompt_client.cell import MAX_VIEWPOINTS, read_cell, write_cell
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.shared import CELL, AddCommand, add_find, models_of, seeing_arm, task_document
-from roboprompt_client.commands.terminal import ask, in_columns, led_by_hand, say
+from roboprompt_client.commands.terminal import ask, guided_by_hand, in_columns, say
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
 
@@ -126,7 +126,7 @@ def run_viewpoints(_: RoboPromptClient, arguments: Namespace) -> int:
         assert arm.cameras is not None
         if not any(camera.in_hand for camera in arm.cameras.cameras):
             raise InvalidInputError("cameras", "the hand carries none", "a camera with camera_to_hand")
-        with led_by_hand(arm):
+        with guided_by_hand(arm):
             kept = _viewpoints(arm)
     if not kept:
         return 1

@@ -8,7 +8,7 @@ from pathlib import Path
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.record_live import record_live, require_leading
+from roboprompt_client.commands.record_live import record_live, require_movable
 from roboprompt_client.commands.shared import (
     ROBOT,
     SEEN,
@@ -55,10 +55,10 @@ def add_record(add: AddCommand) -> None:
     rate, film = partial(_number, checked_rate_hz), partial(_number, checked_film_hz)
     option("--rate-hz", type=rate, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)")
     option("--film-hz", type=film, default=FILM_HZ, help=FILMED)
-    led = record.add_mutually_exclusive_group()
+    moved_by = record.add_mutually_exclusive_group()
     what = "let the arm carry its own weight and yield to your hand (Franka only)"
-    led.add_argument("--guide", action="store_true", help=what)
-    led.add_argument("--teleop", metavar="DEVICE", type=_device, help=STEER)
+    moved_by.add_argument("--guide", action="store_true", help=what)
+    moved_by.add_argument("--teleop", metavar="DEVICE", type=_device, help=STEER)
     what = "upload recordings that wait, also those that were interrupted, and record nothing"
     option("--send-only", action="store_true", help=what)
     record.set_defaults(corrects=None)
@@ -104,9 +104,9 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
         raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
-    require_leading(robot, guide=arguments.guide, teleop=arguments.teleop)
+    require_movable(robot, guide=arguments.guide, teleop=arguments.teleop)
     find_in_pictures(robot, client, arguments.task, arguments.find)
-    _say_where(client, arguments)
+    _announce(client, arguments)
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
         try:
@@ -120,7 +120,7 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     return failed
 
 
-def _say_where(client: RoboPromptClient, arguments: Namespace) -> None:
+def _announce(client: RoboPromptClient, arguments: Namespace) -> None:
     """Say before the first recording what would surprise a person after it; raises ServiceProblemError for a key."""
     try:
         if task_document(client, arguments.task) is None:
@@ -140,7 +140,7 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
     _send_all(client, spool)
 
 
-def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
+def _record_one(robot: Robot, spool: Spool, options: Namespace) -> None:
     """Record one demonstration with the command's options; an interrupted one stays in the spool, unfinished.
 
     Raises:
@@ -148,15 +148,15 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
         InvalidInputError: if the next recording would fail, too.
     """
     try:
-        seen = _seen(robot, shown.objects)
+        seen = _seen(robot, options.objects)
     except CameraError as error:
         say(str(error))
         return
-    folder = spool.new(shown.task, shown.instruction, seen, shown.corrects)
+    folder = spool.new(options.task, options.instruction, seen, options.corrects)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
-    how = {"guide": shown.guide, "teleop": shown.teleop, "film_hz": shown.film_hz}
+    moved_by = {"guide": options.guide, "teleop": options.teleop}
     try:
-        trajectory = record_live(arm, folder / UNFINISHED, shown.rate_hz, **how)
+        trajectory = record_live(arm, folder / UNFINISHED, options.rate_hz, film_hz=options.film_hz, **moved_by)
     except (MotionError, InvalidInputError, KeyboardInterrupt):
         if (folder / UNFINISHED).exists():
             say(f"interrupted, and not uploaded: it is in {folder}; `roboprompt-robot record --send-only` uploads it")

@@ -56,7 +56,7 @@ class Leading:
         self._seen: dict[str, tuple[ObjectPose, float]] = {}  # pose and time, s
         self._velocities_m_s: dict[str, Array] = {}
 
-    def saw(self, poses: Poses, at_s: float) -> None:
+    def note(self, poses: Poses, at_s: float) -> None:
         """Note an observation; one that follows another too closely does not update the velocity.
 
         Raises:
@@ -72,10 +72,10 @@ class Leading:
             velocity_m_s = moved_m * (1.0, 1.0, 0.0) / (at_s - before_s)
             self._velocities_m_s[name], self._seen[name] = velocity_m_s, (pose, at_s)
             if (speed_m_s := float(np.linalg.norm(velocity_m_s))) > MAX_SPEED_M_S:
-                most = f"{100 * MAX_SPEED_M_S:.0f} cm/s at most can be led"
+                most = f"{100 * MAX_SPEED_M_S:.0f} cm/s at most can be followed"
                 raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
 
-    def led(self, name: str, pose: ObjectPose) -> ObjectPose:
+    def ahead(self, name: str, pose: ObjectPose) -> ObjectPose:
         """Return the pose that the object will have when the fingers close; an object at rest stays."""
         velocity_m_s = self._velocities_m_s.get(name)
         if velocity_m_s is None or float(np.linalg.norm(velocity_m_s)) < RESTING_M_S:
@@ -203,8 +203,8 @@ class Follower:
         untouched = {other: pose for other, pose in seen.items() if other not in self._touched}
         if (leading := self._leading) is None:
             return untouched
-        leading.saw(untouched, looked_s)
-        return {other: leading.led(other, pose) for other, pose in untouched.items()}
+        leading.note(untouched, looked_s)
+        return {other: leading.ahead(other, pose) for other, pose in untouched.items()}
 
     def _follow(self, index: int, now: Poses) -> None:
         done, ahead = self.actions[:index], self.actions[index:]

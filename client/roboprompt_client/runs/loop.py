@@ -56,7 +56,7 @@ class RunOptions:
         stream: start to move while the LLM still writes; otherwise nothing moves until all actions are checked.
         look_again: observe again before contact (see the module `look_again`) and move the remaining actions along
             with their objects; the returned prediction has the actions as they were carried out. Not with `stream`.
-        leading: with `look_again`, aims ahead of objects that move by themselves (see the module `leading`).
+        leading: with `look_again`, aims ahead of objects that move by themselves.
         on_danger: what to do about a finding of severity `danger`: ask `confirm` before anything moves, `refuse`, or
             `go`. None: `confirm` if there is one, else `refuse`. With `stream` it applies to the findings before the
             first action.
@@ -174,7 +174,7 @@ class _Run:
                 self.execute(index, action, predicted.id)
             return predicted
         if leading is not None:
-            leading.saw({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
+            leading.note({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
         follower = Follower(finder, predicted, observation, check, leading=leading)
         for index in range(len(predicted.actions)):
             self.execute(index, follower.before(index), predicted.id)
