@@ -24,7 +24,7 @@ from app.settings import MEGA, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.errors import RoboPromptError
-from roboprompt_client.http.connection import is_loopback
+from roboprompt_client.http import is_loopback
 from roboprompt_client.version import VERSION
 
 DEFAULT_RATE_PER_S = 20.0

@@ -13,7 +13,7 @@ from typing import Any
 from fastapi import FastAPI
 
 from app.services import measures
-from roboprompt_client.http.connection import is_own_machine
+from roboprompt_client.http import is_own_machine
 
 _OWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
 _KEY = re.compile(r"rps?_[0-9a-f]{12}_[\w-]{8,}")

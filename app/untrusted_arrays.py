@@ -15,8 +15,7 @@ import numpy.typing as npt
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.film import ARRAYS, MAX_FILM_BYTES, MAX_PICTURES, VALID_FILM, Film
 from roboprompt_client.types.names import checked_name
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import FIELDS, MAX_FRAMES, VALID, trajectory_from_arrays
+from roboprompt_client.types.trajectory import FIELDS, MAX_FRAMES, VALID, Trajectory, trajectory_from_arrays
 
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_DIRECTORY_BYTES = 131_072  # of the archive's directory, whose comment alone may have 64 kB

@@ -8,8 +8,7 @@ import pytest
 
 from app.untrusted_arrays import MAX_UNPACKED_BYTES, trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory, trajectory_from_arrays
 from tests.npy_files import npy
 
 T = 6

@@ -32,7 +32,7 @@ from app.services.errors import ExpiredKeyError
 from app.store.audit import acting
 from app.store.errors import StoreError
 from app.store.visibility import Visibility, seeing
-from roboprompt_client.http.connection import is_loopback
+from roboprompt_client.http import is_loopback
 
 MAX_CALLERS = 10_000  # the callers with the latest requests; a forgotten one starts again with a full bucket
 _UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")

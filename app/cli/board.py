@@ -7,7 +7,7 @@ import cv2
 import typer
 
 from app.cli.shared import errors_printed
-from roboprompt_client.calibration.board import PRINT_DPI, CharucoBoard
+from roboprompt_client.cameras.board import PRINT_DPI, CharucoBoard
 
 
 def calibration_board(

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from app.settings import Settings, load_env_file
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError, ServiceProblemError
-from roboprompt_client.http.connection import MAX_PORT
+from roboprompt_client.http import MAX_PORT
 
 if TYPE_CHECKING:
     from app.store.store import Store

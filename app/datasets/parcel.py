@@ -14,8 +14,7 @@ from app.datasets.bounds import DamagedError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, camera_json
 from roboprompt_client.types.names import checked_instruction, checked_name
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 FINE_M, COARSE_M = 0.0001, 0.001  # meters per unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max

@@ -39,7 +39,7 @@ class Method:
             others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
         look_again: whether the robot then looks again (`roboprompt_client.runs.look_again`).
-        lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.runs.leading`).
+        lead_s: where objects move by themselves, how far ahead the robot then aims (`Leading` there).
     """
 
     label: str

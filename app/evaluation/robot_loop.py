@@ -16,7 +16,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import EndEffectorAction
 

@@ -27,7 +27,7 @@ from app.llm.base import (
     Pieces,
 )
 from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, assembled, error_message
-from roboprompt_client.http.connection import without_proxy
+from roboprompt_client.http import without_proxy
 
 MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
 # Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.

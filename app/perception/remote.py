@@ -18,7 +18,7 @@ from app.perception.poses_wire import Part, PoseAnswer, answers_from_json, reque
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import NoPoseError, ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.http.connection import without_proxy
+from roboprompt_client.http import without_proxy
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 

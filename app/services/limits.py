@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from app.perception.images import MAX_PIXELS
 from app.untrusted_arrays import MAX_UNPACKED_BYTES
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory_npz import MAX_FRAMES
+from roboprompt_client.types.trajectory import MAX_FRAMES
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from app.pipeline.names import check_object_names
 from app.services.scene_images import with_templates
 from app.store.blobs import BlobStore
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.http.connection import is_loopback
+from roboprompt_client.http import is_loopback
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 

@@ -16,7 +16,7 @@ from benchmarks.adversary.kinds import KINDS
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, UnsafeActionError
 from roboprompt_client.robot import Observation
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import npz_from_trajectory
 
 # What became of a case. `silent` is the defect: the robot moved, nothing warned it, and the motion failed.
 Ending = Literal["refused at upload", "refused", "danger", "solved", "silent"]

@@ -10,6 +10,8 @@ import franky_sim
 import mujoco
 from franky_sim.mujoco_simulator import MujocoSimulator
 
+from app.sim.libfranka.in_step import InStepServer
+
 PUSH_N = 8.0
 
 
@@ -17,7 +19,7 @@ def main() -> None:
     """Serve until the input ends."""
     with MujocoSimulator() as simulator:
         robot = simulator.add_robot()
-        with franky_sim.SimulationServer(simulator, hostname_candidates=[sys.argv[1]]) as server:
+        with InStepServer(simulator, hostname_candidates=[sys.argv[1]]) as server:
             server.run_async()
             print("ready", flush=True)
             listen(robot)

@@ -5,14 +5,15 @@
 
 Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
 
-- What the service is asked: `requests` (one method for each request), sent by `client`.
+- What the service is asked and what it answers: `client`, `answers`.
 - What a run does between `observe` and `execute`: `runs.loop`. Where a limit of motion is checked: `motion.guard`.
 - Arms: `arms.driver` has the Protocol of a new one, `arms.arm` makes a `Robot` of it, `cell` names it.
 """
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.client import AsyncRoboPromptClient, RoboPromptClient
+from roboprompt_client.async_client import AsyncRoboPromptClient
+from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
     InvalidAnswerError,
@@ -30,8 +31,8 @@ from roboprompt_client.errors import (
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.leading import Leading
 from roboprompt_client.runs.live import Live
+from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import RunOptions, run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.camera import Camera, RgbdFrame

@@ -5,7 +5,6 @@ import json
 import signal
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -16,23 +15,25 @@ from roboprompt_client.client import DEFAULT_URL, KEY_VARIABLE, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
-from roboprompt_client.commands.look import add_find, add_look, asking_robot, find_in_pictures
+from roboprompt_client.commands.look import add_look
 from roboprompt_client.commands.record import add_record, offer_correction
+from roboprompt_client.commands.shared import ROBOT, SEEN, Command, add_find, asking_robot, find_in_pictures
 from roboprompt_client.commands.terminal import Person, recovered
 from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
 from roboprompt_client.motion.limits import MotionLimits
-from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
+from roboprompt_client.robot import Observation, Robot, observation_from_file
 from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
-from roboprompt_client.types.trajectory_npz import trajectory_from_file
+from roboprompt_client.types.trajectory import trajectory_from_file
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
 )
 UNAUTHORIZED = 401
-ROBOT = (
-    "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot; modules in the current folder are found"
+LIMITS = (
+    'JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: limits of your '
+    "own, which hold beside the service's"
 )
 
 
@@ -58,7 +59,7 @@ def _parser() -> ArgumentParser:
     _add_url(parser, DEFAULT_URL)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def add(name: str, what: str, command: Callable[[RoboPromptClient, Namespace], int]) -> ArgumentParser:
+    def add(name: str, what: str, command: Command) -> ArgumentParser:
         added = commands.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
         added.set_defaults(command=command)
         _add_url(added, argparse.SUPPRESS)
@@ -66,12 +67,12 @@ def _parser() -> ArgumentParser:
 
     upload = add("upload", "store a recorded episode as a demonstration; print what was extracted from it", _upload)
     _add_task(upload)
-    upload.add_argument("--objects", required=True, type=Path, metavar="FILE", help=f"what the robot saw, {OBJECTS}")
+    upload.add_argument("--objects", required=True, type=Path, metavar="FILE", help=SEEN)
     upload.add_argument("trajectory", type=Path, help=".npz with end_effector_positions, gripper_open ...")
     predict = add("predict", "print the actions for a scene; nothing moves", _predict)
     _add_task(predict)
     seen = predict.add_mutually_exclusive_group(required=True)
-    seen.add_argument("--objects", type=Path, metavar="FILE", help=f"what the robot sees, {OBJECTS}")
+    seen.add_argument("--objects", type=Path, metavar="FILE", help=SEEN)
     seen.add_argument("--robot", metavar="ROBOT", help=f"ask for what it sees now: {ROBOT}")
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
@@ -80,8 +81,8 @@ def _parser() -> ArgumentParser:
     add("recover", what, _recover).add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     init = add("init", "write a cell's file from your answers and the arm's measurements", run_init)
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
-    add_record(add, ROBOT)
-    add_check(add, ROBOT)
+    add_record(add)
+    add_check(add)
     add_look(add)
     add_calibrate(add)
     return parser
@@ -102,11 +103,7 @@ def _add_run(run: ArgumentParser) -> None:
     add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion (recommended)")
-    what = (
-        'JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: limits of '
-        "your own, which hold beside the service's"
-    )
-    run.add_argument("--limits", type=Path, metavar="FILE", help=what)
+    run.add_argument("--limits", type=Path, metavar="FILE", help=LIMITS)
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="start to move while the LLM still writes")
     what = "observe again before contact, and follow objects that were moved without asking the LLM again"

@@ -1,61 +1,37 @@
-"""Clients of the service: `RoboPromptClient` blocks until the answer is there, `AsyncRoboPromptClient` is for asyncio.
-
-The methods of both are the requests of `requests.py`, which documents their arguments.
-"""
+"""The client of the service: each method sends a request and returns what it reads from the answer."""
 
 import os
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
-from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+from uuid import uuid4
 
 import httpx
 from httpx_sse import EventSource
 
-from roboprompt_client.answers import OnFindings, PredictedActions, StreamReader
+from roboprompt_client.answers import OnFindings, PlannedStep, PredictedActions, StreamReader, planned_steps, stop_asked
+from roboprompt_client.encoding import Part, episode_parts, posted, prediction_request
 from roboprompt_client.errors import ServiceUnreachableError
-from roboprompt_client.http.connection import Request, http_options, require_success
-from roboprompt_client.requests import Requests
+from roboprompt_client.http import Request, ask, http_options, read_ping, require_success
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.film import Film
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json, object_json
+from roboprompt_client.types.trajectory import Trajectory
 
-P = ParamSpec("P")
 Answer = TypeVar("Answer")
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
-Ask = Callable[Concatenate[Requests, P], Request[Answer]]
-REQUESTS = Requests()
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
 CUT_OFF = "POST /predict: the stream ended before it was complete"
-
-
-def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], Answer]:
-    """Return a client's method that sends the request, waits, and returns what the request reads from the answer."""
-
-    @wraps(ask)
-    def send(self: "RoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
-        request, http = ask(REQUESTS, *arguments, **named), self._http
-        with request.transport_errors(http.base_url):
-            response = http.request(request.method, request.path, **request.arguments)
-        return request.read(response)
-
-    return send
-
-
-def _awaited(ask: Ask[P, Answer]) -> Callable[Concatenate["AsyncRoboPromptClient", P], Coroutine[Any, Any, Answer]]:
-    """Return the same method as a coroutine; cancelling its task closes the connection, so that the service stops."""
-
-    @wraps(ask)
-    async def send(self: "AsyncRoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
-        request, http = ask(REQUESTS, *arguments, **named), self._http
-        with request.transport_errors(http.base_url):
-            response = await http.request(request.method, request.path, **request.arguments)
-        return request.read(response)
-
-    return send
+CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 
 
 class RoboPromptClient:
     """Upload demonstrations and ask for actions. Use it as a context manager, or call `close`.
+
+    Its methods raise ServiceProblemError if the service refuses, and ServiceUnreachableError if nothing answers or what
+    answers is not a RoboPrompt service.
 
     Args:
         url: where the service listens. Proxies of the environment are used unless the service runs on this machine.
@@ -64,13 +40,9 @@ class RoboPromptClient:
     """
 
     def __init__(
-        self,
-        url: str = DEFAULT_URL,
-        connection: httpx.Client | None = None,
-        *,
-        api_key: str | None = None,
+        self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, api_key: str | None = None
     ) -> None:
-        self._http = connection or httpx.Client(**http_options(url, _key(api_key)))
+        self._http = connection or httpx.Client(**http_options(url, key_of(api_key)))
 
     def __enter__(self: OfKind) -> OfKind:
         return self
@@ -87,25 +59,203 @@ class RoboPromptClient:
         """Close the connections."""
         self._http.close()
 
-    ping = _sent(Requests.ping)
-    get = _sent(Requests.get)
-    post = _sent(Requests.post)
-    get_bytes = _sent(Requests.get_bytes)
-    plan = _sent(Requests.plan)
-    predict = _sent(Requests.predict)
-    find_poses = _sent(Requests.find_poses)
-    record_outcome = _sent(Requests.record_outcome)
-    report_run = _sent(Requests.report_run)
-    end_run = _sent(Requests.end_run)
-    configure_task = _sent(Requests.configure_task)
-    motion_limits = _sent(Requests.motion_limits)
-    upload = _sent(Requests.upload)
-    upload_parts = _sent(Requests.upload_parts)
-    edit_episode = _sent(Requests.edit_episode)
-    check = _sent(Requests.check)
-    learn_object_models = _sent(Requests.learn_object_models)
-    label_object = _sent(Requests.label_object)
-    learn_from_labels = _sent(Requests.learn_from_labels)
+    def _send(self, request: Request[Answer]) -> Answer:
+        with request.transport_errors(self._http.base_url):
+            response = self._http.request(request.method, request.path, **request.arguments)
+        return request.read(response)
+
+    def ping(self) -> None:
+        """Return if a RoboPrompt service answers, else raise."""
+        return self._send(Request("GET", "/healthz", {}, read_ping))
+
+    def get(self, /, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Return any JSON document of the service, e.g. ``get("/episodes", task="open_drawer")``."""
+        return self._send(ask("GET", path, params=parameters))
+
+    def post(self, path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> dict[str, Any]:
+        """Send a JSON document, with the frames' cameras and images if there are frames; return the answer."""
+        return self._send(posted(path, document, frames))
+
+    def get_bytes(self, /, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
+        """Return any file of the service, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
+        asked = Request("GET", path, {"params": parameters}, lambda response: require_success(response).content)
+        return self._send(asked)
+
+    def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> tuple[PlannedStep, ...]:
+        """Return the steps of a sentence over several tasks (`POST /plans`); `run_plan` carries them out.
+
+        Args:
+            objects: all objects of the scene, or their names; words such as "left" need poses.
+
+        Raises:
+            ServiceProblemError: also if a part of the sentence fits no task or several; the problem names the part.
+        """
+        listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
+        asked = ask("POST", "/plans", json={"instruction": instruction, "objects": listed})
+        return self._send(asked.then(planned_steps))
+
+    def predict(
+        self,
+        /,
+        task: str | None,
+        instruction: str,
+        observation: Observation,
+        *,
+        timeout_s: float | None = None,
+        **options: Any,  # noqa: ANN401
+    ) -> PredictedActions:
+        """Return the actions for what the robot sees now.
+
+        Args:
+            task: None lets the service choose the task by instruction and objects; `response["task"]` names it.
+            timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
+            options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
+
+        Raises:
+            ServiceProblemError: also if the LLM's reply is not a list of actions.
+            UnsafeActionError: if an action of the answer has a number that is not finite, no unit quaternion ...
+        """
+        asked = prediction_request(task, instruction, observation, timeout_s=timeout_s, **options)
+        return self._send(asked.then(PredictedActions.from_json))
+
+    def find_poses(
+        self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[ObjectPose, ...]:
+        """Return the poses of objects in images (`POST /poses`), independent of tasks; nothing is stored.
+
+        Args:
+            object_models: by object name, as in a task's `object_models`.
+
+        Raises:
+            ServiceProblemError: also if one of the objects is not found.
+        """
+        objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
+        asked = posted("/poses", {"objects": objects}, frames)
+        return self._send(asked.then(lambda answer: tuple(map(object_from_json, answer["poses"]))))
+
+    def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
+        """Tell the service whether the robot did the task with this prediction."""
+        return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
+
+    def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> bool:
+        """Report the state of a run (`PUT /runs/{run_id}`); return whether the robot shall stop."""
+        return self._send(ask("PUT", f"/runs/{run_id}", json=dict(state), timeout=timeout_s).then(stop_asked))
+
+    def end_run(self, run_id: str, timeout_s: float) -> bool:
+        """Report that a run has ended; return whether the robot was to stop."""
+        return self._send(ask("DELETE", f"/runs/{run_id}", timeout=timeout_s).then(stop_asked))
+
+    def configure_task(self, /, task: str, *, version: int | None = None, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Set a task's settings, see `PUT /tasks/{name}`; return all of them.
+
+        Args:
+            version: the task's version for which the settings were chosen; the service refuses (409) if the task has
+                changed since. None: no such check.
+        """
+        checked = {} if version is None else {"version": version}
+        return self._send(ask("PUT", f"/tasks/{task}", json=settings, params=checked))
+
+    def motion_limits(self, task: str) -> MotionLimits:
+        """Return the task's limits of motion; raises InvalidInputError for a bound that is missing or cannot hold."""
+        return self._send(ask("GET", f"/tasks/{task}").then(MotionLimits.from_task))
+
+    def upload(
+        self,
+        task: str,
+        instruction: str,
+        trajectory: Trajectory,
+        observation: Observation,
+        *,
+        control_frequency_hz: float = 20.0,
+        extra: Mapping[str, Any] | None = None,
+        prediction_id: str | None = None,
+        films: Iterable[Film] = (),
+        corrects: str | None = None,
+    ) -> dict[str, Any]:
+        """Store a demonstration; return the service's description of it.
+
+        Args:
+            observation: what the robot saw at the first frame.
+            prediction_id: of the prediction that the robot carried out successfully in this episode.
+            films: what cameras took during the motion, such as `Recorder.films`.
+            corrects: id of the prediction that failed, and in whose scene the episode shows how it is done.
+        """
+        known = {"prediction_id": prediction_id, "corrects": corrects, "extra": dict(extra or {})}
+        metadata = {"task": task, "instruction": instruction, "control_frequency_hz": control_frequency_hz, **known}
+        return self.upload_parts(episode_parts(metadata, trajectory, observation, films), uuid4().hex)
+
+    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
+        """Store a demonstration that is already encoded as the parts of `POST /episodes`.
+
+        Args:
+            idempotency_key: the same key with the same content stores the demonstration only once.
+        """
+        return self._send(ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key}))
+
+    def edit_episode(
+        self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
+    ) -> dict[str, Any]:
+        """Change an episode's members that are not None; return the episode.
+
+        Args:
+            left_out: True keeps the episode but shows it in no prompt.
+            note: for people; "" removes it.
+        """
+        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
+        changes = {name: value for name, value in wanted.items() if value is not None}
+        return self._send(ask("PATCH", f"/episodes/{episode_id}", json=changes))
+
+    def check(self, task: str, model: str | None = None) -> dict[str, Any]:
+        """Return how well each demonstration of a task follows from the others, see `GET /tasks/{name}/check`.
+
+        Args:
+            model: an LLM to ask as well; it takes some seconds for each demonstration.
+        """
+        asked = {} if model is None else {"model": model}
+        return self._send(ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S))
+
+    def learn_object_models(
+        self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
+    ) -> dict[str, Any]:
+        """Let the service learn from labeled episodes what the task's objects look like.
+
+        Return `object_models`, and in `refused` by object why nothing was learned.
+
+        Args:
+            objects: names; None: all.
+            episodes: how many of the task's episodes to learn from at most, the oldest first.
+        """
+        asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
+        return self.post(f"/tasks/{task}/object_models/learn", asked)
+
+    def label_object(
+        self,
+        /,
+        task: str,
+        name: str,
+        episode_id: str | None = None,
+        frames: Sequence[RgbdFrame] = (),
+        **where: Any,  # noqa: ANN401
+    ) -> dict[str, Any]:
+        """Label an object in pictures, see `POST /tasks/{name}/labels`; return the label.
+
+        Args:
+            episode_id: of the episode whose first pictures are labeled; or:
+            frames: pictures with color and depth.
+            where: `clicks`, `polygons` or `mask_ids`, and `yaw_deg`.
+        """
+        return self.post(f"/tasks/{task}/labels", {"object": name, "episode_id": episode_id, **where}, frames)
+
+    def learn_from_labels(self, task: str, name: str, symmetric: str | float = "none") -> dict[str, Any]:
+        """Let the service learn what a labeled object looks like, see `POST /tasks/{name}/labels/learn`.
+
+        Args:
+            symmetric: "none", "yaw" if it looks the same from all sides, or the angle in degrees after which it does.
+
+        Raises:
+            ServiceProblemError: also if the labels are too few or disagree.
+        """
+        return self.post(f"/tasks/{task}/labels/learn", {"object": name, "symmetric": symmetric})
 
     def stream(
         self,
@@ -127,7 +277,7 @@ class RoboPromptClient:
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         reader = StreamReader(on_findings)
-        request = REQUESTS.predict(task, instruction, observation, **options)
+        request = prediction_request(task, instruction, observation, **options)
         with (
             request.transport_errors(self._http.base_url),
             self._http.stream(request.method, request.path, **request.streamed) as response,
@@ -142,77 +292,6 @@ class RoboPromptClient:
         raise ServiceUnreachableError(CUT_OFF)
 
 
-class AsyncRoboPromptClient:
-    """`RoboPromptClient` for asyncio: the same methods, to be awaited. Use it with `async with`, or await `close`.
-
-    Args:
-        url: as for `RoboPromptClient`.
-        api_key: as for `RoboPromptClient`.
-        connection: an httpx.AsyncClient to use instead of a new one.
-    """
-
-    def __init__(
-        self,
-        url: str = DEFAULT_URL,
-        connection: httpx.AsyncClient | None = None,
-        *,
-        api_key: str | None = None,
-    ) -> None:
-        self._http = connection or httpx.AsyncClient(**http_options(url, _key(api_key)))
-
-    async def __aenter__(self) -> "AsyncRoboPromptClient":
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        await self.close()
-
-    async def close(self) -> None:
-        """Close the connections."""
-        await self._http.aclose()
-
-    ping = _awaited(Requests.ping)
-    get = _awaited(Requests.get)
-    post = _awaited(Requests.post)
-    get_bytes = _awaited(Requests.get_bytes)
-    plan = _awaited(Requests.plan)
-    predict = _awaited(Requests.predict)
-    find_poses = _awaited(Requests.find_poses)
-    record_outcome = _awaited(Requests.record_outcome)
-    report_run = _awaited(Requests.report_run)
-    end_run = _awaited(Requests.end_run)
-    configure_task = _awaited(Requests.configure_task)
-    motion_limits = _awaited(Requests.motion_limits)
-    upload = _awaited(Requests.upload)
-    upload_parts = _awaited(Requests.upload_parts)
-    edit_episode = _awaited(Requests.edit_episode)
-    check = _awaited(Requests.check)
-    learn_object_models = _awaited(Requests.learn_object_models)
-    label_object = _awaited(Requests.label_object)
-    learn_from_labels = _awaited(Requests.learn_from_labels)
-
-    async def stream(
-        self,
-        task: str,
-        instruction: str,
-        observation: Observation,
-        *,
-        on_findings: OnFindings | None = None,
-        **options: Any,  # noqa: ANN401
-    ) -> AsyncIterator[EndEffectorAction | PredictedActions]:
-        """Yield as `RoboPromptClient.stream` does; for `async for`."""
-        reader = StreamReader(on_findings)
-        request = REQUESTS.predict(task, instruction, observation, **options)
-        with request.transport_errors(self._http.base_url):
-            async with self._http.stream(request.method, request.path, **request.streamed) as response:
-                if response.is_error:
-                    await response.aread()
-                async for event in EventSource(require_success(response)).aiter_sse():
-                    if (item := reader.read(event, response)) is not None:
-                        yield item
-                    if isinstance(item, PredictedActions):
-                        return
-        raise ServiceUnreachableError(CUT_OFF)
-
-
-def _key(api_key: str | None) -> str:
+def key_of(api_key: str | None) -> str:
+    """Return the key, that of the environment for None; empty if there is none."""
     return os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key

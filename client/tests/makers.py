@@ -4,6 +4,7 @@ Units and return values are theirs: franky meters and x y z w, UR meters and rot
 codes, LeRobot meters, rotation vectors and per cent.
 """
 
+import time
 from types import SimpleNamespace as Named
 
 import numpy as np
@@ -36,6 +37,7 @@ class Body:
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
         self.code = 0  # the error that an xArm's box reports
+        self.tool = np.eye(4)  # in the flange's frame
         self.unplanned, self.error = 0, None  # motions that franky's planner fails to plan; raised until it is joined
         self._left = 0
 
@@ -116,7 +118,13 @@ def franky(body):
 
         @property
         def state(self):
-            return answer(Named(F_T_EE=Named(matrix=np.eye(4)), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5]))
+            return answer(
+                Named(
+                    F_T_EE=Named(matrix=body.tool),
+                    O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5],
+                    time=Named(to_sec=time.monotonic),
+                )
+            )
 
         def move(self, motion, asynchronous):
             assert asynchronous

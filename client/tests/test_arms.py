@@ -11,7 +11,7 @@ from makers import DOWN, FIRST_M, MAKERS, Body
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import STEERED_S, Calibration
-from roboprompt_client.arms.tolerance import Tolerance
+from roboprompt_client.arms.safety import Tolerance
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types import quaternions as rotations
@@ -241,6 +241,15 @@ def test_a_motion_that_franky_does_not_plan_is_tried_at_other_speeds(body, monke
     assert body.starts == 6
 
 
+def test_commands_that_come_too_late_say_what_to_do(body, monkeypatch):
+    """libfranka's words for a program that missed the control unit's milliseconds."""
+    arm = Arm(MAKERS["franka"](body, monkeypatch))
+    reflex = RuntimeError('Move command aborted: motion aborted by reflex! ["communication_constraints_violation"]')
+    monkeypatch.setattr(body, "poll", lambda: setattr(body, "error", reflex) or True)
+    with pytest.raises(MotionError, match=r"violation.*: commands came too late: end busy programs"):
+        arm.execute(to())
+
+
 def test_a_steered_velocity_that_franky_does_not_plan_is_tried_slower(body, monkeypatch):
     arm, before_m = Arm(MAKERS["franka"](body, monkeypatch)), body.position_m
     with arm.steered() as steer:
@@ -302,6 +311,14 @@ def test_what_was_never_seen_on_an_arm_says_so_at_the_start(driver, caplog):
     with caplog.at_level(logging.WARNING):
         Arm(driver)
     assert ("untested on hardware" in caplog.text) == (not driver.proven)
+
+
+@pytest.mark.parametrize(("tool_m", "is_warned"), [(0.0, True), (0.1034, False)])
+def test_a_franka_whose_tool_is_not_set_warns_of_the_flange(body, monkeypatch, caplog, tool_m, is_warned):
+    body.tool[2, 3] = tool_m
+    with caplog.at_level(logging.WARNING):
+        MAKERS["franka"](body, monkeypatch)
+    assert ("those of the flange" in caplog.text) == is_warned
 
 
 def test_a_calibration_says_what_it_wants():

@@ -14,8 +14,8 @@ pytest.importorskip("scipy", reason="the extra `calibrate` is not installed")
 import cv2
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.calibration.board import CharucoBoard
-from roboprompt_client.calibration.bundle import Sighting, fit_cameras
+from roboprompt_client.cameras.board import CharucoBoard
+from roboprompt_client.cameras.calibration import Sighting, fit_cameras
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.errors import InvalidInputError
@@ -149,7 +149,7 @@ def cell(tmp_path, monkeypatch):
     world = {name: Sees(arm, lambda hand, at=at: np.linalg.inv(at) @ hand @ HELD) for name, at in FIXED.items()}
     carried = Sees(arm, lambda hand: np.linalg.inv(hand @ IN_THE_HAND) @ LYING)
     arm.cameras = Rig([*(MountedCamera(*item) for item in world.items()), MountedCamera("wrist", carried, True)])
-    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", lambda name: arm)
+    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", lambda name: arm)
     monkeypatch.setattr("roboprompt_client.commands.calibrate.SETTLE_S", 0.0)
     return tmp_path / "cell.json"
 

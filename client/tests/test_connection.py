@@ -7,7 +7,7 @@ from arms import client_of
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceUnreachableError
-from roboprompt_client.http.connection import is_own_machine, without_proxy
+from roboprompt_client.http import is_own_machine, without_proxy
 from roboprompt_client.robot import Observation
 
 

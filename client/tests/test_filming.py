@@ -15,8 +15,8 @@ from test_recorder import SCENE, Guided
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import CameraError, InvalidInputError
-from roboprompt_client.recording.filming import MARK
-from roboprompt_client.recording.recorder import Recorder, films_from_journal
+from roboprompt_client.recording.journal import MARK, films_from_journal
+from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.recording.spool import JOURNAL, REFUSED, UNFINISHED, Spool
 from roboprompt_client.types.film import MAX_PICTURE_PIXELS, Film, npz_from_film
 

@@ -8,7 +8,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.leading import Leading
+from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.reanchoring import ActionAnchor
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -101,11 +101,11 @@ def test_where_it_will_be_must_lie_within_the_limits():
 def test_two_looks_that_follow_each_other_closely_say_nothing():
     leading = Leading(LEAD_S)
     poses = [ObjectPose("cube", CUBE_M + k * 0.01 * ALONG_Y) for k in range(3)]
-    leading.saw({"cube": poses[0]}, 0.0)
-    leading.saw({"cube": poses[1]}, 0.1)
-    assert leading.led("cube", poses[1]) is poses[1]
-    leading.saw({"cube": poses[2]}, 0.4)
-    np.testing.assert_allclose(leading.led("cube", poses[2]).position_m, CUBE_M + (0.02 + LEAD_S * 0.05) * ALONG_Y)
+    leading.note({"cube": poses[0]}, 0.0)
+    leading.note({"cube": poses[1]}, 0.1)
+    assert leading.ahead("cube", poses[1]) is poses[1]
+    leading.note({"cube": poses[2]}, 0.4)
+    np.testing.assert_allclose(leading.ahead("cube", poses[2]).position_m, CUBE_M + (0.02 + LEAD_S * 0.05) * ALONG_Y)
 
 
 @pytest.mark.parametrize("lead_s", [0.0, -1.0, float("nan"), float("inf"), 11.0])

@@ -53,7 +53,7 @@ def service(monkeypatch, tmp_path):
     arm.cameras = Rig(
         [MountedCamera("above", Sensor(), mount=OVERHEAD), MountedCamera("wrist", Sensor(), True, np.eye(4))]
     )
-    monkeypatch.setattr("roboprompt_client.commands.look.open_robot", lambda name: arm)
+    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", lambda name: arm)
     (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm"}))
     return SimpleNamespace(sent=sent, state=state, arm=arm, cell=tmp_path / "cell.json")
 

@@ -6,6 +6,7 @@ import json
 import os
 import stat
 import time
+from dataclasses import replace
 
 import httpx
 import numpy as np
@@ -14,12 +15,13 @@ from arms import client_of
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recording.recorder import Recorder, trajectory_from_journal
+from roboprompt_client.recording.journal import trajectory_from_journal
+from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.recording.spool import JOURNAL, Spool
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import npz_from_trajectory
 
 FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)), np.zeros((4, 4, 3), np.uint8), np.ones((4, 4), np.float32))
 SCENE = Observation(ObjectPose("cube", np.array([0.4, 0, 0.1])), FRONT)
@@ -60,6 +62,21 @@ def test_forces_are_recorded_and_uploaded_where_the_arm_tells_them(tmp_path):
     np.testing.assert_allclose(felt[:, 2], 10 * (0.5 - trajectory.positions_m[:, 2]))
     np.testing.assert_array_equal(felt[:, 5], 0.1)
     assert record(Guided(), tmp_path / "without").wrenches_n_nm is None
+
+
+class SlowClock(Guided):
+    """A simulated arm on a busy machine: half as much time passes for it."""
+
+    def state(self):
+        state = super().state()
+        return replace(state, time_s=100.0 + state.joint_positions_rad[0] / 2)
+
+
+def test_an_arm_s_own_clock_gives_the_times(tmp_path):
+    trajectory = record(SlowClock(), tmp_path / "journal")
+    times_s = trajectory.timestamps_s
+    assert times_s[0] == 0
+    np.testing.assert_allclose(2 * np.diff(times_s), np.diff(trajectory.joint_positions_rad[:, 0]), atol=1e-9)
 
 
 def test_a_guided_arm_with_measured_fingers(tmp_path):

@@ -12,7 +12,7 @@ from websockets.sync.server import serve
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.ros import Ros
-from roboprompt_client.arms.tolerance import Tolerance
+from roboprompt_client.arms.safety import Tolerance
 from roboprompt_client.cell import open_robot
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types.poses import EndEffectorAction

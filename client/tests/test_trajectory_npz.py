@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_file
+from roboprompt_client.types.trajectory import npz_from_trajectory, trajectory_from_arrays, trajectory_from_file
 
 FRAMES = 21
 TIMES_S = np.arange(FRAMES) / 20
@@ -71,7 +71,7 @@ def test_positions_without_times_say_what_is_missing():
     with pytest.raises(InvalidInputError, match="no timestamps") as caught:
         trajectory_from_arrays(arrays(joint_positions=np.zeros((FRAMES, 6))))
     assert caught.value.field == "trajectory.joint_velocities"
-    with pytest.raises(InvalidInputError, match="do not increase"):
+    with pytest.raises(InvalidInputError, match="is not after the one before"):
         trajectory_from_arrays(arrays(joint_positions=np.zeros((FRAMES, 6)), timestamps=np.zeros(FRAMES)))
 
 

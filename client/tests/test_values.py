@@ -16,7 +16,7 @@ from roboprompt_client import (
     ServiceProblemError,
     Trajectory,
 )
-from roboprompt_client.http.encoding import scene_json
+from roboprompt_client.encoding import scene_json
 
 CUBE = ObjectPose("cube", [0.4, 0, 0.1])
 FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)))

@@ -15,8 +15,7 @@ from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
 from app.untrusted_arrays import film_from_npz, trajectory_from_npz
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 from tests.datasets.parcels import PLACES_M, parcel, parcels
 from tests.episodes import camera, film_npz, jpeg, png
 

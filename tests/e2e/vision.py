@@ -5,7 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from roboprompt_client.http.encoding import request_parts
+from roboprompt_client.encoding import request_parts
 from roboprompt_client.types.camera import camera_json
 from tests.episodes import arrays, npz, pick_trajectory
 from tests.perception.solid_scene import FRONT, LEFT, cube, shoot

@@ -19,7 +19,7 @@ from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.predict.request import MAX_TIMEOUT_S, PredictOptions
-from roboprompt_client.requests import LONGEST_S
+from roboprompt_client.encoding import LONGEST_S
 
 CONTENTS = (b"GGUF the first part, ", b"the second, ", b"and the last")
 WHOLE = b"".join(CONTENTS)

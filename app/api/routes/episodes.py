@@ -35,8 +35,7 @@ from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
 from app.untrusted_arrays import film_from_npz, trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory, trajectory_from_arrays
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory, trajectory_from_arrays
 
 router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
 

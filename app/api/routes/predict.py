@@ -26,7 +26,7 @@ from app.services.predict.record import Prediction
 from app.store.errors import StoreError
 from app.store.values import JsonObject
 from app.store.visibility import present
-from roboprompt_client.http.connection import EVENT_STREAM
+from roboprompt_client.http import EVENT_STREAM
 
 REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")
 STREAMED: dict[int | str, dict[str, object]] = {

@@ -23,7 +23,7 @@ from app.datasets.parcel import Dataset, Entry, Parcel
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.film import npz_from_film
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import npz_from_trajectory
 
 JOINT_VELOCITIES = "observation.joint_velocities"
 JOINT_POSITIONS = "observation.joint_positions"

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError
 from app.datasets.lerobot.files import Info, Place, path_of
 from app.datasets.parcel import rgb_png
-from roboprompt_client.http.encoding import film_jpeg
+from roboprompt_client.encoding import film_jpeg
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.film import FILM_HZ, MAX_PICTURES, Film
 

@@ -18,7 +18,7 @@ from app.perception.object_model import (
     Truth,
     one_of,
 )
-from roboprompt_client.calibration.board import DICTIONARIES, marker_dictionary
+from roboprompt_client.cameras.board import DICTIONARIES, marker_dictionary
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import ROTATION_MATRIX_TOLERANCE
 

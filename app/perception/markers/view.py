@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.markers.model import Marker
-from roboprompt_client.calibration.board import marker_dictionary
+from roboprompt_client.cameras.board import marker_dictionary
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 

@@ -17,6 +17,7 @@ import numpy as np
 from franky_sim.base_simulator import InnerRobotState
 
 from app.sim import panda
+from app.sim.libfranka.in_step import InStepServer
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, SimTask
 from roboprompt_client.types.arrays import Array
@@ -97,12 +98,12 @@ class SceneSimulator(franky_sim.BaseSimulator):
 
 
 def main() -> None:
-    """Step the scene in real time until the input ends."""
+    """Step the scene in real time, or more slowly beside busy programs, until the input ends."""
     name, seed, variation, *address = sys.argv[1:]
     task = make_task(name, int(seed), int(variation))
     asked: SimpleQueue[str] = SimpleQueue()
     Thread(target=_listen, args=(asked,), daemon=True).start()
-    with SceneSimulator(task) as simulator, franky_sim.SimulationServer(simulator, address or addresses()) as server:
+    with SceneSimulator(task) as simulator, InStepServer(simulator, address or addresses()) as server:
         _say(server.robot_servers[0].hostname)
         while True:
             server.run_once()

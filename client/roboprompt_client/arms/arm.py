@@ -10,9 +10,8 @@ import numpy as np
 
 from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
-from roboprompt_client.arms.interlock import Interlock
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.arms.tolerance import Tolerance, problem_ahead
+from roboprompt_client.arms.safety import Interlock, Tolerance, problem_ahead
 from roboprompt_client.cameras.rig import SETTLE_S, Rig
 from roboprompt_client.errors import InvalidInputError, MotionError, NotConfirmedError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard

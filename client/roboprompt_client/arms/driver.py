@@ -29,6 +29,7 @@ class ArmState:
         gripper_width_m: measured between the fingers, or None.
         gripper_open: the last command, where no width is measured; None without a gripper.
         wrench_n_nm: (6,) external force and torque on the hand, along the frame's axes, or None.
+        time_s: by the arm's own clock, or None.
     """
 
     position_m: Array
@@ -38,6 +39,7 @@ class ArmState:
     gripper_width_m: float | None = None
     gripper_open: bool | None = None
     wrench_n_nm: Array | None = None
+    time_s: float | None = None
 
     def __post_init__(self) -> None:
         names = ("position_m", "quaternion_xyzw", "joint_positions_rad", "joint_velocities_rad_s", "wrench_n_nm")

@@ -4,6 +4,7 @@ Franky's convention is ours: meters, quaternions xyzw, end effector in the base 
 full dynamics.
 """
 
+import logging
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -20,9 +21,11 @@ from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types.arrays import Array
 
+log = logging.getLogger(__name__)
 DYNAMICS = 0.05
 GRIPPER_M_S, GRASP_N = 0.05, 20.0
 POLL_S = 0.05
+MIN_TOOL_M = 0.03  # a gripper is longer; the Franka Hand: 0.1034
 CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
@@ -30,6 +33,12 @@ DYNAMICS_MARGIN = 0.95  # franky's planner fails for velocities at the limit
 # Ruckig fails to synchronize one of about 70 motions, and one of about 200 steered velocities. At another speed it
 # succeeds; nothing has moved by then.
 PLANNER_FAILED, SPEED_SHARES = "Motion planner failed", (1.0, 0.9, 0.8)
+# libfranka's words for commands that came too late for its loop of 1 kHz
+TOO_LATE = ("communication_constraints_violation", "UDP receive")
+LATE_REMEDY = (
+    "commands came too late: end busy programs on this computer, use a real-time kernel and a network cable of its own "
+    "to the control unit"
+)
 
 
 class Franka:
@@ -74,11 +83,17 @@ class Franka:
                 CONNECT_S, lambda: franky.Robot(address, relative_dynamics_factor=dynamics, realtime_config=kernel)
             )
             self._gripper = _within(CONNECT_S, lambda: franky.Gripper(address)) if gripper else None
+        if gripper and np.linalg.norm(self._flange_to_tip()[:3, 3]) < MIN_TOOL_M:
+            log.warning(
+                "%s: no end effector is set in Desk: its poses are those of the flange, not of the fingertips",
+                self.name,
+            )
 
     def state(self) -> ArmState:
         with self._errors("state"):
             now, pose = self._robot.current_joint_state, self._robot.current_pose.end_effector_pose
-            wrench = np.array(self._robot.state.O_F_ext_hat_K, float).reshape(6)
+            measured = self._robot.state
+            wrench, time_s = np.array(measured.O_F_ext_hat_K, float).reshape(6), float(measured.time.to_sec())
             width_m = None if self._gripper is None else float(self._gripper.width)
         return ArmState(
             np.array(pose.translation, float).reshape(3),
@@ -87,6 +102,7 @@ class Franka:
             np.array(now.velocity, float).reshape(7),
             width_m,
             wrench_n_nm=wrench,
+            time_s=time_s,
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
@@ -98,8 +114,11 @@ class Franka:
         self.geometry().way(joints, position_m, quaternion_xyzw)
 
     def geometry(self) -> PandaGeometry:
+        return PandaGeometry(self._model, self._flange_to_tip())
+
+    def _flange_to_tip(self) -> Array:
         with self._errors("state"):
-            return PandaGeometry(self._model, np.array(self._robot.state.F_T_EE.matrix, float))
+            return np.array(self._robot.state.F_T_EE.matrix, float)
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._going = not self._is_at(position_m, quaternion_xyzw)
@@ -107,34 +126,25 @@ class Franka:
             return
         target, motion = self._franky.Affine(position_m, quaternion_xyzw), self._franky.CartesianMotion
         # a motion object is good for one motion
-        self._begin([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
+        self._attempts = iter([motion(target, relative_dynamics_factor=share) for share in SPEED_SHARES])
+        self._start_next()
 
-    def _begin(self, attempts: list[Any]) -> None:
-        """Start the first motion that franky can plan; `finished` starts the next one if the failure comes later."""
-        self._attempts = iter(attempts)
-        failed: MotionError | None = None
-        while True:
+    def _start_next(self, failed: MotionError | None = None) -> None:
+        """Start the next attempt that franky can plan; raise the last failure if none is left."""
+        while (motion := next(attempts := self._attempts, None)) is not None:
             try:
-                started = self._attempt()
+                with self._errors("move"):
+                    self._robot.move(motion, asynchronous=True)
+                    if attempts is not self._attempts:  # another thread has halted meanwhile
+                        self._robot.stop()
+                return
             except MotionError as error:  # of this motion, or of the one before
                 if PLANNER_FAILED not in str(error):
                     raise
                 failed = error
                 self._forget_error()
-                continue
-            if failed is not None and not started:
-                raise failed
-            return
-
-    def _attempt(self) -> bool:
-        """Start the next attempt; return whether there was one."""
-        attempts = self._attempts
-        with self._errors("move"):
-            if (motion := next(attempts, None)) is not None:
-                self._robot.move(motion, asynchronous=True)
-                if attempts is not self._attempts:  # another thread has halted meanwhile
-                    self._robot.stop()
-        return motion is not None
+        if failed is not None:
+            raise failed
 
     def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
         off_m, off_deg = self.state().distance_to(position_m, quaternion_xyzw)
@@ -152,8 +162,7 @@ class Franka:
             if PLANNER_FAILED not in str(error):
                 raise
             self._forget_error()
-            if not self._attempt():
-                raise
+            self._start_next(error)
             ended = False
         if not ended:
             time.sleep(POLL_S)
@@ -167,9 +176,9 @@ class Franka:
             speeds = [float(np.linalg.norm(vector)) for vector in (velocity_m_s, turning_rad_s)]
             slower = 1 / max(1.0, *(speed / fastest for speed, fastest in zip(speeds, most, strict=True)))
             shares = [share * slower for share in SPEED_SHARES]
-            motions = [self._held(share * velocity_m_s, share * turning_rad_s) for share in shares]
+            self._attempts = iter([self._held(share * velocity_m_s, share * turning_rad_s) for share in shares])
         self._going = True
-        self._begin(motions)
+        self._start_next()
 
     def _held(self, velocity_m_s: Array, turning_rad_s: Array) -> Any:  # noqa: ANN401
         """Return a motion with velocities that are held for `STEERED_S`, then to rest."""
@@ -237,7 +246,9 @@ class Franka:
         except MotionError:
             raise
         except Exception as error:  # franky's errors share no base class
-            raise MotionError(f"{self.name}: {what}: {error or type(error).__name__}") from error
+            message = f"{self.name}: {what}: {error or type(error).__name__}"
+            late = any(words in message for words in TOO_LATE)
+            raise MotionError(f"{message}: {LATE_REMEDY}" if late else message) from error
 
 
 def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401

@@ -36,11 +36,6 @@ class MountedCamera:
     in_hand: bool = False
     mount: Array | None = None
 
-    @property
-    def field(self) -> str:
-        """The field of the cell's file with its pose."""
-        return f"cameras[{self.name}].camera_to_{'hand' if self.in_hand else 'world'}"
-
     def calibrated(self, picture: Picture, hand_to_world: Array | None, name: str = "") -> RgbdFrame:
         """Return the picture as a frame with its camera's pose in the world.
 
@@ -52,7 +47,8 @@ class MountedCamera:
             InvalidInputError: if the camera is not calibrated, or picture and intrinsics do not fit.
         """
         if self.mount is None:
-            raise InvalidInputError(self.field, "is not known", "a pose: `roboprompt-robot calibrate` finds it")
+            field = f"cameras[{self.name}].camera_to_{'hand' if self.in_hand else 'world'}"
+            raise InvalidInputError(field, "is not known", "a pose: `roboprompt-robot calibrate` finds it")
         pose, k = self.mount, picture.intrinsics
         if self.in_hand:
             assert hand_to_world is not None

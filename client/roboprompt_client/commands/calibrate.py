@@ -13,7 +13,7 @@ from roboprompt_client.cameras.picture import Intrinsics
 from roboprompt_client.cameras.rig import SETTLE_S, MountedCamera, check_rest
 from roboprompt_client.cell import read_cell, write_cell
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.look import CELL, AddCommand, seeing_arm
+from roboprompt_client.commands.shared import CELL, AddCommand, seeing_arm
 from roboprompt_client.commands.terminal import ask, ask_yes, in_columns, say
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra
@@ -22,8 +22,8 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import Pose
 
 if TYPE_CHECKING:  # OpenCV and scipy are extras
-    from roboprompt_client.calibration.board import CharucoBoard
-    from roboprompt_client.calibration.bundle import FittedCamera, Sighting
+    from roboprompt_client.cameras.board import CharucoBoard
+    from roboprompt_client.cameras.calibration import FittedCamera, Sighting
 
 MOTION_DEG, MOTION_M = 22.0, 0.05  # of the proposed poses around the hand's first pose
 PROPOSED = 14
@@ -32,31 +32,29 @@ COLUMNS = ("camera", "poses", "corners off", "board off, in the median", "what t
 
 def add_calibrate(add: AddCommand) -> None:
     """Add `calibrate` to the commands."""
-    what = "find the poses of the cell's cameras with a ChArUco board"
-    calibrate = add("calibrate", what, run_calibrate)
-    calibrate.add_argument("--robot", required=True, metavar="CELL", help=CELL)
-    calibrate.add_argument(
-        "--carried", action="store_true", help="cameras in the hand, board on the table (default: board in the hand)"
+    calibrate = add("calibrate", "find the poses of the cell's cameras with a ChArUco board", run_calibrate)
+    option = calibrate.add_argument
+    option("--robot", required=True, metavar="CELL", help=CELL)
+    option(
+        "--carried",
+        action="store_true",
+        help="the hand has the cameras (default: the hand has the board)",
     )
-    calibrate.add_argument("--by-hand", action="store_true", help="you guide the arm; it does not move by itself")
-    calibrate.add_argument("--columns", type=int, default=5, help="squares of the board (default: %(default)s)")
-    calibrate.add_argument("--rows", type=int, default=7, help="squares of the board (default: %(default)s)")
-    calibrate.add_argument(
-        "--square", type=float, default=0.035, metavar="M", help="side of a square (default: %(default)s)"
-    )
-    calibrate.add_argument(
-        "--marker", type=float, default=0.026, metavar="M", help="side of a marker (default: %(default)s)"
-    )
-    calibrate.add_argument("--dictionary", default="DICT_5X5_100", help="family of markers (default: %(default)s)")
-    calibrate.add_argument("--legacy", action="store_true", help="the board has the pattern of OpenCV before 4.6")
+    option("--by-hand", action="store_true", help="you guide the arm; it does not move by itself")
+    option("--columns", type=int, default=5, help="squares of the board (default: %(default)s)")
+    option("--rows", type=int, default=7, help="squares of the board (default: %(default)s)")
+    option("--square", type=float, default=0.035, metavar="M", help="side of a square (default: %(default)s)")
+    option("--marker", type=float, default=0.026, metavar="M", help="side of a marker (default: %(default)s)")
+    option("--dictionary", default="DICT_5X5_100", help="family of markers (default: %(default)s)")
+    option("--legacy", action="store_true", help="the board has the pattern of OpenCV before 4.6")
 
 
 def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
     """Visit poses, fit, print residuals, write the cell's file; return 1 if one is large or nothing is written."""
     import_extra("cv2", "opencv-python-headless", "calibrate")
     import_extra("scipy", "scipy", "calibrate")
-    from roboprompt_client.calibration.board import CharucoBoard
-    from roboprompt_client.calibration.bundle import fit_cameras
+    from roboprompt_client.cameras.board import CharucoBoard
+    from roboprompt_client.cameras.calibration import fit_cameras
 
     sides = (arguments.square, arguments.marker)
     board = CharucoBoard(arguments.columns, arguments.rows, *sides, arguments.dictionary, arguments.legacy)
@@ -83,8 +81,8 @@ def _sightings(
     arm: Arm, cameras: Sequence[MountedCamera], board: "CharucoBoard", *, by_hand: bool
 ) -> tuple[list["Sighting"], dict[str, Intrinsics]]:
     """Return the sightings of the board at all poses, and the intrinsics by camera name."""
-    from roboprompt_client.calibration.board import check_seen
-    from roboprompt_client.calibration.bundle import Sighting
+    from roboprompt_client.cameras.board import check_seen
+    from roboprompt_client.cameras.calibration import Sighting
 
     assert arm.cameras is not None
     found, intrinsics = [], {}

@@ -11,7 +11,7 @@ import numpy as np
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.look import AddCommand
+from roboprompt_client.commands.shared import ROBOT, AddCommand
 from roboprompt_client.commands.terminal import ask_yes, say
 from roboprompt_client.errors import MotionError, RoboPromptError
 from roboprompt_client.robot import Robot
@@ -24,25 +24,21 @@ POSITION_TOLERANCE_M, ROTATION_TOLERANCE_DEG = 0.005, 2.0
 TOUCH_TOLERANCE_M = 0.005  # a person guides the hand to a corner within 2 mm
 MAX_OBSERVE_S = 1.0  # a longer observation delays the motion noticeably where the robot looks again
 STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
+MOVE = "move 3 cm up, rotate by 10 degrees, close and open the gripper, stop; asks first"
+TOUCH = (
+    "meters, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by hand; "
+    "prints how far the arm's own pose is off (may be repeated)"
+)
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
-def add_check(add: AddCommand, robot_help: str) -> None:
+def add_check(add: AddCommand) -> None:
     """Add `check` to the commands."""
     what = "check whether an arm does what the Robot Protocol says; without --move nothing moves"
     check = add("check", what, run_check)
-    check.add_argument("--robot", metavar="ROBOT", required=True, help=robot_help)
-    check.add_argument(
-        "--move",
-        action="store_true",
-        help="move 3 cm up, rotate by 10 degrees, close and open the gripper, stop; asks first",
-    )
-    what = (
-        "meters, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by "
-        "hand; prints how far the arm's own pose is off (may be repeated)"
-    )
-    place = ("X", "Y", "Z")
-    check.add_argument("--touch", nargs=3, type=float, action="append", default=[], metavar=place, help=what)
+    check.add_argument("--robot", metavar="ROBOT", required=True, help=ROBOT)
+    check.add_argument("--move", action="store_true", help=MOVE)
+    check.add_argument("--touch", nargs=3, type=float, action="append", default=[], metavar=("X", "Y", "Z"), help=TOUCH)
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:

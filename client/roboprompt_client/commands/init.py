@@ -15,7 +15,7 @@ from roboprompt_client.arms.panda import LIMITS_RAD
 from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.cell import ARMS, open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.terminal import ask, ask_yes, led_by_hand, say
+from roboprompt_client.commands.terminal import ask, ask_yes, guided_by_hand, say
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import make_driver
 from roboprompt_client.robot import observation_from_file
@@ -147,7 +147,7 @@ def _measured(arm: Arm) -> dict[str, Any]:
 def _box(arm: Arm) -> dict[str, Any] | None:
     """Return the box between two opposite corners to which a person guides the hand; None if they leave it out."""
     say(CORNERS)
-    with led_by_hand(arm):
+    with guided_by_hand(arm):
         while True:
             places_m = []
             for which in ("lowest", "highest"):

@@ -8,67 +8,60 @@ from pathlib import Path
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.look import NOT_FOUND, AddCommand, add_find, asking_robot, find_in_pictures
-from roboprompt_client.commands.record_live import record_live, require_leading
+from roboprompt_client.commands.record_live import record_live, require_movable
+from roboprompt_client.commands.shared import (
+    ROBOT,
+    SEEN,
+    AddCommand,
+    add_find,
+    asking_robot,
+    find_in_pictures,
+    task_document,
+)
 from roboprompt_client.commands.terminal import ask, ask_yes, recovered, say
 from roboprompt_client.errors import (
     CameraError,
     InvalidInputError,
     MotionError,
-    ServiceProblemError,
     ServiceUnreachableError,
 )
+from roboprompt_client.recording.journal import films_from_journal
 from roboprompt_client.recording.recorder import (
     RATE_HZ,
     HasState,
     checked_film_hz,
     checked_rate_hz,
-    films_from_journal,
 )
 from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Sent, Spool
-from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
+from roboprompt_client.robot import Observation, Robot, observation_from_file
 from roboprompt_client.types.film import FILM_HZ
 from roboprompt_client.types.names import checked_instruction, checked_name
 
 SPOOL = Path("recordings")
+FILMED = "pictures a second that each camera of the cell takes meanwhile; 0: none (default: %(default)g)"
+STEER = "steer the hand with keyboard or spacemouse, or with a LeRobot leader arm that MODULE:FACTORY returns"
 
 
-def add_record(add: AddCommand, robot_help: str) -> None:
-    """Add `record` to the script's commands."""
-    what = "record demonstrations while a person moves the arm, and upload them"
-    record = add("record", what, run_record)
-    record.add_argument("--robot", metavar="ROBOT", help=robot_help)
-    record.add_argument("--task", help="needed unless --send-only")
-    record.add_argument("--instruction", help="needed unless --send-only")
-    what = f"what the robot sees, if it does not know it itself, {OBJECTS}"
-    record.add_argument("--objects", type=Path, metavar="FILE", help=what)
+def add_record(add: AddCommand) -> None:
+    """Add `record` to the commands."""
+    record = add("record", "record demonstrations while a person moves the arm, and upload them", run_record)
+    option = record.add_argument
+    option("--robot", metavar="ROBOT", help=ROBOT)
+    option("--task", help="needed unless --send-only")
+    option("--instruction", help="needed unless --send-only")
+    option("--objects", type=Path, metavar="FILE", help=f"{SEEN}, if the robot does not know them itself")
     add_find(record)
-    record.add_argument(
-        "--spool",
-        type=Path,
-        default=SPOOL,
-        help="folder for recordings that wait for the service (default: %(default)s)",
-    )
-    record.add_argument(
-        "--rate-hz",
-        type=partial(_number, checked_rate_hz),
-        default=RATE_HZ,
-        help="samples a second, at least 20 (default: %(default)g)",
-    )
-    record.add_argument(
-        "--film-hz",
-        type=partial(_number, checked_film_hz),
-        default=FILM_HZ,
-        help="pictures a second that each camera of the cell takes meanwhile; 0: none (default: %(default)g)",
-    )
-    led = record.add_mutually_exclusive_group()
+    option("--spool", type=Path, default=SPOOL, help=f"folder of recordings that wait (default: {SPOOL})")
+    rate, film = partial(_number, checked_rate_hz), partial(_number, checked_film_hz)
+    option("--rate-hz", type=rate, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)")
+    option("--film-hz", type=film, default=FILM_HZ, help=FILMED)
+    moved_by = record.add_mutually_exclusive_group()
     what = "let the arm carry its own weight and yield to your hand (Franka only)"
-    led.add_argument("--guide", action="store_true", help=what)
-    what = "steer the hand with keyboard or spacemouse, or with a LeRobot leader arm that MODULE:FACTORY returns"
-    led.add_argument("--teleop", metavar="DEVICE", type=_device, help=what)
-    record.set_defaults(corrects=None)
+    moved_by.add_argument("--guide", action="store_true", help=what)
+    moved_by.add_argument("--teleop", metavar="DEVICE", type=_device, help=STEER)
     what = "upload recordings that wait, also those that were interrupted, and record nothing"
-    record.add_argument("--send-only", action="store_true", help=what)
+    option("--send-only", action="store_true", help=what)
+    record.set_defaults(corrects=None)
 
 
 def _number(checked: Callable[[float], float], text: str) -> float:
@@ -111,9 +104,9 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
     if not hasattr(robot, "state"):
         raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
-    require_leading(robot, guide=arguments.guide, teleop=arguments.teleop)
+    require_movable(robot, guide=arguments.guide, teleop=arguments.teleop)
     find_in_pictures(robot, client, arguments.task, arguments.find)
-    _say_where(client, arguments)
+    _announce(client, arguments)
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
         try:
@@ -127,16 +120,13 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     return failed
 
 
-def _say_where(client: RoboPromptClient, arguments: Namespace) -> None:
+def _announce(client: RoboPromptClient, arguments: Namespace) -> None:
     """Say before the first recording what would surprise a person after it; raises ServiceProblemError for a key."""
     try:
-        client.get(f"/tasks/{arguments.task}")
+        if task_document(client, arguments.task) is None:
+            say(f"{arguments.task!r} is a new task: the first recording makes it")
     except ServiceUnreachableError as error:
         say(f"{error} Recordings wait in {arguments.spool}.")
-    except ServiceProblemError as error:
-        if error.status != NOT_FOUND:
-            raise
-        say(f"{arguments.task!r} is a new task: the first recording makes it")
 
 
 def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> None:
@@ -150,7 +140,7 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
     _send_all(client, spool)
 
 
-def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
+def _record_one(robot: Robot, spool: Spool, options: Namespace) -> None:
     """Record one demonstration with the command's options; an interrupted one stays in the spool, unfinished.
 
     Raises:
@@ -158,15 +148,15 @@ def _record_one(robot: Robot, spool: Spool, shown: Namespace) -> None:
         InvalidInputError: if the next recording would fail, too.
     """
     try:
-        seen = _seen(robot, shown.objects)
+        seen = _seen(robot, options.objects)
     except CameraError as error:
         say(str(error))
         return
-    folder = spool.new(shown.task, shown.instruction, seen, shown.corrects)
+    folder = spool.new(options.task, options.instruction, seen, options.corrects)
     arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
-    how = {"guide": shown.guide, "teleop": shown.teleop, "film_hz": shown.film_hz}
+    moved_by = {"guide": options.guide, "teleop": options.teleop}
     try:
-        trajectory = record_live(arm, folder / UNFINISHED, shown.rate_hz, **how)
+        trajectory = record_live(arm, folder / UNFINISHED, options.rate_hz, film_hz=options.film_hz, **moved_by)
     except (MotionError, InvalidInputError, KeyboardInterrupt):
         if (folder / UNFINISHED).exists():
             say(f"interrupted, and not uploaded: it is in {folder}; `roboprompt-robot record --send-only` uploads it")

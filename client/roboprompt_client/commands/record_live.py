@@ -12,7 +12,17 @@ from roboprompt_client.arms.driver import Guidable, Steerable
 from roboprompt_client.cameras.rig import MountedCamera
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.recording.recorder import HasState, Progress, Recorder
-from roboprompt_client.recording.teleop import END, MOVES, SPEED_M_S, TICK_S, TURN_RAD_S, Read, Said, keyboard, opened
+from roboprompt_client.recording.teleop import (
+    END,
+    MOVES,
+    SPEED_M_S,
+    TICK_S,
+    TURN_RAD_S,
+    PersonInput,
+    Read,
+    keyboard,
+    opened,
+)
 from roboprompt_client.types.film import FILM_HZ
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -22,8 +32,8 @@ SHOWN_S = 0.2
 MAX_LINE_CHARS, CLEAR_LINE = 78, "\x1b[K"
 
 
-def require_leading(arm: object, *, guide: bool, teleop: str | None) -> None:
-    """Refuse before a recording what cannot lead the arm.
+def require_movable(arm: object, *, guide: bool, teleop: str | None) -> None:
+    """Check before a recording that the arm can be moved as asked.
 
     Raises:
         InvalidInputError: if the arm cannot be guided or steered, or the device is not there.
@@ -63,9 +73,9 @@ def record_live(
         InvalidInputError: if the arm cannot be guided or steered as asked, or the recording is invalid.
         MotionError, KeyboardInterrupt: if arm or person ended it; the journal has the recording until then.
     """
-    with ExitStack() as led:
-        read = _no_motion if teleop is None else led.enter_context(opened(teleop))
-        steer = _led(arm, led, guide=guide, steers=teleop is not None)
+    with ExitStack() as stack:
+        read = _no_motion if teleop is None else stack.enter_context(opened(teleop))
+        steer = _moved(arm, stack, guide=guide, steers=teleop is not None)
         recorder = Recorder(arm, journal, rate_hz, _filming(arm), film_hz)
         recorder.start()
         try:
@@ -85,18 +95,18 @@ def _filming(arm: HasState) -> list[MountedCamera]:
     return [] if rig is None else [item for item in rig.cameras if not getattr(item.driver, "recorded", False)]
 
 
-def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
-    """Let the arm be guided or steered until `led` is closed; return the function that steers it, or None."""
+def _moved(arm: HasState, stack: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
+    """Let the arm be guided or steered until `stack` is closed; return the function that steers it, or None."""
     if guide:
-        led.enter_context(arm.guided())  # type: ignore[attr-defined]  # see `require_leading`
+        stack.enter_context(arm.guided())  # type: ignore[attr-defined]  # see `require_movable`
     if not steers:
         return None
-    steer: Steer = led.enter_context(arm.steered())  # type: ignore[attr-defined]  # see `require_leading`
+    steer: Steer = stack.enter_context(arm.steered())  # type: ignore[attr-defined]  # see `require_movable`
     return steer
 
 
-def _no_motion(keys: str) -> Said:
-    return Said(np.zeros(6), keys)
+def _no_motion(keys: str) -> PersonInput:
+    return PersonInput(np.zeros(6), keys)
 
 
 def _until_ended(arm: HasState, recorder: Recorder, read: Read, steer: Steer | None) -> bool:
@@ -105,18 +115,18 @@ def _until_ended(arm: HasState, recorder: Recorder, read: Read, steer: Steer | N
     shown_s, moving, problem = 0.0, False, ""
     with keyboard() as pressed:
         while True:
-            said = read(pressed(SHOWN_S if steer is None else TICK_S))
-            for key in said.keys:
+            given = read(pressed(SHOWN_S if steer is None else TICK_S))
+            for key in given.keys:
                 if key in KEEP or key == END:
                     _show("\n")
                     return key != END
                 if key in (OPEN, CLOSE) and hasattr(arm, "set_gripper"):
                     arm.set_gripper(is_open=key == OPEN)
             if steer is not None and (
-                moving or said.direction.any()
+                moving or given.direction.any()
             ):  # once more with zeros, so that the hand stops at once
-                refusal = steer(SPEED_M_S * said.direction[:3], TURN_RAD_S * said.direction[3:])
-                moving = bool(said.direction.any())
+                refusal = steer(SPEED_M_S * given.direction[:3], TURN_RAD_S * given.direction[3:])
+                moving = bool(given.direction.any())
                 problem = refusal if moving else problem
             if (progress := recorder.progress) is not None and time.monotonic() - shown_s > SHOWN_S:
                 shown_s = time.monotonic()

@@ -48,7 +48,7 @@ def ask_yes(question: str) -> bool:
     return (ask(question) or "").lower() in YES
 
 
-def led_by_hand(arm: Arm) -> AbstractContextManager[None]:
+def guided_by_hand(arm: Arm) -> AbstractContextManager[None]:
     """Return a context in which the arm yields to the person's hand, if it can and the person wants it."""
     yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand? Hold it. [y/N] ")
     return arm.guided() if yields else nullcontext()

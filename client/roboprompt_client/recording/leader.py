@@ -17,7 +17,7 @@ import numpy as np
 from roboprompt_client.arms.driver import STEERED_S, MakersObject
 from roboprompt_client.arms.geometry import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.recording.teleop import SPEED_M_S, TURN_RAD_S, Said
+from roboprompt_client.recording.teleop import SPEED_M_S, TURN_RAD_S, PersonInput
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 
@@ -71,7 +71,7 @@ class Leader:
     def __exit__(self, *_: object) -> None:
         self._calls.disconnect()
 
-    def read(self, keys: str) -> Said:
+    def read(self, keys: str) -> PersonInput:
         """Return the direction in which the hand follows, and the keys, with one where the leader's gripper switched.
 
         Raises:
@@ -86,7 +86,7 @@ class Leader:
             behind = _at_most(self._behind[part] - made_s * speed * was + moved[part], LAG_S * speed)
             still = np.linalg.norm(behind) < (ARRIVED * at_rest if was.any() else at_rest)
             self._behind[part], self._direction[part] = behind, 0.0 if still else behind / (LAG_S * speed)
-        return Said(self._direction.copy(), keys + self._switch(opened))
+        return PersonInput(self._direction.copy(), keys + self._switch(opened))
 
     def _switch(self, opened: float) -> str:
         if (opened < CLOSED_BELOW) if self._is_open else (opened > OPEN_ABOVE):

@@ -1,33 +1,28 @@
 """Record an arm's state while a person moves it, and film it; each sample is on disk within a second."""
 
-import json
+import logging
+import math
 import threading
 import time
 from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
-
-import numpy as np
+from typing import NamedTuple, Protocol
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.cameras.rig import MountedCamera
-from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.recording.filming import Filming, film_files, film_from_file
-from roboprompt_client.recording.private import create_private
-from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.film import FILM_HZ, Film
+from roboprompt_client.encoding import film_jpeg
+from roboprompt_client.errors import CameraError, InvalidInputError, MotionError
+from roboprompt_client.extras import import_extra
+from roboprompt_client.recording import journal as files
+from roboprompt_client.types.film import FILM_HZ, MAX_FILM_BYTES, MAX_PICTURE_BYTES, MAX_PICTURES, Film
 from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
 MIN_RATE_HZ, MAX_RATE_HZ = 20.0, 1000.0
 MAX_FILM_HZ = 60.0
 FLUSH_S = 1.0
-WRITABLE = "a new file in a folder of this user's, on a disk with space"
-OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
-_FIXED_COLUMNS = 10  # time, position, quaternion, width, open; joint positions, joint velocities and wrench follow
-WRENCH = 6
+log = logging.getLogger(__name__)
 
 
 class Progress(NamedTuple):
@@ -82,7 +77,7 @@ class Recorder:
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a new file for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / checked_rate_hz(rate_hz)
-        self._cameras, self._film_hz, self._films = tuple(cameras) if film_hz else (), film_hz, list[Filming]()
+        self._cameras, self._film_hz, self._films = tuple(cameras) if film_hz else (), film_hz, list[_Filming]()
         self._ended = threading.Event()
         self._progress: Progress | None = None
         self._error: Exception | None = None
@@ -91,7 +86,7 @@ class Recorder:
     def start(self) -> None:
         """Begin to sample and to film."""
         self._thread.start()
-        self._films = [Filming(camera, self._journal, self._film_hz) for camera in self._cameras]
+        self._films = [_Filming(camera, self._journal, self._film_hz) for camera in self._cameras]
 
     @property
     def progress(self) -> Progress | None:
@@ -113,12 +108,12 @@ class Recorder:
             film.stop()
         if self._error is not None:
             raise self._error
-        return trajectory_from_journal(self._journal)
+        return files.trajectory_from_journal(self._journal)
 
     @property
     def films(self) -> tuple[Film, ...]:
-        """What the cameras took, after `stop`; none of a camera that took nothing."""
-        return films_from_journal(self._journal)
+        """The cameras' films, after `stop`; a camera without pictures has none."""
+        return files.films_from_journal(self._journal)
 
     def _run(self) -> None:
         try:
@@ -126,17 +121,19 @@ class Recorder:
         except MotionError as error:
             self._error = error
         except OSError as error:
-            self._error = InvalidInputError("journal", f"cannot be written: {error}", WRITABLE)
+            self._error = InvalidInputError("journal", f"cannot be written: {error}", files.WRITABLE)
 
     def _sample(self) -> None:
         began_s, state = self._read()
+        ahead_s = began_s - (state.time_s or 0.0)  # of our clock, to the arm's own
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
-        with create_private(self._journal) as file:
-            file.write(json.dumps({"joints": joints, "wrench": WRENCH, "began_s": began_s}).encode() + b"\n")
+        with files.create_private(self._journal) as file:
+            file.write(files.journal_head(state, began_s))
             flushed_s = due_s = seen_s = began_s
             for frames in count(1):  # at least one sample
                 self._progress = Progress(frames, seen_s - began_s, state)
-                file.write(_row(seen_s - began_s, state, joints).tobytes())
+                taken_s = seen_s if state.time_s is None else state.time_s + ahead_s
+                file.write(files.journal_row(taken_s - began_s, state, joints))
                 if seen_s - flushed_s > FLUSH_S:
                     file.flush()
                     flushed_s = seen_s
@@ -152,6 +149,49 @@ class Recorder:
         return (asked_s + time.monotonic()) / 2, state
 
 
+class _Filming:
+    """Takes a camera's pictures until `stop`. A failure ends the film with a warning, and raises nothing."""
+
+    def __init__(self, camera: MountedCamera, journal: Path, rate_hz: float) -> None:
+        self._camera, self._period_s = camera, 1 / rate_hz
+        self._path = files.film_file(journal, camera.name)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"film {camera.name}", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Take no further picture; return when the camera is free again."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._film()
+        except Exception as error:  # whatever a camera's driver raises: the recording is worth more than its film
+            log.warning("the film of camera %s ends here: %s", self._camera.name, error or type(error).__name__)
+
+    def _film(self) -> None:
+        cv2 = import_extra("cv2", "opencv-python-headless", "images")
+        number, total, shape, last_s, due_s = 0, 0, None, -math.inf, time.monotonic()
+        with files.create_private(self._path) as file:
+            while not self._ended.wait(due_s - time.monotonic()):
+                due_s = max(due_s + self._period_s, time.monotonic())
+                picture = self._camera.driver.read()
+                taken_s = picture.taken_s - time.time() + time.monotonic()
+                if taken_s <= last_s:
+                    continue  # the picture before again
+                jpeg = film_jpeg(cv2, picture.rgb)
+                number, total, shape = number + 1, total + len(jpeg), shape or picture.rgb.shape
+                if picture.rgb.shape != shape:
+                    raise CameraError("its pictures changed their size", "one size")
+                if number > MAX_PICTURES or total > MAX_FILM_BYTES or len(jpeg) > MAX_PICTURE_BYTES:
+                    most = f"{MAX_PICTURES} pictures of {MAX_PICTURE_BYTES} bytes, {MAX_FILM_BYTES} together"
+                    raise CameraError("a film is full", most)
+                file.write(files.film_entry(taken_s, jpeg))
+                file.flush()
+                last_s = taken_s
+
+
 def checked_rate_hz(rate_hz: float) -> float:
     """Return a sampling rate; raises InvalidInputError if it is out of range."""
     if MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
@@ -164,70 +204,3 @@ def checked_film_hz(film_hz: float) -> float:
     if 0 <= film_hz <= MAX_FILM_HZ:
         return film_hz
     raise InvalidInputError("film_hz", f"is {film_hz:g}", f"0 (no film) to {MAX_FILM_HZ:g}")
-
-
-def trajectory_from_journal(path: Path) -> Trajectory:
-    """Return a journal's trajectory, without a row that a crash cut off; raises InvalidInputError if it is invalid."""
-    rows, head = _rows(path)
-    joints = head["joints"]
-    if not len(rows):
-        raise InvalidInputError("recording", f"{path} has no frames", "at least one")
-    times_s, widths_m, states = rows[:, 0], rows[:, 8], rows[:, 9]
-    later = np.concatenate([[True], np.diff(times_s) > 0])
-    rows, times_s, widths_m, states = rows[later], times_s[later], widths_m[later], states[later]
-    arrays = {
-        "timestamps": times_s,
-        "end_effector_positions": rows[:, 1:4],
-        "end_effector_quaternions_xyzw": rows[:, 4:8],
-        **_gripper(widths_m, states),
-    }
-    positions, velocities, wrenches = np.split(rows[:, _FIXED_COLUMNS:], [joints, 2 * joints], axis=1)
-    if joints:
-        arrays["joint_positions"] = positions
-    if joints and np.isfinite(velocities).all():
-        arrays["joint_velocities"] = velocities
-    if wrenches.size and np.isfinite(wrenches).all():
-        arrays["wrenches"] = wrenches
-    return trajectory_from_arrays(arrays)
-
-
-def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
-    """Return the measured width, else the commanded state; an arm without a gripper counts as open."""
-    if np.isfinite(widths_m).all():
-        still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
-        opened = {"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}
-        return {"gripper_width": widths_m, **opened}
-    return {"gripper_open": np.where(np.isfinite(states), states, 1.0)}
-
-
-def _row(time_s: float, state: ArmState, joints: int) -> Array:
-    unknown = np.full(joints, np.nan)
-    width_m = np.nan if state.gripper_width_m is None else state.gripper_width_m
-    is_open = np.nan if state.gripper_open is None else float(state.gripper_open)
-    positions = unknown if state.joint_positions_rad is None else state.joint_positions_rad
-    velocities = unknown if state.joint_velocities_rad_s is None else state.joint_velocities_rad_s
-    wrench = np.full(WRENCH, np.nan) if state.wrench_n_nm is None else state.wrench_n_nm
-    return np.concatenate(
-        [[time_s], state.position_m, state.quaternion_xyzw, [width_m, is_open], positions, velocities, wrench]
-    ).astype("<f8")
-
-
-def films_from_journal(path: Path) -> tuple[Film, ...]:
-    """Return the films beside a journal, by its clock; raises InvalidInputError if it is invalid."""
-    rows, head = _rows(path)
-    if not len(rows) or "began_s" not in head:
-        return ()
-    films = (film_from_file(file, float(head["began_s"]), rows[-1, 0]) for file in film_files(path))
-    return tuple(film for film in films if film is not None)
-
-
-def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
-    head, _, body = path.read_bytes().partition(b"\n")
-    try:
-        known = dict(json.loads(head))
-        joints, wrench = int(known["joints"]), int(known.get("wrench", 0))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InvalidInputError("recording", f"{path} is not a journal", "a file of roboprompt-robot record") from error
-    width = _FIXED_COLUMNS + 2 * joints + wrench
-    whole = len(body) // (8 * width) * width
-    return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), known

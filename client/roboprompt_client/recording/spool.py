@@ -17,14 +17,18 @@ from typing import Any, NamedTuple
 from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.encoding import Part, images_of, npy_part, npz_part, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.http.encoding import Part, images_of, npy_part, npz_part, scene_json
-from roboprompt_client.recording.filming import film_files
-from roboprompt_client.recording.private import create_private
-from roboprompt_client.recording.recorder import WRITABLE, films_from_journal, trajectory_from_journal
+from roboprompt_client.recording.journal import (
+    WRITABLE,
+    create_private,
+    film_files,
+    films_from_journal,
+    trajectory_from_journal,
+)
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.film import Film, npz_from_film
-from roboprompt_client.types.trajectory_npz import npz_from_trajectory
+from roboprompt_client.types.trajectory import npz_from_trajectory
 
 log = logging.getLogger(__name__)
 WAITS_S = (1.0, 2.0, 4.0, 8.0)

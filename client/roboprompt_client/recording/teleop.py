@@ -46,7 +46,7 @@ DIRECTIONS: Mapping[str, Array] = {
 MOVES = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   i k, j l: tilt"
 
 
-class Said(NamedTuple):
+class PersonInput(NamedTuple):
     """A person's input: a direction (6,) and the keys that were pressed."""
 
     direction: Array
@@ -54,7 +54,7 @@ class Said(NamedTuple):
 
 
 Pressed = Callable[[float], str]
-Read = Callable[[str], Said]  # argument: the keys pressed since the last call
+Read = Callable[[str], PersonInput]  # argument: the keys pressed since the last call
 
 
 def has_keyboard() -> bool:
@@ -99,13 +99,13 @@ class HeldKeys:
     def __init__(self) -> None:
         self._spans_s: dict[str, tuple[float, float]] = {}
 
-    def read(self, keys: str) -> Said:
+    def read(self, keys: str) -> PersonInput:
         """Note keys that were pressed since the last call; return the direction."""
         now_s = time.monotonic()
         for key in keys:
             if key in DIRECTIONS:
                 self.press(key, now_s)
-        return Said(self.direction(now_s), keys)
+        return PersonInput(self.direction(now_s), keys)
 
     def press(self, key: str, now_s: float) -> None:
         """Note the press of a key of `DIRECTIONS`."""
@@ -137,7 +137,7 @@ class SpaceMouse:
         self._came_s = -np.inf
         self._buttons = 0
 
-    def read(self, keys: str) -> Said:
+    def read(self, keys: str) -> PersonInput:
         """Return the last report's direction, zero if the report is old, and the keys with the buttons' clicks."""
         buttons = self._buttons
         with suppress(OSError):  # no report waits, or the device was unplugged
@@ -146,7 +146,7 @@ class SpaceMouse:
         clicked = "".join(key for bit, key in ((1, "c"), (2, "o")) if self._buttons & bit and not buttons & bit)
         fresh = time.monotonic() - self._came_s < STALE_S
         pushed = np.where(np.abs(self._pushed) < DEAD_SHARE, 0.0, np.clip(self._pushed, -1, 1))
-        return Said(pushed if fresh else np.zeros(6), keys + clicked)
+        return PersonInput(pushed if fresh else np.zeros(6), keys + clicked)
 
     def _take(self, report: bytes) -> None:
         if report[:1] == b"\x03":

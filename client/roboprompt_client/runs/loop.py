@@ -27,8 +27,7 @@ from roboprompt_client.errors import (
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
 from roboprompt_client.robot import Observation, Robot, stop_after_error
-from roboprompt_client.runs.leading import Leading
-from roboprompt_client.runs.look_again import Follower, ObjectFinder
+from roboprompt_client.runs.look_again import Follower, Leading, ObjectFinder
 from roboprompt_client.types.poses import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str | None], None]
@@ -57,7 +56,7 @@ class RunOptions:
         stream: start to move while the LLM still writes; otherwise nothing moves until all actions are checked.
         look_again: observe again before contact (see the module `look_again`) and move the remaining actions along
             with their objects; the returned prediction has the actions as they were carried out. Not with `stream`.
-        leading: with `look_again`, aims ahead of objects that move by themselves (see the module `leading`).
+        leading: with `look_again`, aims ahead of objects that move by themselves.
         on_danger: what to do about a finding of severity `danger`: ask `confirm` before anything moves, `refuse`, or
             `go`. None: `confirm` if there is one, else `refuse`. With `stream` it applies to the findings before the
             first action.
@@ -130,18 +129,19 @@ def run_task(
     except BaseException:
         stop_after_error(robot)
         raise
-    _record(client, predicted, how.on_outcome)
+    if how.on_outcome is not None and predicted.actions:
+        record_outcome(client, predicted, how.on_outcome)
     return predicted
 
 
-def _record(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome | None) -> None:
-    """Record what `on_outcome` says of actions that were carried out."""
-    if on_outcome is None or not predicted.actions or (outcome := on_outcome(predicted)) is None:
-        return
-    try:
-        client.record_outcome(predicted.id, *outcome)
-    except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
-        log.warning("the outcome was not recorded: %s", error)
+def record_outcome(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome) -> Outcome | None:
+    """Return what `on_outcome` says of actions that were carried out, and record it; a failure to record is logged."""
+    if (outcome := on_outcome(predicted)) is not None:
+        try:
+            client.record_outcome(predicted.id, *outcome)
+        except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done nevertheless
+            log.warning("the outcome was not recorded: %s", error)
+    return outcome
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class _Run:
                 self.execute(index, action, predicted.id)
             return predicted
         if leading is not None:
-            leading.saw({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
+            leading.note({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
         follower = Follower(finder, predicted, observation, check, leading=leading)
         for index in range(len(predicted.actions)):
             self.execute(index, follower.before(index), predicted.id)

@@ -5,11 +5,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
+from roboprompt_client.answers import PlannedStep, PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import NotConfirmedError, StepFailedError
 from roboprompt_client.robot import Observation, Robot, stop_after_error
-from roboprompt_client.runs.loop import OnOutcome, run_task
+from roboprompt_client.runs.loop import OnOutcome, record_outcome, run_task
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 ConfirmSteps = Callable[[Sequence[PlannedStep]], bool]
@@ -59,19 +59,13 @@ def run_plan(
 def _run_step(
     client: RoboPromptClient, robot: Robot, step: PlannedStep, on_outcome: OnOutcome | None, how: Mapping[str, Any]
 ) -> PredictedActions:
-    outcome: Outcome | None = None if on_outcome else Outcome(success=True)
-
-    def judge(predicted: PredictedActions) -> Outcome | None:
-        nonlocal outcome
-        outcome = on_outcome(predicted) if on_outcome else None
-        return outcome
-
     names = client.get(f"/tasks/{step.task}").get("object_names") or ()
-    asked = {**how, "on_outcome": judge} if on_outcome else how
-    predicted = run_task(client, _OnlyObjects(robot, names), step.task, step.instruction, **asked)
+    predicted = run_task(client, _OnlyObjects(robot, names), step.task, step.instruction, **how)
     if not predicted.actions:
         raise StepFailedError("the service's answer has no actions")
-    if outcome is None:
+    if on_outcome is None:
+        return predicted
+    if (outcome := record_outcome(client, predicted, on_outcome)) is None:
         raise StepFailedError("it is not known whether it worked")
     if not outcome.success:
         raise StepFailedError(outcome.note or "it did not work")

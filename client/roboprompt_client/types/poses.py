@@ -31,13 +31,10 @@ class EndEffectorAction:
         """Return N actions from (N, 3) and (N, 4), checked together: numpy takes as long for all as for one."""
         positions = finite_array("actions.position", positions_m, (None, 3))
         quaternions = unit_quaternions("actions.quaternion_xyzw", quaternions_xyzw, (None, 4))
-        return [cls._checked(*fields) for fields in zip(positions, quaternions, gripper_open, strict=True)]
-
-    @classmethod
-    def _checked(cls, position_m: Array, quaternion_xyzw: Array, gripper_open: bool) -> "EndEffectorAction":
-        action = object.__new__(cls)
-        settle(action, position_m=position_m, quaternion_xyzw=quaternion_xyzw, gripper_open=gripper_open)
-        return action
+        actions = [object.__new__(cls) for _ in positions]
+        for action, place, turn, is_open in zip(actions, positions, quaternions, gripper_open, strict=True):
+            settle(action, position_m=place, quaternion_xyzw=turn, gripper_open=is_open)
+        return actions
 
 
 class _Pose(NamedTuple):

@@ -119,18 +119,13 @@ def to_matrix(rotation: npt.ArrayLike) -> Array:
 
 
 def from_matrix(matrix: npt.ArrayLike) -> Array:
-    """Return the quaternion of a rotation matrix (3, 3)."""
+    """Return the quaternion of a rotation matrix (3, 3): the eigenvector of the largest eigenvalue of Bar-Itzhack's K.
+
+    Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", J. Guidance 2000.
+    """
     m = np.asarray(matrix, float)
-    x, y, z = (
-        math.sqrt(max(0.0, 1 + sign @ np.diag(m))) / 2 for sign in np.array([[1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    )
-    w = math.sqrt(max(0.0, 1 + float(np.trace(m)))) / 2
-    largest = int(np.argmax([x, y, z, w]))
-    off = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
-    if largest == 3:
-        return np.array([*(off / (4 * w)), w])
-    i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-    q, lead = np.empty(4), (x, y, z)[largest]
-    q[i] = lead
-    q[[j, k, 3]] = np.array([m[i, j] + m[j, i], m[i, k] + m[k, i], off[i]]) / (4 * lead)
-    return canonical(q)
+    k = np.empty((4, 4))
+    k[3, 3] = np.trace(m)
+    k[:3, :3] = m + m.T - k[3, 3] * np.eye(3)
+    k[3, :3] = k[:3, 3] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+    return canonical(np.linalg.eigh(k)[1][:, -1])

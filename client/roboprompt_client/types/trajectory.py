@@ -1,7 +1,14 @@
-"""What a robot records: a `Trajectory`. Positions are in meters in the world frame; quaternions are xyzw."""
+"""What a robot records, a `Trajectory`, as arrays by name and as the .npz file that is uploaded.
 
-from collections.abc import Sequence
+Positions are in meters in the world frame; quaternions are xyzw.
+"""
+
+import io
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +23,23 @@ MAX_N_NM = 1e5  # on a hand: larger numbers are no forces in any unit
 MAX_S = 1e11  # of a clock: 3,000 years
 MAX_GRIPPER_WIDTH_M = 0.2  # between the fingers of an open gripper
 WIDTH_ROUNDING_M = 0.005  # closed fingers may measure a little below 0: 2.6 mm of a Baxter's and of simulated ones
+REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
+FIELDS = {  # array in the file -> field of Trajectory, in the file's order
+    "joint_velocities": "joint_velocities_rad_s",
+    "end_effector_positions": "positions_m",
+    "end_effector_quaternions_xyzw": "quaternions_xyzw",
+    "gripper_open": "gripper_open",
+    "timestamps": "timestamps_s",
+    "joint_positions": "joint_positions_rad",
+    "object_positions": "object_positions_m",
+    "object_quaternions_xyzw": "object_quaternions_xyzw",
+    "gripper_width": "gripper_width_m",
+    "wrenches": "wrenches_n_nm",
+}
+OPTIONAL = tuple(name for name in FIELDS if name not in REQUIRED)
+MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less neither opened nor closed
+MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
+VALID = f"a .npz file with the arrays {', '.join(REQUIRED)} (or gripper_width), and optionally {', '.join(OPTIONAL)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +170,79 @@ class Trajectory:
         """Return the action to the pose at `frame`, with the gripper's state there unless one is given."""
         is_open = bool(self.gripper_open[frame]) if gripper_open is None else gripper_open
         return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], is_open)
+
+
+def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
+    """Return the trajectory of arrays by name.
+
+    Raises:
+        InvalidInputError: for missing or unknown names, or arrays that Trajectory refuses.
+    """
+    given = {name: array for name, array in arrays.items() if array is not None}
+    inferred = {"gripper_open"} if "gripper_width" in given else set()
+    if missing := [name for name in REQUIRED if name not in given and name not in inferred]:
+        raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", VALID)
+    if unknown := [name for name in arrays if name not in FIELDS]:
+        raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", VALID)
+    gripper = "gripper_open" if "gripper_open" in given else "gripper_width"
+    fingers = finite_array(f"trajectory.{gripper}", given[gripper], (None,))
+    if (num_frames := len(fingers)) > max_frames:
+        raise InvalidInputError("trajectory", f"has {num_frames} frames", f"at most {max_frames}")
+    if "joint_velocities" not in given:
+        given["joint_velocities"] = _joint_velocities(num_frames, given.get("joint_positions"), given.get("timestamps"))
+    if gripper == "gripper_width":
+        given["gripper_open"] = _gripper_open(fingers)
+    return Trajectory(**{FIELDS[name]: array for name, array in given.items()})
+
+
+def trajectory_from_file(path: Path) -> Trajectory:
+    """Return the trajectory of a .npz file; raises InvalidInputError naming the array and what is wrong with it."""
+    try:
+        if not (data := path.read_bytes()).startswith(b"PK"):
+            raise ValueError("it is no archive of arrays, such as np.savez writes")
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            arrays = dict(file)
+    except (OSError, ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:  # the last two: no archive
+        raise InvalidInputError("trajectory", f"{path} is not a readable .npz file: {error}", VALID) from error
+    return trajectory_from_arrays(arrays)
+
+
+def npz_from_trajectory(trajectory: Trajectory) -> bytes:
+    """Return the .npz file of a trajectory; the same trajectory gives the same bytes."""
+    arrays: dict[str, Any] = {name: getattr(trajectory, field) for name, field in FIELDS.items()}
+    if trajectory.num_joints == 0:
+        del arrays["joint_velocities"]
+    stream = io.BytesIO()
+    # in C order: the file of an array in Fortran order would differ
+    ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
+    np.savez_compressed(stream, **ordered)
+    return stream.getvalue()
+
+
+def _joint_velocities(
+    num_frames: int, joint_positions_rad: npt.ArrayLike | None, timestamps_s: npt.ArrayLike | None
+) -> Array:
+    """Return (T, J) rad/s, the central differences of the positions; (T, 0) without positions."""
+    if joint_positions_rad is None:
+        return np.zeros((num_frames, 0))
+    positions = bounded_array("trajectory.joint_positions", joint_positions_rad, (num_frames, None), MAX_RAD, "rad")
+    if timestamps_s is None:
+        message = "is missing and cannot be computed: joint_positions have no timestamps"
+        raise InvalidInputError("trajectory.joint_velocities", message, "(T, J) rad/s, or timestamps (T,) s")
+    if num_frames < 2:
+        return np.zeros_like(positions)
+    rates: Array = np.gradient(positions, _increasing("trajectory.timestamps", timestamps_s, num_frames), axis=0)
+    return rates
+
+
+def _gripper_open(widths_m: Array) -> npt.NDArray[np.bool_]:
+    """Return (T,) whether the fingers are wider apart than the mean of their least and largest width."""
+    low, high = float(widths_m.min(initial=np.inf)), float(widths_m.max(initial=-np.inf))
+    if high - low < MIN_GRIPPER_TRAVEL_M:
+        message = f"stays at {low:.4f} to {high:.4f} m, which may be open or closed"
+        raise InvalidInputError("trajectory.gripper_width", message, "gripper_open (T,) beside it")
+    opened: npt.NDArray[np.bool_] = widths_m > (low + high) / 2
+    return opened
 
 
 def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:

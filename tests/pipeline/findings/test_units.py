@@ -16,8 +16,7 @@ from app.pipeline.keyframes import Motion
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera
 from roboprompt_client.types.poses import ObjectPose
-from roboprompt_client.types.trajectory import Trajectory
-from roboprompt_client.types.trajectory_npz import trajectory_from_arrays
+from roboprompt_client.types.trajectory import Trajectory, trajectory_from_arrays
 
 FRAMES, RATE_HZ = 60, 20.0
 TIMES_S = np.arange(FRAMES) / RATE_HZ

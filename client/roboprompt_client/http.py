@@ -108,6 +108,11 @@ class Request(Generic[Answer]):
             raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 
+def ask(method: str, path: str, **arguments: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
+    """Return a request for a JSON object; arguments as of `httpx.Client.request`."""
+    return Request(method, path, arguments, document_in)
+
+
 def require_success(response: httpx.Response) -> httpx.Response:
     """Return the response; raises ServiceProblemError if the service refused or failed."""
     if not response.is_error:
@@ -145,3 +150,16 @@ def _json(data: str | bytes) -> object:
         return json.loads(data)
     except ValueError:
         return None
+
+
+def read_ping(response: httpx.Response) -> None:
+    """Return if a RoboPrompt service has answered `GET /healthz`; raises as `Request.read`."""
+    try:
+        known = document_in(response).get("checks") is not None
+    except ServiceProblemError as error:
+        if "type" in error.problem:
+            raise
+        known = False
+    if not known:
+        address = str(response.url).removesuffix("/healthz")
+        raise ServiceUnreachableError(f"{address}: what answers there is not a RoboPrompt service")

@@ -1,21 +1,26 @@
-"""Encode episodes and observations as the parts of an HTTP request."""
+"""Requests whose bodies have observations or files: JSON, or multipart with the images."""
 
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.http import Request, ask
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
-from roboprompt_client.types.film import MAX_PICTURE_PIXELS
+from roboprompt_client.types.film import MAX_PICTURE_PIXELS, Film, npz_from_film
 from roboprompt_client.types.poses import object_json
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 Part = tuple[str, bytes, str]
+LEARNING_TIMEOUT_S = 600.0
+LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
+MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 JPEG_QUALITY, FILM_QUALITY = 95, 85
 _MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
 
@@ -32,19 +37,36 @@ def request_parts(metadata: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> d
     return parts
 
 
+def episode_parts(
+    metadata: Mapping[str, Any], trajectory: Trajectory, observation: Observation, films: Iterable[Film]
+) -> dict[str, Part]:
+    """Return the multipart files of `POST /episodes`; the observation's objects and cameras are added to `metadata`."""
+    parts = request_parts({**metadata, **scene_json(observation)}, observation.frames)
+    parts["trajectory"] = npz_part("trajectory", npz_from_trajectory(trajectory))
+    return parts | {film.field: npz_part(film.field, npz_from_film(film)) for film in films}
+
+
+def posted(path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> Request[dict[str, Any]]:
+    """Return the request that sends a JSON document, with the frames' cameras and images if there are frames."""
+    if not frames:
+        return ask("POST", path, json=dict(document), timeout=LEARNING_TIMEOUT_S)
+    metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
+    return ask("POST", path, files=request_parts(metadata, frames))
+
+
 def prediction_request(
-    task: str | None,
-    instruction: str,
-    observation: Observation,
-    options: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return the body of `POST /predict` as arguments of httpx: JSON, or multipart where there are images."""
+    task: str | None, instruction: str, observation: Observation, *, timeout_s: float | None = None, **options: object
+) -> Request[dict[str, Any]]:
+    """Return the request of `POST /predict`: JSON, or multipart where there are images."""
     document = {"task": task, "instruction": instruction, **scene_json(observation), **options}
+    if timeout_s is not None:
+        document["timeout_s"] = timeout_s
     if (pose := observation.end_effector) is not None:
         document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
-    if not observation.frames:
-        return {"json": document}
-    return {"files": request_parts(document, observation.frames)}
+    frames = observation.frames
+    body: dict[str, Any] = {"files": request_parts(document, frames)} if frames else {"json": document}
+    wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which nothing may come
+    return ask("POST", "/predict", timeout=wait_s, **body)
 
 
 def images_of(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:

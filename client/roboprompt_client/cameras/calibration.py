@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from roboprompt_client.calibration.board import find_board, rms_length
+from roboprompt_client.cameras.board import find_board, rms_length
 from roboprompt_client.cameras.picture import Intrinsics
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra

@@ -1,1 +1,0 @@
-"""HTTP with the service: connections and errors (`connection`), and observations as request bodies (`encoding`)."""
