@@ -130,7 +130,7 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
     return {
         "task": question.request.task,
         **understood_document(question.grounded),
-        "objects": [ObjectRecord.of(pose).to_json() for pose in question.seen.objects],
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.known.scene.observed],
         "model": question.known.profile.name,
         **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),

@@ -251,6 +251,6 @@ class TaskSettings(BaseModel):
         turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
         return turn_deg
 
-    def canonical(self, poses: tuple[ObjectPose, ...]) -> tuple[ObjectPose, ...]:
+    def canonical(self, poses: Iterable[ObjectPose]) -> tuple[ObjectPose, ...]:
         """The poses with each symmetric object turned to its canonical yaw."""
         return tuple(canonical_pose(pose, self.yaw_symmetry_deg.get(pose.name)) for pose in poses)

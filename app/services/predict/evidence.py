@@ -17,7 +17,7 @@ from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,18 @@ class Explanation:
     deviations: tuple[ActionDeviation, ...]
 
 
-def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations) -> Explanation:
-    """Compare a prediction with those of its demonstrations that are still stored."""
+def explain_prediction(
+    record: PredictionRecord, objects: Sequence[ObjectPose], demonstrations: Demonstrations
+) -> Explanation:
+    """Compare a prediction with those of its demonstrations that are still stored.
+
+    Args:
+        objects: as the prediction observed them, symmetric ones turned to the side that demonstrations have.
+    """
     shown_names = [[pose.name for pose in item.objects] for item in demonstrations.recorded]
-    names = in_all([[item.name for item in record.objects], *shown_names])
+    names = in_all([[pose.name for pose in objects], *shown_names])
     shown = demonstrations.only(names).recorded
-    observed = tuple(item.pose() for item in record.objects if item.name in names)
+    observed = tuple(pose for pose in objects if pose.name in names)
     instruction = str(record.grounding["instruction"])  # as the LLM read it
     predicted = Demonstration(instruction, observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}

@@ -17,6 +17,7 @@ from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.demonstrations import Demonstrations
+from app.services.predict.evidence import Explanation, explain_prediction
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import TaskCaches, TaskReading
 from app.services.scene_images import check_colors, with_templates
@@ -24,7 +25,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
-from app.store.records import TaskRecord
+from app.store.records import PredictionRecord, TaskRecord
 from app.store.store import Store
 from roboprompt_client.types.poses import ObjectPose, Pose
 
@@ -34,19 +35,16 @@ class ObservedScene:
     """The objects that a request observed.
 
     Attributes:
-        objects: those of the task, in its order.
+        observed: those of the task, in its order, as the robot sent them or as images show them.
+        objects: the same with symmetric objects turned to the side that demonstrations have.
         absent: names of the task's objects that were not observed.
-        bystanders: observed objects that the task does not have.
+        bystanders: observed objects that the task does not have, symmetric ones at their canonical yaw.
     """
 
+    observed: tuple[ObjectPose, ...]
     objects: tuple[ObjectPose, ...]
     absent: tuple[str, ...] = ()
     bystanders: tuple[ObjectPose, ...] = ()
-
-    def folded(self, symmetries: Symmetries) -> "ObservedScene":
-        """Return the scene with each symmetric object turned to the side that the hand takes."""
-        objects = (symmetries[pose.name].folded(pose) if pose.name in symmetries else pose for pose in self.objects)
-        return replace(self, objects=tuple(objects))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +122,7 @@ class KnownReader:
                 style = PromptStyle.of(request, settings, profile)
                 taught = task.taught(style.from_start)
                 demonstrations = task.demonstrations(task.ids(request.options, scene.objects))
-                scene = scene.folded(task.symmetries)
+                scene = replace(scene, objects=task.folded(scene.observed))
         if scene.absent:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
@@ -153,6 +151,12 @@ class KnownReader:
         """
         return TaskReading(connection, task_name, self._caches).demonstrations(tuple(ids))
 
+    def explanation(self, connection: Connection, record: PredictionRecord, ids: Sequence[str]) -> Explanation:
+        """Compare a prediction with those of its demonstrations that are still stored, of these ids."""
+        task = TaskReading(connection, record.task, self._caches)
+        objects = task.folded([item.pose() for item in record.objects])
+        return explain_prediction(record, objects, task.demonstrations(tuple(ids)))
+
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
 
@@ -168,7 +172,7 @@ class KnownReader:
 
 
 def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> ObservedScene:
-    """Return the observed objects' poses, symmetric objects at their canonical yaw; some of the task's may be absent.
+    """Return the observed scene, its `objects` not turned yet; some of the task's may be absent.
 
     Raises:
         NoDemonstrationsError: if the task has no demonstrations.
@@ -184,9 +188,8 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
     queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
-    by_name = {pose.name: pose for pose in settings.canonical(poses)}
-    return ObservedScene(
-        tuple(by_name[name] for name in names if name in by_name),
-        tuple(name for name in names if name not in by_name),
-        tuple(pose for name, pose in by_name.items() if name not in names),
-    )
+    by_name = {pose.name: pose for pose in poses}
+    of_task = tuple(by_name[name] for name in names if name in by_name)
+    others = tuple(pose for name, pose in by_name.items() if name not in names)
+    absent = tuple(name for name in names if name not in by_name)
+    return ObservedScene(of_task, of_task, absent, settings.canonical(others))

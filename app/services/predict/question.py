@@ -34,7 +34,7 @@ class Question:
     Attributes:
         request: without decoded images.
         grounded: the instruction as it was parsed.
-        seen: the instruction with the task's objects as they were observed, in the task's order.
+        seen: the instruction with the observed objects of the task, symmetric ones turned as in demonstrations.
         parts: the queries to ask one after the other, one for a whole instruction or one for each clause; their objects
             have rotations only where the demonstrations have them.
         prompt: of the first part.

@@ -177,6 +177,12 @@ class TaskReading:
             lambda: shown_symmetries(self._recordings(self._held_against), self.settings.yaw_symmetry_deg),
         )
 
+    def folded(self, poses: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
+        """Return observed poses with each symmetric object turned to the side that demonstrations have."""
+        turned = self.settings.canonical(poses)
+        symmetries = self.symmetries
+        return tuple(symmetries[pose.name].folded(pose) if pose.name in symmetries else pose for pose in turned)
+
     @property
     def _held_against(self) -> Ids:
         """The ids of the demonstrations with which answers are compared."""
