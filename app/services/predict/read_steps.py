@@ -11,7 +11,7 @@ from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
 from app.pipeline.names import check_object_names
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
-from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps
+from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps, tasks_nearest_to
 from app.services.cache import Cache
 from app.services.english import is_english
 from app.services.predict.instruction import MAX_TASKS, taught_of
@@ -66,12 +66,12 @@ class ReadSteps:
         check_object_names(names, tuple(dict.fromkeys(names)))
         with self._store.read() as connection:
             known = [self._of(connection, task) for task in tasks.list_all(connection) if task.object_names is not None]
-        reasons = [item.unlike(set(names), exactly=exactly) for item in known]
-        usable = [item for item, reason in zip(known, reasons, strict=True) if not reason]
-        unlike = [f"{item.skill.task} ({why})" for item, why in zip(known, reasons, strict=True) if why]
-        others = f"not with these objects: {'; '.join(unlike)}" if unlike else ""
+        reasons = {item.skill: item.unlike(set(names), exactly=exactly) for item in known}
+        usable = [item for item in known if not reasons[item.skill]]
+        others = {skill: why for skill, why in reasons.items() if why}
         if not usable:
-            raise ObjectSetError("objects", "no task is about these objects", others or "POST /episodes teaches tasks")
+            valid = tasks_nearest_to(instruction, (), others) or "POST /episodes teaches tasks"
+            raise ObjectSetError("objects", "no task is about these objects", valid)
         skills = tuple(item.skill for item in usable)
         scene = self._scenes.get_or_make((names, skills), lambda: _scene(names, skills))
         return read_steps(instruction, scene, _layout(objects, usable), others)
