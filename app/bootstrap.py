@@ -19,8 +19,8 @@ from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.keep_house import keep_house
 from app.services.limits import Limits
-from app.services.pose_servers import PoseServers
 from app.services.teach.reextract import RunJobs
+from app.services.vision import PoseServers
 from app.settings import MEGA, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages

@@ -17,7 +17,7 @@ from app.services.predict.record import Prediction
 from app.services.predict.standing import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
 from app.store.prediction_lists import Counts
-from app.store.records import EpisodeFields, EpisodeRecord, PredictionRecord, TaskRecord
+from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
 from roboprompt_client.types.camera import camera_json
@@ -33,7 +33,7 @@ def answer(model: type[BaseModel], record: object, **others: object) -> JsonObje
     return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}
 
 
-def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:
+def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObject:
     """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
     workspace = settings.workspace.workspace()
     demonstration = canonical_demonstration(record.demonstration(), settings)

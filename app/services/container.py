@@ -11,7 +11,6 @@ from app.services.api_keys import KeyRing, Sessions
 from app.services.english import is_english
 from app.services.limits import Limits
 from app.services.measures import Metrics
-from app.services.pose_servers import PoseServers
 from app.services.predict.ask import PredictActions
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits
@@ -24,6 +23,7 @@ from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
 from app.services.teach.labels import LabelObjects
 from app.services.teach.reextract import RunJobs
 from app.services.teach.upload import UploadEpisode
+from app.services.vision import PoseServers
 from app.store.store import Store
 
 TEACHING_AT_ONCE = 4

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import (
     AfterValidator,
@@ -23,7 +23,7 @@ from app.perception.object_model import ObjectModelError
 from app.perception.strict import WHOLE, Number
 from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
-from app.pipeline.keyframes import Motion
+from app.pipeline.keyframes import KeyframeRule, Motion
 from app.pipeline.names import spelling_variants
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
@@ -193,16 +193,15 @@ class TaskSettings(BaseModel):
         )
         return mine != others
 
-    def motion_of(self, trajectory: Trajectory, control_frequency_hz: float) -> Motion:
-        """The motion of a recording, its gripper open where the task says so.
+    def reading(self, trajectory: Trajectory, control_frequency_hz: float, objects: Iterable[ObjectQuery]) -> "Reading":
+        """Return a recording as the settings read it; see `motion_of`."""
+        motion = self.motion_of(trajectory, control_frequency_hz)
+        return Reading(self, motion, self.keyframes.keyframe_rule(), self.with_models(objects))
 
-        Args:
-            control_frequency_hz: of a trajectory without timestamps.
-        """
-        return Motion.of(trajectory.with_gripper_open_above(self.gripper_open_above_m), control_frequency_hz)
-
-    def with_joints_of(self, trajectory: Trajectory) -> "TaskSettings":
-        """The settings, with the number of joints once an episode shows it.
+    def reading_of_new(
+        self, trajectory: Trajectory, control_frequency_hz: float, objects: Iterable[ObjectQuery]
+    ) -> "Reading":
+        """Return the same of a new episode; its settings have its number of joints.
 
         Raises:
             InvalidInputError: if the trajectory is another arm's.
@@ -211,7 +210,16 @@ class TaskSettings(BaseModel):
         if found and self.num_joints not in (None, found):
             message = f"has {found} joints, but the task's arm has {self.num_joints}"
             raise InvalidInputError("trajectory.joint_velocities", message, f"shape (T, {self.num_joints})")
-        return self.model_copy(update={"num_joints": found}) if found else self
+        settings = self.model_copy(update={"num_joints": found}) if found else self
+        return settings.reading(trajectory, control_frequency_hz, objects)
+
+    def motion_of(self, trajectory: Trajectory, control_frequency_hz: float) -> Motion:
+        """The motion of a recording, its gripper open where the task says so.
+
+        Args:
+            control_frequency_hz: of a trajectory without timestamps.
+        """
+        return Motion.of(trajectory.with_gripper_open_above(self.gripper_open_above_m), control_frequency_hz)
 
     def check_models(self, names: Iterable[str]) -> None:
         """Refuse models, aliases and symmetries of objects that are not among the task's `names`."""
@@ -254,3 +262,12 @@ class TaskSettings(BaseModel):
     def canonical(self, poses: Iterable[ObjectPose]) -> tuple[ObjectPose, ...]:
         """The poses with each symmetric object turned to its canonical yaw."""
         return tuple(canonical_pose(pose, self.yaw_symmetry_deg.get(pose.name)) for pose in poses)
+
+
+class Reading(NamedTuple):
+    """A recording as a task's settings read it: its motion, the rule of its keyframes, and what is known of objects."""
+
+    settings: TaskSettings
+    motion: Motion
+    rule: KeyframeRule
+    queries: tuple[ObjectQuery, ...]

@@ -11,7 +11,7 @@ from app.api.documents import prediction_document
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.services.predict.request import PredictRequest
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from app.store import predictions
 from tests.services.test_upload_episode import respond
 

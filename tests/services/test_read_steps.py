@@ -10,7 +10,7 @@ from app.pipeline.errors import InstructionError, ObjectSetError
 from app.pipeline.steps.reading import PlanStep
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from app.store import tasks
 from app.store.visibility import Visibility, seeing
 from roboprompt_client.errors import InvalidInputError

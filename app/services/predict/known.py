@@ -15,13 +15,12 @@ from app.pipeline.names import check_object_names
 from app.pipeline.plans.symmetry import Symmetries
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
-from app.services.pose_servers import PoseServers
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.evidence import Explanation, explain_prediction
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import TaskCaches, TaskReading
-from app.services.scene_images import check_colors, with_templates
 from app.services.task_settings import TaskSettings
+from app.services.vision import PoseServers, check_colors, with_templates
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError

@@ -14,7 +14,7 @@ from app.services.measures import Metrics, note, timed, timings
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.question import Question
 from app.services.predict.reply import Reply
-from app.services.scene_images import put_images
+from app.services.vision import put_images
 from app.store import predictions, tasks
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store

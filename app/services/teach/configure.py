@@ -5,10 +5,9 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
-from app.services.teach.extract import extract_all_again
-from app.services.teach.workspace import NUM_FIRST, Extent, spanned, widened
+from app.services.teach.extract import NUM_FIRST, Extent, extract_all_again, spanned, widened
+from app.services.vision import PoseServers
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError
 from app.store.records import JobRecord, TaskRecord

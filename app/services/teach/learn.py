@@ -15,9 +15,8 @@ from app.perception.registered.learn import LabeledView, Learned, learn
 from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
-from app.services.pose_servers import PoseServers
-from app.services.scene_images import read_frame, with_templates
 from app.services.teach.configure import ConfigureTask
+from app.services.vision import PoseServers, read_frame, with_templates
 from app.store import episodes, labels, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
