@@ -17,11 +17,11 @@ from app.llm.registry import ModelRegistry
 from app.logs import hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
-from app.services.keep_house import keep_house
 from app.services.limits import Limits
 from app.services.teach.reextract import RunJobs
 from app.services.vision import PoseServers
 from app.settings import MEGA, Settings
+from app.store.erasure import keep_house
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.errors import RoboPromptError

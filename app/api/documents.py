@@ -1,6 +1,7 @@
 """Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -11,7 +12,6 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
-from app.services.predict.demonstrations import canonical_demonstration
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.predict.standing import Standing, StandingComparison, TaskStats
@@ -36,7 +36,8 @@ def answer(model: type[BaseModel], record: object, **others: object) -> JsonObje
 def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObject:
     """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
     workspace = settings.workspace.workspace()
-    demonstration = canonical_demonstration(record.demonstration(), settings)
+    demonstration = record.demonstration()
+    demonstration = replace(demonstration, objects=settings.canonical(demonstration.objects))
     # KAT's format is for its action tokens only
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
     codec = fit_codec("absolute", prompt_format, [demonstration], workspace)

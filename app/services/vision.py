@@ -5,6 +5,7 @@ whoever may configure a task could let this service send requests to any address
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -13,16 +14,17 @@ import httpx
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.base import ObjectQuery
+from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.frame_checks import are_swapped
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
-from app.perception.models import RemoteModel
+from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.overlay import draw_overlay
 from app.perception.registered.estimator import TaughtQuery
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.task_settings import TaskSettings
@@ -130,6 +132,16 @@ def _mean(rgb: npt.NDArray[np.uint8]) -> Array:
     return mean
 
 
+def with_models(objects: Iterable[ObjectQuery], settings: TaskSettings) -> tuple[ObjectQuery, ...]:
+    """The objects with the models that the task has of them."""
+    return tuple(
+        query
+        if (model := settings.object_models.get(query.name)) is None
+        else replace(query, model=model_from_json(query.name, model))
+        for query in objects
+    )
+
+
 def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:
     """The queries, those of registered objects with their templates.
 
@@ -153,6 +165,25 @@ def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
     return TaughtQuery(**vars(query), template=template)
 
 
+def compared(given: Iterable[ObjectQuery], found: Iterable[ObjectPose], settings: TaskSettings) -> tuple[Compared, ...]:
+    """The objects that came with a pose, and were found in images as well."""
+    said = {query.name: query for query in given if query.position_m is not None}
+    return tuple(
+        Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, _turn_deg(pose.name, settings))
+        for pose in found
+        if pose.name in said and pose.estimator != GIVEN
+    )
+
+
+def _turn_deg(name: str, settings: TaskSettings) -> float | None:
+    """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
+    if name in settings.yaw_symmetry_deg:
+        return settings.yaw_symmetry_deg[name]
+    model = settings.object_models.get(name)
+    turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
+    return turn_deg
+
+
 def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:
     """A PNG of what the camera saw first with masks, outlines, axes and names; outlines are those of present models.
 
@@ -165,9 +196,8 @@ def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, c
     sent = record.given_objects if isinstance(record, EpisodeRecord) else record.request.get("objects", ())
     stored, _ = stored_image(record.cameras, camera, "rgb", f"{kind} {id_}")
     mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
-    queries = settings.with_models(
-        ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects
-    )
+    shown = (ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects)
+    queries = with_models(shown, settings)
     image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects], queries)
     return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
 

@@ -21,10 +21,9 @@ from typing import Any
 from sqlalchemy import Connection, Table, exc, exists, func, insert, select, text
 
 from app.store import api_keys, audit, sqlite, tables
-from app.store.database import Database
+from app.store.data_folder import private_opener
+from app.store.database import Database, migrate
 from app.store.errors import ConflictError, CorruptDataError, disk_errors
-from app.store.migration import migrate
-from app.store.private import private_opener
 from app.store.store import Store, blob_digests
 
 DATABASE_NAME = "roboprompt.db"

@@ -12,11 +12,9 @@ from sqlalchemy import Connection, Text, cast, select
 
 from app.store import tables
 from app.store.blobs import BlobStore, FileBlobStore, digests_in
-from app.store.database import SERVER_CONNECTIONS, Database
+from app.store.data_folder import Turns, UnderWayNotes, private_folder, private_opener
+from app.store.database import SERVER_CONNECTIONS, Database, migrate
 from app.store.errors import StoreUnavailableError, disk_errors
-from app.store.migration import migrate
-from app.store.private import private_folder, private_opener
-from app.store.processes import Turns, UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
 SWEEP_GRACE = timedelta(hours=1)

@@ -1,13 +1,15 @@
-"""Keyframes, objects and cameras as an episode's row keeps them: plain tuples <-> JSON, and <-> the pipeline's values.
+"""Values and types of columns: keyframes, objects and cameras <-> JSON, and <-> the pipeline's values.
 
 Not the pipeline's own classes, because these check every array: ten demonstrations would take longer to check than to
 read.
 """
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, Literal, Self
 
 import numpy as np
+from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Integer, TypeDecorator
 
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, camera_from_json, camera_json
@@ -146,3 +148,45 @@ class CameraRecord:
     def from_json(cls, value: JsonObject) -> Self:
         """The inverse of `to_json`."""
         return cls(**value)
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """An aware datetime, always UTC; SQLite stores none of a datetime's zone."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """`value` in UTC."""
+        return None if value is None else value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """`value` marked as UTC."""
+        return None if value is None else value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+# Python's None is SQL's NULL, never JSON's `null`.
+Json = JSON(none_as_null=True)
+
+
+class Items(TypeDecorator[tuple[Any, ...]]):
+    """A tuple of records, or without their class of what JSON has; a list in JSON."""
+
+    impl = Json
+    cache_ok = True
+
+    def __init__(self, record: type[KeyframeRecord | ObjectRecord | CameraRecord] | None = None) -> None:
+        super().__init__()
+        self.record = record
+
+    def process_bind_param(self, value: tuple[Any, ...] | None, dialect: Dialect) -> list[Any] | None:
+        """Documents of the records."""
+        return value if value is None else [item.to_json() for item in value] if self.record else list(value)
+
+    def process_result_value(self, value: list[Any] | None, dialect: Dialect) -> tuple[Any, ...] | None:
+        """Records of the documents."""
+        return value if value is None else tuple(map(self.record.from_json, value) if self.record else value)
+
+
+# SQLite numbers rows by itself only where the type is spelled INTEGER.
+SequenceNumber = BigInteger().with_variant(Integer, "sqlite")

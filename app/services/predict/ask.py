@@ -29,8 +29,8 @@ from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.samples import SampledReply
 from app.services.predict.warm import PrefixWarmer
+from app.store.data_folder import UnderWay, UnderWayNotes
 from app.store.errors import StoreUnavailableError
-from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.types.names import checked_instruction
 

@@ -16,6 +16,7 @@ from app.pipeline.plans import Recording, agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
 from app.pipeline.plans.turn import folded
 from app.services.task_settings import TaskSettings
+from app.services.vision import compared
 from app.store import episodes
 from app.store.records import DemonstrationRecord
 from app.store.trajectories import get_trajectories
@@ -76,8 +77,8 @@ def read_compared(
     return tuple(
         pair
         for record in episodes.by_ids(connection, task, ids).values()
-        for pair in settings.compared(
-            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
+        for pair in compared(
+            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects], settings
         )
     )
 
@@ -101,17 +102,13 @@ def recordings_of(
     """Return each record's demonstration with the motion of its trajectory; objects that not all have are left out."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
-    found = [canonical_demonstration(record.demonstration(), settings) for record in records]
+    stored = [record.demonstration() for record in records]
+    found = [replace(item, objects=settings.canonical(item.objects)) for item in stored]
     names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
     for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
         recordings.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
     return folded(recordings) if settings.gripper_symmetry_deg else recordings
-
-
-def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
-    """Return the demonstration with symmetric objects at their canonical yaw."""
-    return replace(demonstration, objects=settings.canonical(demonstration.objects))
 
 
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:

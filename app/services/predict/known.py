@@ -20,7 +20,7 @@ from app.services.predict.evidence import Explanation, explain_prediction
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import TaskCaches, TaskReading
 from app.services.task_settings import TaskSettings
-from app.services.vision import PoseServers, check_colors, with_templates
+from app.services.vision import PoseServers, check_colors, with_models, with_templates
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
@@ -184,7 +184,7 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
     if called := next((alike.called for alike in request.alike if alike.called in names), None):
         message = f"given twice: {called}, of which demonstrations have one"
         raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
-    queries = with_templates(settings.with_models(request.objects), blobs)
+    queries = with_templates(with_models(request.objects, settings), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
     by_name = {pose.name: pose for pose in poses}

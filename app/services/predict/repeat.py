@@ -12,8 +12,8 @@ from app.services.errors import RefusedReplyError
 from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.request import PredictRequest
 from app.store import idempotency
+from app.store.data_folder import Turn
 from app.store.errors import ConflictError
-from app.store.processes import Turn
 from app.store.store import Store
 from app.store.values import JsonObject
 from app.store.visibility import present

@@ -131,10 +131,11 @@ def with_workspace(settings: TaskSettings, episodes: Sequence[Extent], changes: 
     """
     box = settings.workspace
     if "workspace" in changes:
-        return settings.within(spanned(box, episodes))
-    for episode in episodes:
-        box = widened(box, episode, episodes[:NUM_FIRST])
-    return settings.within(box)
+        box = spanned(box, episodes)
+    else:
+        for episode in episodes:
+            box = widened(box, episode, episodes[:NUM_FIRST])
+    return settings.model_copy(update={"workspace": box})
 
 
 def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:

@@ -15,11 +15,11 @@ from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
 from app.pipeline.findings import Finding
 from app.pipeline.findings.sources import GIVEN
-from app.pipeline.keyframes import find_keyframes
+from app.pipeline.keyframes import Motion, find_keyframes
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from app.services.setting_parts import WorkspaceSettings
-from app.services.task_settings import Reading, TaskSettings
-from app.services.vision import read_frame, with_templates
+from app.services.task_settings import TaskSettings
+from app.services.vision import read_frame, with_models, with_templates
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeRecord, Extraction
@@ -35,28 +35,34 @@ MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span
 
 
 def extract(
-    reading: Reading, frames: Sequence[RgbdFrame], names: Sequence[str], blobs: BlobStore
+    motion: Motion,
+    objects: Iterable[ObjectQuery],
+    frames: Sequence[RgbdFrame],
+    settings: TaskSettings,
+    names: Sequence[str],
+    blobs: BlobStore,
 ) -> tuple[tuple[KeyframeRecord, ...], tuple[ObjectRecord, ...]]:
     """Return the keyframes, and the objects' poses at the first frame in the task's order.
 
     Args:
+        motion: as the settings read it.
         names: of the objects, in the task's order.
         blobs: where templates of the objects are.
 
     Raises:
         InvalidInputError: if there is no keyframe, or an object cannot be found.
     """
-    rule, trajectory = reading.rule, reading.motion.trajectory
+    rule, trajectory = settings.keyframes.keyframe_rule(), motion.trajectory
     keyframes = tuple(
         KeyframeRecord.of(frame, trajectory.action_at(frame, gripper_open=gripper_open))
-        for frame, gripper_open in find_keyframes(reading.motion, rule)
+        for frame, gripper_open in find_keyframes(motion, rule)
     )
     if not keyframes:
         message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    queries = with_templates(reading.queries, blobs)
+    queries = with_templates(with_models(objects, settings), blobs)
     has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
-    poses = estimate_poses(reading.settings.pose_estimator, queries, frames, given_first=not has_rgbd)
+    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
     return keyframes, tuple(map(ObjectRecord.of, sorted(poses, key=lambda pose: names.index(pose.name))))
 
 
@@ -71,12 +77,11 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
     with store.read() as connection:
         trajectory = get_trajectory(connection, record.id)
     try:
-        given = map(ObjectQuery.from_json, record.given_objects)
-        reading = settings.reading(trajectory, record.control_frequency_hz, given)
-        looks = settings.pose_estimator != GIVEN or any(query.model is not None for query in reading.queries)
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        given, names = map(ObjectQuery.from_json, record.given_objects), [item.name for item in record.objects]
+        looks = settings.pose_estimator != GIVEN or not settings.object_models.keys().isdisjoint(names)
         frames = [read_frame(store.blobs, item) for item in record.cameras] if looks else []
-        names = [item.name for item in record.objects]
-        return Extraction(record.id, *extract(reading, frames, names, store.blobs))
+        return Extraction(record.id, *extract(motion, given, frames, settings, names, store.blobs))
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
 
@@ -143,9 +148,10 @@ def uploaded(
     """The workspace after an upload, and which episodes lie outside of it and were not allowed to widen it.
 
     Args:
-        first: at most `NUM_FIRST` demonstrations that came before it.
+        first: the demonstrations that came before it, of which the first `NUM_FIRST` count.
         stays: the episode moves no bound.
     """
+    first = first[:NUM_FIRST]
     tells = len(first) == NUM_FIRST - 1
     if tells and not stays and not all(_holds(box, shown) for shown in first):
         box = spanned(box, _without_odd_one((*first, episode)))

@@ -11,7 +11,7 @@ from app.pipeline.findings.upload import upload_findings
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract, uploaded
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
-from app.services.vision import PoseServers, put_images
+from app.services.vision import PoseServers, compared, put_images
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord
@@ -62,8 +62,8 @@ class UploadEpisode:
 
     def _extracted(self, upload: Upload, task: StoredTask, checked: CheckedUpload) -> _Extracted:
         """Find keyframes and poses, collect the findings, and put the images; no transaction is open."""
-        episode, blobs, reading = upload.episode, self._store.blobs, checked.reading
-        keyframes, objects = extract(reading, episode.frames, checked.names, blobs)
+        episode, blobs, settings = upload.episode, self._store.blobs, checked.settings
+        keyframes, objects = extract(checked.motion, upload.objects, episode.frames, settings, checked.names, blobs)
         draft = EpisodeDraft(
             task=upload.task,
             instruction=checked.instruction,
@@ -85,18 +85,18 @@ class UploadEpisode:
         new = draft.demonstration()
         findings = upload_findings(
             new,
-            reading.motion,
-            reading.rule,
+            checked.motion,
+            settings.keyframes.keyframe_rule(),
             tracked=upload.object_names,
             alike=upload.alike,
-            compared=reading.settings.compared(upload.objects, new.objects),
+            compared=compared(upload.objects, new.objects, settings),
             extra=episode.extra,
             others=[record.demonstration() for record in task.demonstrations],
         )
         cameras = put_images(blobs, upload.cameras, upload.images)
         films = {camera: blobs.put(data) for camera, data in sorted(upload.films.items())}
         draft = replace(draft, cameras=cameras, films=films)
-        return _Extracted(reading.settings, draft, (*checked.findings, *findings))
+        return _Extracted(settings, draft, (*checked.findings, *findings))
 
     def _commit(self, upload: Upload, task: StoredTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:
         """Store the episode; return the answer, or None if the task was deleted or must be extracted for anew."""
@@ -118,8 +118,8 @@ class UploadEpisode:
 def _outcome(task: StoredTask, extracted: _Extracted, respond: Respond) -> tuple[JsonObject, JsonObject]:
     """Return the task's settings after the upload, with its new workspace, and the answer."""
     settings, draft, findings = extracted
-    box, beyond = uploaded(task.settings.workspace, draft, task.first, stays=draft.left_out)
-    settings = settings.within(box)
+    box, beyond = uploaded(task.settings.workspace, draft, task.demonstrations, stays=draft.left_out)
+    settings = settings.model_copy(update={"workspace": box})
     answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in (*beyond, *findings)]}
     return settings.model_dump(mode="json"), answer
 

@@ -28,7 +28,7 @@ from app.pipeline.plans import Recording
 from app.pipeline.thresholds import GRASPED_M
 from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
-from app.services.task_settings import Reading, TaskSettings
+from app.services.task_settings import TaskSettings
 from app.services.teach.extract import NUM_FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, TaskRecord
@@ -52,6 +52,8 @@ class Upload:
         prediction_id, corrects, left_out, note, uploaded_instruction: see `EpisodeRecord`.
         alike: the objects that came with one name, and are numbered in `objects`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
+        object_names: in the order of the trajectory's tracks.
+        cameras: those of the images.
     """
 
     task: str
@@ -67,6 +69,8 @@ class Upload:
     uploaded_instruction: str | None = None
     alike: tuple[Alike, ...] = ()
     films: Mapping[str, bytes] = field(default_factory=dict)
+    object_names: tuple[str, ...] = field(init=False)
+    cameras: tuple[Camera, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
@@ -75,6 +79,8 @@ class Upload:
         if not self.alike:
             objects, alike = numbered_queries(self.objects)
             settle(self, objects=objects, alike=alike)
+        cameras = tuple(frame.camera for frame in self.episode.frames)
+        settle(self, object_names=tuple(query.name for query in self.objects), cameras=cameras)
         if not self.objects:
             raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
         check_object_names(self.object_names, list(dict.fromkeys(self.object_names)))
@@ -82,16 +88,6 @@ class Upload:
         if tracked not in (0, len(self.objects)):
             message = f"has {tracked} objects, but objects has {len(self.objects)}"
             raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
-
-    @property
-    def object_names(self) -> list[str]:
-        """In the order of the trajectory's tracks."""
-        return [query.name for query in self.objects]
-
-    @property
-    def cameras(self) -> tuple[Camera, ...]:
-        """The cameras of the images."""
-        return tuple(frame.camera for frame in self.episode.frames)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +125,6 @@ class StoredTask:
         recordings = recordings_of(connection, shown, settings) if partly else None
         return cls(name, False, task.settings, settings, task.object_names, shown, recordings)
 
-    @property
-    def first(self) -> tuple[DemonstrationRecord, ...]:
-        """The demonstrations whose extent bounds how far an upload may widen the workspace."""
-        return self.demonstrations[:NUM_FIRST]
-
     def locked(self, connection: Connection) -> "StoredTask | None":
         """Lock the task and return it as it is now, or None where the episode must be extracted again.
 
@@ -150,7 +141,7 @@ class StoredTask:
         if _without_workspace(task.settings) != _without_workspace(self.stored):
             return None
         first = episodes.demonstrations(connection, self.name, NUM_FIRST)
-        if (task.settings, first) == (self.stored, self.first):
+        if (task.settings, first) == (self.stored, self.demonstrations[:NUM_FIRST]):
             return self
         settings = TaskSettings.model_validate(task.settings)
         return replace(self, stored=task.settings, settings=settings, demonstrations=first)
@@ -166,13 +157,15 @@ class CheckedUpload:
     """An upload that fits its task.
 
     Attributes:
-        reading: the recording as the task's settings read it.
+        settings: of the task, with the number of the arm's joints.
+        motion: of the recording, as the settings read it.
         names: of the objects of the task and of the upload, in the task's order.
         instruction: in which objects of one name have their numbers.
         findings: about objects that are not the task's.
     """
 
-    reading: Reading
+    settings: TaskSettings
+    motion: Motion
     names: tuple[str, ...]
     instruction: str
     findings: tuple[Finding, ...]
@@ -186,17 +179,17 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
         ObjectSetError: if the objects do not fit the task.
     """
     episode = upload.episode
-    reading = task.settings.reading_of_new(episode.trajectory, episode.control_frequency_hz, upload.objects)
+    settings, motion = task.settings.with_recording(episode.trajectory, episode.control_frequency_hz)
     given = GivenPoses().estimate([query for query in upload.objects if query.position_m is not None], ())
-    check_recording(reading.motion, given, upload.cameras)
-    acts_m, instruction = _acts_at_m(reading.motion), episode.instruction
+    check_recording(motion, given, upload.cameras)
+    acts_m, instruction = _acts_at_m(motion), episode.instruction
     if upload.alike:
-        layout = Layout({pose.name: pose.position_m for pose in given}, np.array(reading.settings.robot_base))
+        layout = Layout({pose.name: pose.position_m for pose in given}, np.array(settings.robot_base))
         instruction = with_numbers(instruction, layout, acts_m, upload.alike, is_english)
     findings = _check_objects(task, instruction, upload.object_names, given, acts_m)
     names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
-    reading.settings.check_models(names)
-    return CheckedUpload(reading, names, instruction, findings)
+    settings.check_models(names)
+    return CheckedUpload(settings, motion, names, instruction, findings)
 
 
 def _check_objects(
