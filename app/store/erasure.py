@@ -1,7 +1,7 @@
 """Deletion of predictions and tasks with all that refers to them, and of predictions beyond the operator's limits.
 
-Each query runs on the caller's transaction; `keep_house` has its own. Their images stay until no other row refers to them either, see `Store.sweep`. What an episode carried out may be a
-prediction that is gone: it keeps the id.
+Each query runs on the caller's transaction; `keep_house` has its own. Images stay until no other row refers to them
+either, see `Store.sweep`. What an episode carried out may be a prediction that is gone: it keeps the id.
 """
 
 import logging

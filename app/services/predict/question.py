@@ -17,9 +17,9 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
+from app.services.predict.demonstrations import Prefix, write_prefix
 from app.services.predict.known import Known
 from app.services.predict.placed import Plans, actions_allowed, place_plans
-from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictRequest
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
@@ -62,6 +62,20 @@ class Question:
     def deadline_s(self) -> float:
         """The deadline of the answer, from the start of the request to the LLM."""
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
+
+
+def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
+    """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
+
+    Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
+
+    Raises:
+        as `write_prefix`.
+    """
+    workspace, plans = known.settings.workspace.workspace(), known.demonstrations.plans
+    choice = None if known.chosen or plans is None else plans(known.scene.objects)
+    shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
+    return write_prefix(known.demonstrations, workspace, known.style, shown, known.scene.absent), findings
 
 
 def write_question(
