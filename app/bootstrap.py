@@ -18,7 +18,7 @@ from app.logs import hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.limits import Limits
-from app.services.teach.reextract import RunJobs
+from app.services.teach.configure import RunJobs
 from app.services.vision import PoseServers
 from app.settings import MEGA, Settings
 from app.store.erasure import keep_house

@@ -11,8 +11,8 @@ from app.bootstrap import open_store
 from app.cli.shared import Data, EnvFile, refusals_said, settings_of
 from app.executors import Executor, LocalExecutor
 from app.services.task_settings import TaskSettings
+from app.services.teach.configure import RunJobs
 from app.services.teach.extract import extract_all_again
-from app.services.teach.reextract import RunJobs
 from app.settings import Settings
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store

@@ -1,4 +1,4 @@
-"""Reads a dataset in a child process, within limits of memory and time.
+"""Detects the format of a dataset and reads it in a child process, within limits of memory and time.
 
 Untrusted files are read by large C libraries (images, HDF5, Parquet, video, compressed chunks); a file that breaks one
 of them only breaks a process without any secrets. The process answers in MessagePack, never with pickled objects. First
@@ -12,8 +12,9 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -22,8 +23,9 @@ from typing import Any
 
 import msgpack
 
+from app.datasets import archive, mcap_log, rlbench, robomimic
 from app.datasets.bounds import MEGABYTE, REMEDY, DamagedError, DatasetError, ReadLimits
-from app.datasets.formats import open_dataset
+from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from roboprompt_client.errors import InvalidInputError
@@ -214,3 +216,39 @@ def _limit_memory(limits: ReadLimits) -> None:
 
 if __name__ == "__main__":
     main()
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format that can be imported.
+
+    Attributes:
+        looks_like: whether a file or folder may have this format; it reads as little as possible.
+    """
+
+    looks_like: Callable[[Path], bool]
+    open: Callable[[Path, ImportOptions], Dataset]
+
+
+FORMATS: dict[str, Format] = {
+    "archive": Format(archive.looks_like, archive.open_archive),
+    "lerobot": Format(lerobot.looks_like, lerobot.open_lerobot),
+    "robomimic": Format(robomimic.looks_like, robomimic.open_robomimic),
+    "mcap": Format(mcap_log.looks_like, mcap_log.open_mcap),
+    "rlbench": Format(rlbench.looks_like, rlbench.open_rlbench),
+}
+
+
+def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
+    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
+    if not path.exists():
+        raise DatasetError(f"{path} does not exist")
+    if name is not None:
+        dataset = FORMATS[name].open(path, options)
+    elif (found := next((item for item in FORMATS.values() if item.looks_like(path)), None)) is not None:
+        dataset = found.open(path, options)
+    else:
+        raise DatasetError(f"{path} is of no known format ({', '.join(FORMATS)}): see docs/datasets.md")
+    if not dataset.entries and not dataset.damaged:
+        raise DatasetError(f"{path}: no episodes of {dataset.format} in it")
+    return dataset

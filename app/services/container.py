@@ -18,9 +18,8 @@ from app.services.predict.motion_check import CurrentLimits, RepeatedPredictions
 from app.services.predict.record import PredictionRecorder
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
-from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
+from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask, RunJobs
 from app.services.teach.labels import LabelObjects
-from app.services.teach.reextract import RunJobs
 from app.services.teach.upload import UploadEpisode
 from app.services.vision import PoseServers
 from app.store.store import Store
