@@ -1,4 +1,4 @@
-"""Change a task's settings; where they decide what is extracted, every episode is extracted again, at once or by a job."""
+"""Change settings of a task; where they decide what is extracted, its episodes are extracted again, also by a job."""
 
 import logging
 import threading
