@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.api.documents import prediction_document
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
+from app.services.predict.evidence import explanation
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload_checks import Upload
 from app.store import predictions
@@ -55,7 +56,7 @@ def test_symmetric_objects_are_answered_and_stored_as_they_were_observed(nearest
     (answered,) = prediction_document(prediction)["objects"]
     with nearest.store.read() as connection:
         record = predictions.get(connection, prediction.id)
-        explained = nearest.known.explanation(connection, record, record.demonstration_ids)
+        explained = explanation(connection, nearest.known, record, record.demonstration_ids)
     for position_m, quaternion in (
         (answered["position"], answered["quaternion_xyzw"]),
         (record.objects[0].position_m, record.objects[0].quaternion_xyzw),

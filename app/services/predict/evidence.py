@@ -14,16 +14,14 @@ from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviatio
 from app.pipeline.episode import Demonstration
 from app.pipeline.success_rate import Pairs
 from app.services.predict.demonstrations import Demonstrations, in_all
+from app.services.predict.known import KnownReader
+from app.services.predict.placed import previewed
 from app.services.task_settings import TaskSettings
 from app.store import prediction_lists, tasks
 from app.store.prediction_lists import Attempt, Configuration, Counts
 from app.store.records import PredictionRecord
-from roboprompt_client.arms.driver import Calibration
-from roboprompt_client.arms.panda import PandaGeometry
-from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.types import quaternions
-from roboprompt_client.types.arrays import Array
+from roboprompt_client.arms.preview import Previewed
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 
 MAX_COMPARED = 8
@@ -42,10 +40,19 @@ class Explanation:
     deviations: tuple[ActionDeviation, ...]
 
 
+def explanation(
+    connection: Connection, known: KnownReader, record: PredictionRecord, ids: Sequence[str]
+) -> Explanation:
+    """Compare a prediction with those of its demonstrations that are still stored, of these ids."""
+    task = known.task(connection, record.task)
+    objects = task.folded([item.pose() for item in record.objects])
+    return explain_prediction(record, objects, task.demonstrations(tuple(ids)))
+
+
 def explain_prediction(
     record: PredictionRecord, objects: Sequence[ObjectPose], demonstrations: Demonstrations
 ) -> Explanation:
-    """Compare a prediction with those of its demonstrations that are still stored.
+    """Compare a prediction with these of its demonstrations.
 
     Args:
         objects: as the prediction observed them, symmetric ones turned to the side that demonstrations have.
@@ -74,29 +81,6 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
     hand = record.request.get("end_effector")
     pose = None if hand is None else Pose(hand["position"], hand["quaternion_xyzw"])
     return previewed(list(_actions(record)), settings, pose)
-
-
-def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand: Pose | None) -> tuple[Previewed, ...]:
-    """Return the same for actions that are not stored.
-
-    Args:
-        hand: its pose before the first action; None if unknown.
-    """
-    base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
-    geometry = None if settings.arm is None else PandaGeometry(settings.arm)
-    joints = None if geometry is None else _start(geometry, base, hand)
-    start_m, limits = None if hand is None else hand.position_m, settings.limits_of_motion()
-    return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
-
-
-def _start(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Array:
-    if hand is None:
-        return geometry.ready_rad
-    position_m, quaternion = np.array(hand.position_m), np.array(hand.quaternion_xyzw)
-    try:
-        return geometry.way(geometry.ready_rad, *base.to_base(position_m, quaternion))
-    except MotionError:
-        return geometry.ready_rad
 
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from app.pipeline.plans.symmetry import Symmetries
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.evidence import Explanation, explain_prediction
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import TaskCaches, TaskReading
 from app.services.task_settings import TaskSettings
@@ -24,7 +23,7 @@ from app.services.vision import PoseServers, check_colors, with_models, with_tem
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
-from app.store.records import PredictionRecord, TaskRecord
+from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.types.poses import ObjectPose, Pose
 
@@ -104,7 +103,7 @@ class KnownReader:
         looked_with, scene = self._look(request) if request.frames else (None, None)
         with self._store.read() as connection:
             with timed("read"):
-                task = TaskReading(connection, request.task, self._caches)
+                task = self.task(connection, request.task)
             record, settings = task.record, task.settings
             settings.limits_of_motion().require_start(request.end_effector)
             if request.end_effector is not None:
@@ -142,19 +141,9 @@ class KnownReader:
             check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
             return (task.settings, task.object_names), observed(request, task, settings, blobs)
 
-    def demonstrations(self, connection: Connection, task_name: str, ids: Sequence[str]) -> Demonstrations:
-        """Return stored episodes of the task as its present settings read them.
-
-        Raises:
-            NotFoundError: for an unknown task, or an id that is no episode of it.
-        """
-        return TaskReading(connection, task_name, self._caches).demonstrations(tuple(ids))
-
-    def explanation(self, connection: Connection, record: PredictionRecord, ids: Sequence[str]) -> Explanation:
-        """Compare a prediction with those of its demonstrations that are still stored, of these ids."""
-        task = TaskReading(connection, record.task, self._caches)
-        objects = task.folded([item.pose() for item in record.objects])
-        return explain_prediction(record, objects, task.demonstrations(tuple(ids)))
+    def task(self, connection: Connection, name: str) -> TaskReading:
+        """Return a task in the transaction of `connection`; raises NotFoundError."""
+        return TaskReading(connection, name, self._caches)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
@@ -164,7 +153,7 @@ class KnownReader:
         """
         request = PredictRequest(task_name, "", ())
         with self._store.read() as connection:
-            task = TaskReading(connection, task_name, self._caches)
+            task = self.task(connection, task_name)
             style = PromptStyle.of(request, task.settings, self.profile_of(None))
             task.taught(style.from_start)  # cached for the next prediction
             return task.demonstrations(task.ids(request.options)), task.settings, style

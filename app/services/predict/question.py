@@ -97,7 +97,9 @@ def write_question(
     start = _start(known.end_effector) if known.style.from_start else None
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned = place_plans(known, prefix.support, parts, request.options)
+    plans, turned = place_plans(
+        prefix.support, parts, request.options, known.settings, known.taught, known.end_effector
+    )
     max_actions = actions_allowed(prefix.support, parts, plans, request.options.max_actions)
     prompt = template.ask(parts[0], max_actions)
     request = request.without_frames()

@@ -24,7 +24,7 @@ from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ActionDoubt, action_findings, disagreeing_findings, passing_findings
 from app.pipeline.prompt import Prompt
-from app.pipeline.reply import consensus
+from app.pipeline.reply import ReplyReader, consensus
 from app.services.measures import timed, timings_of_its_own
 from app.services.predict.part_reply import PartReply, PredictedAction
 from app.services.predict.question import Question
@@ -93,7 +93,7 @@ class Reply:
         """
         temperature, shows_text = self._options.sampling_temperature, self._options.stream_text
         for asked in self._parts():
-            part, before, text = PartReply(self.question, asked, len(self.actions)), self.text, ""
+            part, before, text = self._part(asked), self.text, ""
             async with aclosing(self._model.stream(self._request(temperature))) as pieces:
                 while not part.complete:
                     with timed("llm"):
@@ -128,9 +128,20 @@ class Reply:
                 self.prompt = question.prefix.template.ask(part, remaining, so_far)
             yield part
 
+    def _part(self, asked: Query) -> PartReply:
+        question, num_before = self.question, len(self.actions)
+        return PartReply(
+            ReplyReader(question.prefix.template.codec, asked, question.max_actions - num_before),
+            question.plans.get(asked.instruction),
+            question.known.settings.workspace.workspace(),
+            num_before,
+            turned=question.turned,
+            allows=self._options.unsupported == "allow",
+        )
+
     async def _actions(self, asked: Query, temperature: float) -> Actions:
         """Return the actions of the whole reply to one part."""
-        part = PartReply(self.question, asked, len(self.actions))
+        part = self._part(asked)
         with timed("llm"):
             completion = await complete(self._model, self._request(temperature))
         self.text = _joined(self.text, completion.text)

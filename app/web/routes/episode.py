@@ -167,7 +167,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:
-        demonstrations = services.known.demonstrations(connection, record.task, ids).shown
+        demonstrations = services.known.task(connection, record.task).demonstrations(tuple(ids)).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 
