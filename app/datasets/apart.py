@@ -58,7 +58,6 @@ def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> I
 
 
 def _read(reader: "_Reader", index: int, title: str) -> Parcel:
-    """Return an episode; raises its entry's errors, and DamagedError if the process ends."""
     answer = reader.ask({"read": index}, title)
     return Parcel(json.loads(answer["metadata"]), dict(answer["files"]), tuple(answer["notes"]))
 
@@ -103,7 +102,6 @@ class _Reader:
         return answer
 
     def close(self) -> None:
-        """End the process."""
         if self._child is not None:
             process, connection = self._child
             process.kill()
@@ -145,7 +143,6 @@ def _printable(text: str) -> str:
 
 
 def _error(kind: str, *arguments: str) -> Exception:
-    """Return the error that a process reports."""
     match kind:
         case "invalid":
             field, message, valid = arguments
@@ -188,7 +185,6 @@ def _packed(parcel: Parcel) -> dict[str, Any]:
 
 
 def _reported(error: Exception, path: Path) -> list[str]:
-    """Return the kind of an error and its arguments."""
     match error:
         case InvalidInputError():
             return ["invalid", error.field, error.message, error.valid or ""]

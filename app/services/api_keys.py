@@ -52,7 +52,6 @@ class Caller:
     visibility: Visibility
 
     def may(self, accepted: frozenset[str]) -> bool:
-        """Whether one of the `accepted` scopes is the caller's."""
         return "admin" in self.scopes or not accepted.isdisjoint(self.scopes)
 
 
@@ -107,7 +106,6 @@ class KeyRing:
         return None if record is None else self._admitted(record)
 
     async def aclose(self) -> None:
-        """Finish what is being written."""
         await asyncio.gather(*self._noting)
 
     def _admitted(self, record: ApiKeyRecord) -> Caller:

@@ -110,7 +110,6 @@ class Services:
         )
 
     async def aclose(self) -> None:
-        """Stop the models, then close the store."""
         await self.models.aclose()
         await self.keys.aclose()
         await anyio.to_thread.run_sync(self.store.close)

@@ -159,11 +159,9 @@ class TaskSettings(BaseModel):
 
     @classmethod
     def of(cls, connection: Connection, name: str) -> Self:
-        """Read the settings of the task of that name; raises NotFoundError."""
         return cls.model_validate(tasks.get(connection, name).settings)
 
     def limits_of_motion(self) -> MotionLimits:
-        """Return the limits of every action of a prediction."""
         return self.motion_limits.limits(self.workspace)
 
     def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":

@@ -198,7 +198,6 @@ def _is_whole(source: Connection) -> bool:
 
 
 def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, Any]:
-    """Return the audit log's details of a restore."""
     newest = audit.newest(source)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

@@ -159,7 +159,6 @@ class UnderWayNotes:
         self._folder = folder
 
     def begin(self, note: UnderWay) -> None:
-        """Let others see it; raises StoreUnavailableError."""
         with disk_errors("note of a prediction under way"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
             with open(self._path(note.id), "w", opener=private_opener) as file:

@@ -75,7 +75,6 @@ class Database:
             yield connection
 
     def close(self) -> None:
-        """Close every connection."""
         self.engine.dispose()
 
     @contextmanager

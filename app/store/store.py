@@ -75,15 +75,12 @@ class Store:
             raise
 
     def read(self) -> AbstractContextManager[Connection]:
-        """A transaction that sees one state throughout; see `Database.read`."""
         return self._database.read()
 
     def write(self) -> AbstractContextManager[Connection]:
-        """A transaction alone in writing: committed at the end, or rolled back; see `Database.write`."""
         return self._database.write()
 
     def ping(self) -> None:
-        """Make sure that the database answers; raises StoreUnavailableError."""
         with self.read() as connection:
             connection.execute(select(tables.tasks.c.name).limit(1)).first()
 
@@ -111,7 +108,6 @@ class Store:
             return removed
 
     def close(self) -> None:
-        """Close every connection."""
         self._database.close()
 
 

@@ -79,12 +79,10 @@ class Info:
     chunks_size: int
 
     def named(self, *dtypes: str) -> list[str]:
-        """Return the features of these types."""
         return [name for name, item in self.features.items() if item["dtype"] in dtypes]
 
     @property
     def numeric(self) -> list[str]:
-        """The features that have numbers in every frame."""
         return self.named(*_NUMBERS)
 
 

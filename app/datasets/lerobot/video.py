@@ -148,7 +148,6 @@ class VideoWriter:
 
     @property
     def features(self) -> dict[str, Any]:
-        """The videos' entries in meta/info.json."""
         return {f"{KEY}{camera}": _feature(shape, self._fps) for camera, shape in self._shapes.items()}
 
     def row(self, index: int, length: int) -> dict[str, Any]:

@@ -49,7 +49,6 @@ class Demonstrations:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
-        """Return the recordings' demonstrations."""
         recorded = demonstrated(recordings)
         aligned = bool(recordings) and recordings[0].rule.aligned
         return cls(agreeing(recorded) if aligned else recorded, recorded, aligned)

@@ -105,7 +105,6 @@ class Standing:
 
     @property
     def is_yardstick(self) -> bool:
-        """Whether it is a baseline that computes replies without an LLM."""
         return self.configuration.model in YARDSTICKS
 
     @property
@@ -121,7 +120,6 @@ class Standing:
 
     @property
     def tokens(self) -> tuple[float, float] | None:
-        """The medians of prompts and of replies."""
         known = [trial.tokens for trial in self.latest if trial.tokens is not None]
         return (median(prompt for prompt, _ in known), median(reply for _, reply in known)) if known else None
 

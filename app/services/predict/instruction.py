@@ -80,7 +80,6 @@ def _grounded(
     settings: TaskSettings,
     objects: Sequence[ObjectPose],
 ) -> Order:
-    """Return the instruction parsed in a scene of these objects."""
     names = tuple(pose.name for pose in objects)
     aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
     known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))

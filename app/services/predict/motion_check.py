@@ -92,7 +92,6 @@ class MotionCheck:
         self._hold(await self._current.now(self._question.request.task))
 
     def within(self, connection: Connection) -> None:
-        """The same in a transaction."""
         self._hold(self._current.read(connection, self._question.request.task))
 
     def _hold(self, limits: MotionLimits) -> None:

@@ -36,7 +36,6 @@ class PredictedAction:
 
     @cached_property
     def document(self) -> JsonObject:
-        """The action as clients get it."""
         return {
             "position": self.action.position_m.tolist(),
             "quaternion_xyzw": self.action.quaternion_xyzw.tolist(),

@@ -117,7 +117,6 @@ def _start(end_effector: Pose | None) -> EndEffectorAction | None:
 
 
 def _sample(question: Question, number: int) -> Question:
-    """Return the question for one of several replies, with its own seed."""
     seed = (question.request.options.seed + number) % SEEDS
     return replace(question, request=question.request.with_options(seed=seed))
 

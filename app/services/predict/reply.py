@@ -61,7 +61,6 @@ class Reply:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The findings about its actions."""
         actions, question = [item.action for item in self.actions], self.question
         taught, bystanders = question.known.taught, question.known.scene.bystanders
         passing = passing_findings(question.seen, actions, taught.scenes, bystanders)
@@ -194,7 +193,6 @@ class SampledReply(Reply):
         return (*(() if self._chosen is None else self._chosen.findings), *self._disagreeing)
 
     async def stream(self) -> AsyncGenerator[Actions, None]:
-        """As `whole`."""
         async for actions in self.whole():
             yield actions
 
@@ -246,7 +244,6 @@ class SampledReply(Reply):
         return refused
 
     def _documents(self, refused: dict[int, str], used: tuple[int, ...]) -> tuple[JsonObject, ...]:
-        """The replies as they are stored and answered."""
         return tuple(
             {
                 "seed": reply.question.request.options.seed,

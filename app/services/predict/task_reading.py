@@ -49,7 +49,6 @@ class Scenes:
 
     @classmethod
     def read(cls, connection: Connection, task: str) -> "Scenes":
-        """The scenes of the task's episodes."""
         stored = episodes.scenes(connection, task)
         names = in_all([[item.name for item in objects] for objects in stored.values()])
         places_m = [{item.name: item.position_m for item in objects} for objects in stored.values()]

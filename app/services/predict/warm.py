@@ -59,7 +59,6 @@ class PrefixWarmer:
 
     @contextmanager
     def giving_way(self) -> Iterator[None]:
-        """Read no prefix ahead inside the block."""
         self._num_predictions += 1
         self._idle.clear()
         if self._reading is not None:

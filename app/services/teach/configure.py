@@ -150,7 +150,6 @@ def with_workspace(settings: TaskSettings, episodes: Sequence[Extent], changes: 
 
 
 def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
-    """The members that a change names."""
     return {key: settings[key] for key in change}
 
 
@@ -195,7 +194,6 @@ class RunJobs:
 
     @property
     def stopping(self) -> bool:
-        """Whether `stop` was called."""
         return self._stopping.is_set()
 
     def wait(self, seconds: float) -> None:

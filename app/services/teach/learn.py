@@ -93,7 +93,6 @@ def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _labeled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
-    """Whether the episode shows what it has and says where the wanted objects are."""
     given = {item["name"]: item for item in record.given_objects}
     has_images = any(camera.has_rgbd for camera in record.cameras)
     return has_images and all(given[name]["mask_ids"] or given[name]["position_m"] is not None for name in wanted)

@@ -112,7 +112,6 @@ class StoredTask:
 
     @classmethod
     def read(cls, connection: Connection, upload: Upload) -> "StoredTask":
-        """Read the task of an upload."""
         name = upload.task
         if (task := tasks.find(connection, name)) is None:
             by_masks = all(query.position_m is None and query.mask_ids for query in upload.objects)
