@@ -13,11 +13,13 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.pipeline.plans.symmetry import Symmetries
+from app.pipeline.workspace import Workspace
+from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import TaskCaches, TaskReading
+from app.services.predict.task_reading import KeptTasks, TaskReading
 from app.services.task_settings import TaskSettings
 from app.services.vision import PoseServers, check_colors, with_models, with_templates
 from app.store import episodes, tasks
@@ -25,7 +27,10 @@ from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.poses import ObjectPose, Pose
+
+MAX_TASKS = 128  # whose present version is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +55,7 @@ class Known:
     """A request's task and demonstrations as the store has them, with the observed scene.
 
     Attributes:
-        settings: of the task.
+        settings, workspace, limits: of the task.
         end_effector: its pose before the first action; None if unknown.
         profile: of the model to ask.
         demonstrations: those that the request names, or that its selection finds.
@@ -60,6 +65,8 @@ class Known:
     """
 
     settings: TaskSettings
+    workspace: Workspace
+    limits: MotionLimits
     end_effector: Pose | None
     scene: ObservedScene
     profile: ModelProfile
@@ -86,7 +93,7 @@ class KnownReader:
         self._store = store
         self.profile_of = profile_of
         self._pose_servers = pose_servers or PoseServers()
-        self._caches = TaskCaches()
+        self._kept: KeptTasks = Cache(MAX_TASKS)
 
     def __call__(self, request: PredictRequest) -> Known:
         """Return the task, demonstrations and scene of a request.
@@ -104,20 +111,20 @@ class KnownReader:
         with self._store.read() as connection:
             with timed("read"):
                 task = self.task(connection, request.task)
-            record, settings = task.record, task.settings
-            settings.limits_of_motion().require_start(request.end_effector)
+            record, kept = task.record, task.kept
+            kept.limits.require_start(request.end_effector)
             if request.end_effector is not None:
                 place_m = np.array(request.end_effector.position_m)
-                check_meters("end_effector.position", place_m, settings.workspace.workspace())
+                check_meters("end_effector.position", place_m, kept.workspace)
             if scene is None:
                 with timed("poses"):
-                    scene = observed(request, record, settings, self._store.blobs)
+                    scene = observed(request, record, kept.settings, self._store.blobs)
             elif looked_with != (record.settings, record.object_names):
                 message = f"task {record.name!r} changed while its images were looked at: send the request again"
                 raise ConflictError(message)
             with timed("prompt"):
                 profile = self.profile_of(request.options.model)
-                style = PromptStyle.of(request, settings, profile)
+                style = PromptStyle.of(request, kept.settings, profile)
                 taught = task.taught(style.from_start)
                 demonstrations = task.demonstrations(task.ids(request.options, scene.objects))
                 scene = replace(scene, objects=task.folded(scene.observed))
@@ -127,7 +134,17 @@ class KnownReader:
             taught = taught.of_objects(present)
         chosen = request.options.episode_ids is not None
         return Known(
-            settings, request.end_effector, scene, profile, style, demonstrations, chosen, taught, task.symmetries
+            kept.settings,
+            kept.workspace,
+            kept.limits,
+            request.end_effector,
+            scene,
+            profile,
+            style,
+            demonstrations,
+            chosen,
+            taught,
+            task.symmetries,
         )
 
     def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
@@ -143,7 +160,7 @@ class KnownReader:
 
     def task(self, connection: Connection, name: str) -> TaskReading:
         """Return a task in the transaction of `connection`; raises NotFoundError."""
-        return TaskReading(connection, name, self._caches)
+        return TaskReading(connection, name, self._kept)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
@@ -154,9 +171,9 @@ class KnownReader:
         request = PredictRequest(task_name, "", ())
         with self._store.read() as connection:
             task = self.task(connection, task_name)
-            style = PromptStyle.of(request, task.settings, self.profile_of(None))
+            style = PromptStyle.of(request, task.kept.settings, self.profile_of(None))
             task.taught(style.from_start)  # cached for the next prediction
-            return task.demonstrations(task.ids(request.options)), task.settings, style
+            return task.demonstrations(task.ids(request.options)), task.kept.settings, style
 
 
 def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> ObservedScene:

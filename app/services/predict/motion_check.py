@@ -68,7 +68,7 @@ class MotionCheck:
     def __init__(self, current: CurrentLimits, question: Question) -> None:
         self._current, self._question = current, question
         self._actions: list[EndEffectorAction] = []
-        self._limits = question.known.settings.limits_of_motion()
+        self._limits = question.known.limits
         self._guard = self._guarding(self._limits)
 
     async def check(self, actions: Iterable[EndEffectorAction]) -> None:

@@ -37,6 +37,7 @@ def place_plans(
     parts: Sequence[Query],
     options: PredictOptions,
     settings: TaskSettings,
+    limits: MotionLimits,
     taught: Taught,
     hand: Pose | None,
 ) -> tuple[Plans, list[Finding]]:
@@ -50,7 +51,7 @@ def place_plans(
     """
     placed = {part.instruction: support.placed(part) for part in parts}
     if options.unsupported == "refuse":
-        _require_within_workspace(placed.values(), settings.limits_of_motion())
+        _require_within_workspace(placed.values(), limits)
     return _turned_plans(placed, taught, settings, hand)
 
 

@@ -72,10 +72,10 @@ def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
     Raises:
         as `write_prefix`.
     """
-    workspace, plans = known.settings.workspace.workspace(), known.demonstrations.plans
+    plans = known.demonstrations.plans
     choice = None if known.chosen or plans is None else plans(known.scene.objects)
     shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
-    return write_prefix(known.demonstrations, workspace, known.style, shown, known.scene.absent), findings
+    return write_prefix(known.demonstrations, known.workspace, known.style, shown, known.scene.absent), findings
 
 
 def write_question(
@@ -98,7 +98,7 @@ def write_question(
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
     plans, turned = place_plans(
-        prefix.support, parts, request.options, known.settings, known.taught, known.end_effector
+        prefix.support, parts, request.options, known.settings, known.limits, known.taught, known.end_effector
     )
     max_actions = actions_allowed(prefix.support, parts, plans, request.options.max_actions)
     prompt = template.ask(parts[0], max_actions)
