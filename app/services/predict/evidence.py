@@ -160,11 +160,7 @@ class TaskStats:
 
 
 def task_stats(connection: Connection, task: str | None) -> TaskStats:
-    """The stored outcomes of a task, or of all, summed up.
-
-    Raises:
-        NotFoundError: if there is no such task.
-    """
+    """The stored outcomes of a task, or of all, summed up; raises NotFoundError if there is no such task."""
     if task is not None:
         tasks.get(connection, task)
     counted = prediction_lists.counts_by_configuration(connection, task)

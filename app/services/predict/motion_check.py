@@ -38,11 +38,7 @@ class CurrentLimits:
         self._built: Cache[TaskState, MotionLimits] = Cache(MAX_LIMITS)
 
     def read(self, connection: Connection, task: str) -> MotionLimits:
-        """The task's limits.
-
-        Raises:
-            NotFoundError: if there is no such task.
-        """
+        """The task's limits; raises NotFoundError if there is no such task."""
 
         def build() -> MotionLimits:
             return TaskSettings.of(connection, task).limits_of_motion()

@@ -154,11 +154,7 @@ class Reply:
         self.usage = self.usage.plus(completion.usage)
 
     def _request(self, temperature: float) -> CompletionRequest:
-        """Return the request to the LLM.
-
-        Raises:
-            ModelTimeoutError: if no time is left.
-        """
+        """Return the request to the LLM; raises ModelTimeoutError if no time is left."""
         question, options = self.question, self._options
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:

@@ -154,11 +154,7 @@ def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
 
 
 def require_no_job(connection: Connection, name: str) -> None:
-    """Refuse what would meet a job that extracts the task's episodes again.
-
-    Raises:
-        ConflictError: if there is one.
-    """
+    """Refuse what would meet a job that extracts the task's episodes again; raises ConflictError if there is one."""
     if jobs.has_open(connection, name):
         raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")
 
