@@ -62,7 +62,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required, but none exists: roboprompt keys add NAME --scope admin")
     kept = settings.embedded_kept_folder or settings.data / "prefixes"
-    services = Services.wire(
+    services = Services(
         store,
         ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept})),
         settings.default_model,
