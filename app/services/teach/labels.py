@@ -92,7 +92,8 @@ class LabelObjects:
         with self._store.write() as connection:
             if labels.number_of(connection, draft.task) >= MAX_LABELS:
                 raise InvalidInputError("task", f"has {MAX_LABELS} labels", "fewer: delete those that did not merge")
-            return labels.add(connection, draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
+            record = LabelRecord(draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
+            return labels.add(connection, record)
 
     def _view(self, draft: LabelDraft, *, store_images: bool) -> LabeledImages:
         """The images of a draft.
