@@ -14,7 +14,6 @@ from app.services.predict.question import Question
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import idempotency, tasks
-from app.store.data_folder import Turn
 from app.store.errors import ConflictError
 from app.store.records import TaskState
 from app.store.store import Store
@@ -70,7 +69,7 @@ class MotionCheck:
     async def check(self, actions: Iterable[EndEffectorAction]) -> None:
         """Let the answer's next actions pass by the limits that were read last; `again` or `within` follows.
 
-        Where these forbid an action, it is held against those of the moment, which may be wider.
+        Where these forbid an action, the present ones decide, which may be wider.
         """
         actions = list(actions)
         self._actions += actions
@@ -119,21 +118,15 @@ class RepeatedPredictions:
         Raises:
             ConflictError: if another one is for longer than `MAX_WAIT_S`.
         """
-        name, deadline_s, pause_s = (
-            f"{idempotency.PREDICT} {present().key_id} {key}",
-            time.monotonic() + MAX_WAIT_S,
-            FIRST_LOOK_S,
-        )
-        while (turn := await self._take(name)) is None:
+        name = f"{idempotency.PREDICT} {present().key_id} {key}"
+        deadline_s, pause_s = time.monotonic() + MAX_WAIT_S, FIRST_LOOK_S
+        while (turn := await anyio.to_thread.run_sync(self._store.turns.take, name)) is None:
             if time.monotonic() > deadline_s:
                 raise ConflictError(f"a request with the Idempotency-Key {key!r} is under way: send it again later")
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_BETWEEN_LOOKS_S)
         with turn:
             yield
-
-    async def _take(self, name: str) -> Turn | None:
-        return await anyio.to_thread.run_sync(self._store.turns.take, name)
 
     async def answer_to(self, key: str, digest: str, request: PredictRequest) -> JsonObject | None:
         """Return the stored answer to the same request; None if it is new.
