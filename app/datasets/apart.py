@@ -2,7 +2,7 @@
 
 Untrusted files are read by large C libraries (images, HDF5, Parquet, video, compressed chunks); a file that breaks one
 of them only breaks a process without any secrets. The process answers in MessagePack, never with pickled objects. First
-comes the parent's side, then `main` of the child.
+come the formats, then the parent's side, then `main` of the child.
 """
 
 import json
@@ -42,6 +42,42 @@ FRUGAL = {
 FRAMING_BYTES = 10 * MEGABYTE
 MAX_QUESTION_BYTES = 100 * MEGABYTE  # the options include the objects of every episode
 _STATM = Path("/proc/self/statm")
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format that can be imported.
+
+    Attributes:
+        looks_like: whether a file or folder may have this format; it reads as little as possible.
+    """
+
+    looks_like: Callable[[Path], bool]
+    open: Callable[[Path, ImportOptions], Dataset]
+
+
+FORMATS: dict[str, Format] = {
+    "archive": Format(archive.looks_like, archive.open_archive),
+    "lerobot": Format(lerobot.looks_like, lerobot.open_lerobot),
+    "robomimic": Format(robomimic.looks_like, robomimic.open_robomimic),
+    "mcap": Format(mcap_log.looks_like, mcap_log.open_mcap),
+    "rlbench": Format(rlbench.looks_like, rlbench.open_rlbench),
+}
+
+
+def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
+    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
+    if not path.exists():
+        raise DatasetError(f"{path} does not exist")
+    if name is not None:
+        dataset = FORMATS[name].open(path, options)
+    elif (found := next((item for item in FORMATS.values() if item.looks_like(path)), None)) is not None:
+        dataset = found.open(path, options)
+    else:
+        raise DatasetError(f"{path} is of no known format ({', '.join(FORMATS)}): see docs/datasets.md")
+    if not dataset.entries and not dataset.damaged:
+        raise DatasetError(f"{path}: no episodes of {dataset.format} in it")
+    return dataset
 
 
 @contextmanager
@@ -212,39 +248,3 @@ def _limit_memory(limits: ReadLimits) -> None:
 
 if __name__ == "__main__":
     main()
-
-
-@dataclass(frozen=True)
-class Format:
-    """A format that can be imported.
-
-    Attributes:
-        looks_like: whether a file or folder may have this format; it reads as little as possible.
-    """
-
-    looks_like: Callable[[Path], bool]
-    open: Callable[[Path, ImportOptions], Dataset]
-
-
-FORMATS: dict[str, Format] = {
-    "archive": Format(archive.looks_like, archive.open_archive),
-    "lerobot": Format(lerobot.looks_like, lerobot.open_lerobot),
-    "robomimic": Format(robomimic.looks_like, robomimic.open_robomimic),
-    "mcap": Format(mcap_log.looks_like, mcap_log.open_mcap),
-    "rlbench": Format(rlbench.looks_like, rlbench.open_rlbench),
-}
-
-
-def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
-    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
-    if not path.exists():
-        raise DatasetError(f"{path} does not exist")
-    if name is not None:
-        dataset = FORMATS[name].open(path, options)
-    elif (found := next((item for item in FORMATS.values() if item.looks_like(path)), None)) is not None:
-        dataset = found.open(path, options)
-    else:
-        raise DatasetError(f"{path} is of no known format ({', '.join(FORMATS)}): see docs/datasets.md")
-    if not dataset.entries and not dataset.damaged:
-        raise DatasetError(f"{path}: no episodes of {dataset.format} in it")
-    return dataset
