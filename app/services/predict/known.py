@@ -125,9 +125,10 @@ class KnownReader:
             with timed("prompt"):
                 profile = self.profile_of(request.options.model)
                 style = PromptStyle.of(request, kept.settings, profile)
-                taught = task.taught(style.from_start)
-                demonstrations = task.demonstrations(task.ids(request.options, scene.objects))
-                scene = replace(scene, objects=task.folded(scene.observed))
+                taught, demonstrations, objects = task.asked(
+                    request.options, scene.observed, from_start=style.from_start
+                )
+                scene = replace(scene, objects=objects)
         if scene.absent:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
@@ -172,8 +173,8 @@ class KnownReader:
         with self._store.read() as connection:
             task = self.task(connection, task_name)
             style = PromptStyle.of(request, task.kept.settings, self.profile_of(None))
-            task.taught(style.from_start)  # cached for the next prediction
-            return task.demonstrations(task.ids(request.options)), task.kept.settings, style
+            _, demonstrations, _ = task.asked(request.options, (), from_start=style.from_start)
+            return demonstrations, task.kept.settings, style
 
 
 def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> ObservedScene:

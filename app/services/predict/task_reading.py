@@ -119,6 +119,17 @@ class TaskReading:
         self._connection = connection
         self._read: dict[Ids, Sequence[Recording]] = {}
 
+    def asked(
+        self, options: PredictOptions, observed: Sequence[ObjectPose], *, from_start: bool
+    ) -> tuple[Taught, Demonstrations, tuple[ObjectPose, ...]]:
+        """Return what answers are compared with, the demonstrations for the prompt, and the objects as both have them.
+
+        Raises:
+            as `taught`, `ids` and `demonstrations`.
+        """
+        taught = self.taught(from_start)
+        return taught, self.demonstrations(self.ids(options, observed)), self.folded(observed)
+
     def ids(self, options: PredictOptions, objects: Sequence[ObjectPose] = ()) -> Ids:
         """Return the ids of the demonstrations that a request names, or that its selection finds.
 
