@@ -24,7 +24,7 @@ from roboprompt_client.arms.preview import Previewed
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 
-MAX_COMPARED = 8
+MAX_COMPARED = 8  # configurations at once
 
 
 @dataclass(frozen=True)

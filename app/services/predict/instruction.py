@@ -45,7 +45,7 @@ SYSTEM = (
 MAX_TOKENS = 8
 TIMEOUT_S = 20.0
 _NUMBER = re.compile(r"\s*(\d{1,4})\s*\.?\s*")
-MAX_SCENES = 16  # whose vocabularies are kept
+MAX_SCENES = 16  # whose vocabularies over all tasks are kept
 
 
 def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:

@@ -24,13 +24,13 @@ from roboprompt_client.motion.guard import MotionGuard, action_from_json
 from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
 from roboprompt_client.types.poses import EndEffectorAction
 
-MAX_LIMITS = 64  # of so many tasks they are kept
-MAX_WAIT_S = 60.0  # for a request with the same key
-FIRST_LOOK_S, LONGEST_BETWEEN_LOOKS_S = 0.02, 0.5  # at whether the one before has ended
+MAX_LIMITS = 64  # tasks whose limits are kept
+MAX_WAIT_S = 60.0  # for the end of a request with the same key
+FIRST_LOOK_S, LONGEST_BETWEEN_LOOKS_S = 0.02, 0.5  # pauses before it is asked whether that has ended
 
 
 class CurrentLimits:
-    """Reads tasks' limits of motion; one that is as it was costs the read of its state."""
+    """Reads the present limits of motion of tasks; of an unchanged task only its state is read."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -55,7 +55,7 @@ class CurrentLimits:
 
 
 class MotionCheck:
-    """Holds the actions of one answer against the limits of motion, and all of them again where those change.
+    """Checks the actions of one answer by the limits of motion, and all of them again where those change.
 
     They may be tightened while an LLM writes. Each method raises UnsafeActionError for an action beyond a limit.
     """
@@ -80,16 +80,16 @@ class MotionCheck:
             limits = await self._current.now(self._question.request.task)
             if limits == self._limits:
                 raise
-            self._hold(limits)
+            self._apply(limits)
 
     async def again(self) -> None:
         """Check the actions so far by the limits of the moment."""
-        self._hold(await self._current.now(self._question.request.task))
+        self._apply(await self._current.now(self._question.request.task))
 
     def within(self, connection: Connection) -> None:
-        self._hold(self._current.read(connection, self._question.request.task))
+        self._apply(self._current.read(connection, self._question.request.task))
 
-    def _hold(self, limits: MotionLimits) -> None:
+    def _apply(self, limits: MotionLimits) -> None:
         if limits == self._limits:
             return
         guard = self._guarding(limits)

@@ -21,9 +21,9 @@ from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.types.names import checked_name
 
-MAX_AT_ONCE = 200  # some seconds
+MAX_AT_ONCE = 200  # episodes that a request extracts again itself: some seconds
 ExtractBatch = Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]
-BATCH = 20
+BATCH = 20  # episodes that a job extracts between two renewals of its claim
 # A batch takes seconds, a pose server's perhaps a minute. After a crash the next process waits for it.
 LEASE = timedelta(seconds=60)
 logger = logging.getLogger(__name__)

@@ -2,7 +2,7 @@
 
 The workspace is what the present demonstrations span, with a margin. An upload may make an edge at most twice as long
 as the first three demonstrations made it. One that reaches farther is stored and reported, but moves no bound until
-somebody who may configure the task sets the workspace, e.g. to `auto` again, which takes all demonstrations as they
+a person who may configure the task sets the workspace, e.g. to `auto` again, which takes all demonstrations as they
 are. Where the first two are so far apart, the third shows which one is the odd one.
 """
 
@@ -115,7 +115,7 @@ class Extent(Protocol):
 
 
 def spanned(box: WorkspaceSettings, episodes: Iterable[Extent]) -> WorkspaceSettings:
-    """The workspace that these episodes span, one after the other; one that does not follow from them stays."""
+    """Return the workspace that these episodes span; one that does not follow from them stays."""
     if box.preset != "auto":
         return box
     box = WorkspaceSettings(preset="auto")
@@ -125,12 +125,12 @@ def spanned(box: WorkspaceSettings, episodes: Iterable[Extent]) -> WorkspaceSett
 
 
 def remaining(box: WorkspaceSettings, episodes: Iterable[Extent]) -> WorkspaceSettings:
-    """The workspace after a deletion; episodes that did not move it still do not."""
+    """Return the workspace after a deletion; episodes that did not move it still do not."""
     return spanned(box, [episode for episode in episodes if _holds(box, episode)])
 
 
 def widened(box: WorkspaceSettings, episode: Extent, first: Sequence[Extent]) -> WorkspaceSettings:
-    """The workspace with room for one more episode; unchanged where it reaches too far beyond the others.
+    """Return the workspace with room for one more episode; unchanged where it reaches too far beyond the others.
 
     Args:
         first: the task's first `NUM_FIRST` demonstrations; fewer say little about how far is too far.
@@ -145,26 +145,26 @@ def widened(box: WorkspaceSettings, episode: Extent, first: Sequence[Extent]) ->
 def uploaded(
     box: WorkspaceSettings, episode: Extent, first: Sequence[DemonstrationRecord], *, stays: bool = False
 ) -> tuple[WorkspaceSettings, list[Finding]]:
-    """The workspace after an upload, and which episodes lie outside of it and were not allowed to widen it.
+    """Return the workspace after an upload, and findings about episodes that lie outside and may not widen it.
 
     Args:
         first: the demonstrations that came before it, of which the first `NUM_FIRST` count.
         stays: the episode moves no bound.
     """
     first = first[:NUM_FIRST]
-    tells = len(first) == NUM_FIRST - 1
-    if tells and not stays and not all(_holds(box, shown) for shown in first):
+    is_third = len(first) == NUM_FIRST - 1
+    if is_third and not stays and not all(_holds(box, shown) for shown in first):
         box = spanned(box, _without_odd_one((*first, episode)))
     elif not stays:
         box = widened(box, episode, first)
-    earlier = [(f"Episode {item.id}", item) for item in first] if tells else []
+    earlier = [(f"Episode {item.id}", item) for item in first] if is_third else []
     named: list[tuple[str, Extent]] = [("The recording", episode), *earlier]
     beyond = [] if box.preset != "auto" else [(name, shown) for name, shown in named if not _holds(box, shown)]
     return box, [_beyond(box, name, shown) for name, shown in beyond]
 
 
 def grown(box: WorkspaceSettings, positions_m: Array) -> WorkspaceSettings:
-    """With `auto` the box that holds these demonstrated positions (N, 3) as well; otherwise as it is.
+    """Return a box `auto` that holds these demonstrated positions (N, 3) as well; another one as it is.
 
     A box that still is RLBench's comes from no demonstration: it is not kept.
     """
