@@ -16,11 +16,11 @@ from app.llm.registry import ModelRegistry
 from app.logs import Tracing, hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
-from app.services.keep_house import keep_house
 from app.services.limits import Limits
-from app.services.pose_servers import PoseServers
-from app.services.teach.reextract import RunJobs
+from app.services.teach.configure import RunJobs
+from app.services.vision import PoseServers
 from app.settings import MEGA, Settings
+from app.store.erasure import keep_house
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.errors import RoboPromptError
@@ -59,7 +59,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required, but none exists: roboprompt keys add NAME --scope admin")
     kept = settings.embedded_kept_folder or settings.data / "prefixes"
-    services = Services.wire(
+    services = Services(
         store,
         ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept})),
         settings.default_model,

@@ -24,7 +24,8 @@ from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.scene import scene_findings
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.findings.yaw import turning_findings
-from app.services.predict.task_reading import TaskCaches, TaskReading
+from app.services.cache import Cache
+from app.services.predict.task_reading import TaskReading
 from app.store.store import Store
 from benchmarks import scenes, service_time
 from roboprompt_client.types.poses import Pose
@@ -41,7 +42,7 @@ def measure() -> dict[str, float]:
             scenes.teach(client, service_time.TASK, service_time.NUM_DEMONSTRATIONS)
         store = Store.open(data)
         with store.read() as connection:
-            taught = TaskReading(connection, service_time.TASK, TaskCaches()).taught(True)
+            taught = TaskReading(connection, service_time.TASK, Cache(1)).taught(True)
         store.close()
     return {name: _microseconds(rules) for name, rules in {**_of_each(taught), **_of_a_version(taught)}.items()}
 

@@ -1,4 +1,4 @@
-"""What Alembic runs: on the connection that `app.store.migration.migrate` hands over, or from the command line."""
+"""What Alembic runs: on the connection that `app.store.database.migrate` hands over, or from the command line."""
 
 import os
 from typing import Any, Literal
@@ -7,9 +7,9 @@ from alembic import context
 from alembic.util import CommandError
 from sqlalchemy import Connection
 
-from app.store.database import Database
-from app.store.migration import migration_transaction
-from app.store.tables import UtcDateTime, metadata
+from app.store.database import Database, migration_transaction
+from app.store.tables import metadata
+from app.store.values import UtcDateTime
 
 URL_VARIABLE = "ROBOPROMPT_DATABASE_URL"
 

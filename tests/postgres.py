@@ -13,8 +13,7 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from app.store.database import Database
-from app.store.migration import migrate
+from app.store.database import Database, migrate
 from app.store.tables import metadata
 
 EMPTIED = ", ".join(table.name for table in metadata.sorted_tables)

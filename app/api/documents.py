@@ -1,6 +1,7 @@
 """Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -11,13 +12,12 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
-from app.services.predict.demonstrations import canonical_demonstration
+from app.services.predict.evidence import Standing, StandingComparison, TaskStats
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
-from app.services.predict.standing import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
 from app.store.prediction_lists import Counts
-from app.store.records import EpisodeFields, EpisodeRecord, PredictionRecord, TaskRecord
+from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
 from roboprompt_client.types.camera import camera_json
@@ -33,10 +33,11 @@ def answer(model: type[BaseModel], record: object, **others: object) -> JsonObje
     return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}
 
 
-def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:
+def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObject:
     """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
     workspace = settings.workspace.workspace()
-    demonstration = canonical_demonstration(record.demonstration(), settings)
+    demonstration = record.demonstration()
+    demonstration = replace(demonstration, objects=settings.canonical(demonstration.objects))
     # KAT's format is for its action tokens only
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
     codec = fit_codec("absolute", prompt_format, [demonstration], workspace)
@@ -130,7 +131,7 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
     return {
         "task": question.request.task,
         **understood_document(question.grounded),
-        "objects": [ObjectRecord.of(pose).to_json() for pose in question.seen.objects],
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.known.scene.observed],
         "model": question.known.profile.name,
         **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),

@@ -30,9 +30,8 @@ from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import ENV_PREFIX
 from app.llm.registry import ModelRegistry
 from app.settings import Settings, load_env_file
-from app.store.database import Database
-from app.store.migration import is_newest
-from app.store.private import OTHERS, require_ours
+from app.store.data_folder import OTHERS, require_ours
+from app.store.database import Database, is_newest
 from app.store.tables import metadata
 from roboprompt_client.errors import RoboPromptError
 from roboprompt_client.version import VERSION

@@ -14,9 +14,8 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, errors_printed, if_there
-from app.datasets.apart import open_apart
+from app.datasets.apart import FORMATS, open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
-from app.datasets.formats import FORMATS
 from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
 from app.datasets.parcel import Dataset, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes

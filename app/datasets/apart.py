@@ -1,8 +1,8 @@
-"""Reads a dataset in a child process, within limits of memory and time.
+"""Detects the format of a dataset and reads it in a child process, within limits of memory and time.
 
 Untrusted files are read by large C libraries (images, HDF5, Parquet, video, compressed chunks); a file that breaks one
 of them only breaks a process without any secrets. The process answers in MessagePack, never with pickled objects. First
-comes the parent's side, then `main` of the child.
+come the formats, then the parent's side, then `main` of the child.
 """
 
 import json
@@ -12,8 +12,9 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -22,8 +23,9 @@ from typing import Any
 
 import msgpack
 
+from app.datasets import archive, mcap_log, rlbench, robomimic
 from app.datasets.bounds import MEGABYTE, REMEDY, DamagedError, DatasetError, ReadLimits
-from app.datasets.formats import open_dataset
+from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from roboprompt_client.errors import InvalidInputError
@@ -42,6 +44,42 @@ MAX_QUESTION_BYTES = 100 * MEGABYTE  # the options include the objects of every 
 _STATM = Path("/proc/self/statm")
 
 
+@dataclass(frozen=True)
+class Format:
+    """A format that can be imported.
+
+    Attributes:
+        looks_like: whether a file or folder may have this format; it reads as little as possible.
+    """
+
+    looks_like: Callable[[Path], bool]
+    open: Callable[[Path, ImportOptions], Dataset]
+
+
+FORMATS: dict[str, Format] = {
+    "archive": Format(archive.looks_like, archive.open_archive),
+    "lerobot": Format(lerobot.looks_like, lerobot.open_lerobot),
+    "robomimic": Format(robomimic.looks_like, robomimic.open_robomimic),
+    "mcap": Format(mcap_log.looks_like, mcap_log.open_mcap),
+    "rlbench": Format(rlbench.looks_like, rlbench.open_rlbench),
+}
+
+
+def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
+    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
+    if not path.exists():
+        raise DatasetError(f"{path} does not exist")
+    if name is not None:
+        dataset = FORMATS[name].open(path, options)
+    elif (found := next((item for item in FORMATS.values() if item.looks_like(path)), None)) is not None:
+        dataset = found.open(path, options)
+    else:
+        raise DatasetError(f"{path} is of no known format ({', '.join(FORMATS)}): see docs/datasets.md")
+    if not dataset.entries and not dataset.damaged:
+        raise DatasetError(f"{path}: no episodes of {dataset.format} in it")
+    return dataset
+
+
 @contextmanager
 def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> Iterator[Dataset]:
     """Like `open_dataset`, in a child process; raises DamagedError also if that ends, and another one takes over."""
@@ -56,7 +94,6 @@ def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> I
 
 
 def _read(reader: "_Reader", index: int, title: str) -> Parcel:
-    """Return an episode; raises its entry's errors, and DamagedError if the process ends."""
     answer = reader.ask({"read": index}, title)
     return Parcel(json.loads(answer["metadata"]), dict(answer["files"]), tuple(answer["notes"]))
 
@@ -101,7 +138,6 @@ class _Reader:
         return answer
 
     def close(self) -> None:
-        """End the process."""
         if self._child is not None:
             process, connection = self._child
             process.kill()
@@ -143,7 +179,6 @@ def _printable(text: str) -> str:
 
 
 def _error(kind: str, *arguments: str) -> Exception:
-    """Return the error that a process reports."""
     match kind:
         case "invalid":
             field, message, valid = arguments
@@ -186,7 +221,6 @@ def _packed(parcel: Parcel) -> dict[str, Any]:
 
 
 def _reported(error: Exception, path: Path) -> list[str]:
-    """Return the kind of an error and its arguments."""
     match error:
         case InvalidInputError():
             return ["invalid", error.field, error.message, error.valid or ""]

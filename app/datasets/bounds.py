@@ -61,7 +61,6 @@ class Budget:
 
     @property
     def left_bytes(self) -> int:
-        """The bytes that may still be unpacked."""
         return self._limit_bytes - self._taken_bytes
 
     def take(self, num_bytes: int, where: object = None) -> None:

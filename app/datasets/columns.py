@@ -162,11 +162,7 @@ class ColumnEpisode:
     image_columns: Sequence[str] = ()
 
     def parcel(self, mapping: FeatureMap, options: ImportOptions) -> Parcel:
-        """Return the episode as it is uploaded.
-
-        Raises:
-            InvalidInputError: for a missing or invalid part.
-        """
+        """Return the episode as it is uploaded; raises InvalidInputError for a missing or invalid part."""
         if (text := options.instruction or self.instruction) is None:
             raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")
         trajectory = trajectory_of(self.columns, mapping, self.frequency_hz)

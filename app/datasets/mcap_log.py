@@ -43,7 +43,6 @@ class Track:
     values: dict[str, list[list[float]]] = field(default_factory=dict)
 
     def add(self, time_s: float, numbers: dict[str, list[float]]) -> None:
-        """Add a message."""
         self.times_s.append(time_s)
         for name, value in numbers.items():
             self.values.setdefault(name, []).append(value)

@@ -119,7 +119,6 @@ class ImportOptions:
         return {name: value for name, value in said.items() if value is not None}
 
     def wants(self, camera: str) -> bool:
-        """Return whether to import the camera's images."""
         return self.cameras is None or camera in self.cameras
 
 
@@ -153,7 +152,6 @@ class MappedCamera:
 
     @property
     def name(self) -> str:
-        """The camera's name."""
         return str(self.calibration["name"])
 
 

@@ -65,7 +65,6 @@ class ObjectEntry:
     low_dim_state: int | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the object in the form of an upload's metadata."""
         document: dict[str, Any] = {"name": self.name}
         if self.position_m is not None:
             document["position"] = list(self.position_m)
@@ -119,7 +118,6 @@ class Parcel:
 
     @property
     def films(self) -> list[str]:
-        """The names of the files that are films."""
         return [name for name in self.files if name.startswith(FILM_PREFIX)]
 
     @property
@@ -172,7 +170,6 @@ def canonical_json(value: object) -> bytes:
 
 
 def _as_uploaded(metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the metadata without later corrections."""
     first = metadata.get("uploaded_instruction") or metadata["instruction"]
     kept = {name: value for name, value in metadata.items() if name not in EDITED}
     return {**kept, "instruction": first}

@@ -163,7 +163,6 @@ def _task(folder: Path) -> str:
 
 
 def _instructions(root: Path, folder: Path, options: ImportOptions, budget: Budget) -> tuple[str, list[str]]:
-    """Return the instruction, and its other phrasings."""
     if options.instruction is not None:
         return options.instruction, []
     above = folder.parent.parent  # not below the root if the episode is imported alone

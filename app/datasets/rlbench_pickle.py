@@ -109,7 +109,6 @@ class Record:
         self._attributes = attributes
 
     def get(self, name: str) -> Any:  # noqa: ANN401
-        """Return the attribute, or None."""
         return plain(self._attributes.get(name))
 
 

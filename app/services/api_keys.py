@@ -52,7 +52,6 @@ class Caller:
     visibility: Visibility
 
     def may(self, accepted: frozenset[str]) -> bool:
-        """Whether one of the `accepted` scopes is the caller's."""
         return "admin" in self.scopes or not accepted.isdisjoint(self.scopes)
 
 
@@ -107,7 +106,6 @@ class KeyRing:
         return None if record is None else self._admitted(record)
 
     async def aclose(self) -> None:
-        """Finish what is being written."""
         await asyncio.gather(*self._noting)
 
     def _admitted(self, record: ApiKeyRecord) -> Caller:
@@ -214,11 +212,7 @@ class Sessions:
         self._keys = keys
 
     async def begin(self, caller: Caller) -> str:
-        """A new session of this caller's key: the token for its cookie.
-
-        Raises:
-            StoreError: if it cannot be stored.
-        """
+        """A new session of this caller's key: the token for its cookie; raises StoreError if it cannot be stored."""
         token = f"{SESSION_PREFIX}_{caller.key_id}_{secrets.token_urlsafe(SECRET_BYTES)}"
         until = datetime.now(UTC) + LONGEST
         await anyio.to_thread.run_sync(
@@ -247,9 +241,5 @@ class Sessions:
         return await self._keys.caller_of(key_id) if await anyio.to_thread.run_sync(read) == key_id else None
 
     async def end(self, token: str) -> None:
-        """End the session, if it is one.
-
-        Raises:
-            StoreError: if that cannot be stored.
-        """
+        """End the session, if it is one; raises StoreError if that cannot be stored."""
         await anyio.to_thread.run_sync(_write, self._store, api_keys.end_session, digest_of(token))

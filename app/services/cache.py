@@ -18,7 +18,6 @@ class Cache(Generic[K, V]):
         self._lock = threading.Lock()
 
     def get_or_make(self, key: K, make: Callable[[], V]) -> V:
-        """The value of that key, made if it is not there."""
         with self._lock:
             if key in self._values:
                 self._values.move_to_end(key)

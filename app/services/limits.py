@@ -31,7 +31,6 @@ class Limits:
     model_files: bool = True
 
     def check_pixels(self, num_pixels: int) -> None:
-        """Refuse images that have too many pixels together."""
         if num_pixels > self.max_request_pixels:
             raise InvalidInputError("images", f"has {num_pixels} pixels together", f"at most {self.max_request_pixels}")
 
@@ -44,7 +43,6 @@ class Limits:
             raise InvalidInputError("model", f"is {name!r}, a file of the service's machine", "a name from GET /models")
 
     def check_prompt(self, num_chars: int) -> None:
-        """Refuse a prompt that is too long."""
         if num_chars > self.max_prompt_chars:
             valid = f"at most {self.max_prompt_chars} characters: fewer or shorter demonstrations"
             raise InvalidInputError("num_demonstrations", f"makes a prompt of {num_chars} characters", valid)

@@ -161,7 +161,6 @@ class Metrics:
         timings_ms: Mapping[str, float],
         tokens: Mapping[str, int],
     ) -> None:
-        """Note a prediction, whatever its outcome."""
         model = self._label(model)
         self._predictions.labels(model, representation, status).inc()
         for stage, milliseconds in timings_ms.items():
@@ -170,7 +169,6 @@ class Metrics:
             self._tokens.labels(model, kind).inc(number)
 
     def observe_outcome(self, model: str, *, success: bool) -> None:
-        """Count the outcome that a robot reports."""
         self._outcomes.labels(self._label(model), str(success).lower()).inc()
 
     def _label(self, model: str) -> str:
@@ -180,5 +178,4 @@ class Metrics:
         return model
 
     def text(self) -> bytes:
-        """In Prometheus' text format."""
         return generate_latest(self._registry)

@@ -81,7 +81,6 @@ class KeyframeSettings(_Settings):
     ] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
-        """Return the pipeline's rule."""
         return KeyframeRule(self.rule, self.delta_rad_s, self.interval, self.tolerance_m, self.tolerance_deg)
 
     def in_words(self) -> str:
@@ -134,7 +133,6 @@ class MotionLimitsSettings(_Settings):
     ] = HAND_RADIUS_M
 
     def limits(self, workspace: WorkspaceSettings) -> MotionLimits:
-        """Return the limits of every action of a prediction."""
         keep_out = tuple(Box(box.min, box.max) for box in self.keep_out)
         step_m, step_deg = self.max_step_m, self.max_step_rotation_deg
         return MotionLimits(Box(workspace.min, workspace.max), keep_out, step_m, step_deg, self.hand_radius_m)

@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -17,10 +16,9 @@ from pydantic import (
 )
 from sqlalchemy import Connection
 
-from app.perception.base import ESTIMATOR_NAMES, GivenPoses, ObjectQuery
+from app.perception.base import ESTIMATOR_NAMES
 from app.perception.models import AsObjectModel, model_from_json
 from app.perception.object_model import WHOLE, Number, ObjectModelError
-from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_aliases_of, checked_aliases, spelling_variants
@@ -159,15 +157,9 @@ class TaskSettings(BaseModel):
 
     @classmethod
     def of(cls, connection: Connection, name: str) -> Self:
-        """Read the settings of the task of that name; raises NotFoundError."""
         return cls.model_validate(tasks.get(connection, name).settings)
 
-    def within(self, workspace: WorkspaceSettings) -> "TaskSettings":
-        """The settings with this workspace."""
-        return self.model_copy(update={"workspace": workspace})
-
     def limits_of_motion(self) -> MotionLimits:
-        """Return the limits of every action of a prediction."""
         return self.motion_limits.limits(self.workspace)
 
     def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":
@@ -191,16 +183,8 @@ class TaskSettings(BaseModel):
         )
         return mine != others
 
-    def motion_of(self, trajectory: Trajectory, control_frequency_hz: float) -> Motion:
-        """The motion of a recording, its gripper open where the task says so.
-
-        Args:
-            control_frequency_hz: of a trajectory without timestamps.
-        """
-        return Motion.of(trajectory.with_gripper_open_above(self.gripper_open_above_m), control_frequency_hz)
-
-    def with_joints_of(self, trajectory: Trajectory) -> "TaskSettings":
-        """The settings, with the number of joints once an episode shows it.
+    def with_recording(self, trajectory: Trajectory, control_frequency_hz: float) -> tuple["TaskSettings", Motion]:
+        """Return the settings, with the number of joints once an episode shows it, and its motion (`motion_of`).
 
         Raises:
             InvalidInputError: if the trajectory is another arm's.
@@ -209,7 +193,16 @@ class TaskSettings(BaseModel):
         if found and self.num_joints not in (None, found):
             message = f"has {found} joints, but the task's arm has {self.num_joints}"
             raise InvalidInputError("trajectory.joint_velocities", message, f"shape (T, {self.num_joints})")
-        return self.model_copy(update={"num_joints": found}) if found else self
+        settings = self.model_copy(update={"num_joints": found}) if found else self
+        return settings, settings.motion_of(trajectory, control_frequency_hz)
+
+    def motion_of(self, trajectory: Trajectory, control_frequency_hz: float) -> Motion:
+        """The motion of a recording, its gripper open where the task says so.
+
+        Args:
+            control_frequency_hz: of a trajectory without timestamps.
+        """
+        return Motion.of(trajectory.with_gripper_open_above(self.gripper_open_above_m), control_frequency_hz)
 
     def check_models(self, names: Iterable[str]) -> None:
         """Refuse models, aliases and symmetries of objects that are not among the task's `names`."""
@@ -223,32 +216,6 @@ class TaskSettings(BaseModel):
             if name not in known:
                 raise ObjectModelError(name, "is no object of the task", ", ".join(known))
 
-    def with_models(self, objects: Iterable[ObjectQuery]) -> tuple[ObjectQuery, ...]:
-        """The objects with what the task knows of them."""
-        return tuple(
-            query
-            if (model := self.object_models.get(query.name)) is None
-            else replace(query, model=model_from_json(query.name, model))
-            for query in objects
-        )
-
-    def compared(self, given: Iterable[ObjectQuery], found: Iterable[ObjectPose]) -> tuple[Compared, ...]:
-        """The objects that came with a pose, and were found in images as well."""
-        said = {query.name: query for query in given if query.position_m is not None}
-        return tuple(
-            Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, self._turn_deg(pose.name))
-            for pose in found
-            if pose.name in said and pose.estimator != GIVEN
-        )
-
-    def _turn_deg(self, name: str) -> float | None:
-        """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
-        if name in self.yaw_symmetry_deg:
-            return self.yaw_symmetry_deg[name]
-        model = self.object_models.get(name)
-        turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
-        return turn_deg
-
-    def canonical(self, poses: tuple[ObjectPose, ...]) -> tuple[ObjectPose, ...]:
+    def canonical(self, poses: Iterable[ObjectPose]) -> tuple[ObjectPose, ...]:
         """The poses with each symmetric object turned to its canonical yaw."""
         return tuple(canonical_pose(pose, self.yaw_symmetry_deg.get(pose.name)) for pose in poses)

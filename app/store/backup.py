@@ -21,10 +21,9 @@ from typing import Any
 from sqlalchemy import Connection, Table, exc, exists, func, insert, select, text
 
 from app.store import api_keys, audit, sqlite, tables
-from app.store.database import Database
+from app.store.data_folder import private_opener
+from app.store.database import Database, migrate
 from app.store.errors import ConflictError, CorruptDataError, disk_errors
-from app.store.migration import migrate
-from app.store.private import private_opener
 from app.store.store import Store, blob_digests
 
 DATABASE_NAME = "roboprompt.db"
@@ -199,7 +198,6 @@ def _is_whole(source: Connection) -> bool:
 
 
 def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, Any]:
-    """Return the audit log's details of a restore."""
     newest = audit.newest(source)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

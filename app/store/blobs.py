@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
+from app.store.data_folder import FILE_MODE, FOLDER_MODE, private_opener
 from app.store.errors import CorruptDataError, StoreUnavailableError, disk_errors
-from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
 _DIGEST = re.compile(r"[0-9a-f]{64}")

@@ -1,11 +1,12 @@
-"""Deletion of predictions and tasks with all that refers to them. Each query runs on the caller's transaction.
+"""Deletion of predictions and tasks with all that refers to them, and of predictions beyond the operator's limits.
 
-Their images stay until no other row refers to them either, see `Store.sweep`. What an episode carried out may be a
-prediction that is gone: it keeps the id.
+Each query runs on the caller's transaction; `keep_house` has its own. Images stay until no other row refers to them
+either, see `Store.sweep`. What an episode carried out may be a prediction that is gone: it keeps the id.
 """
 
+import logging
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, Select, Text, cast, delete, func, select
 
@@ -13,11 +14,14 @@ from app.store import audit, tables
 from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
+from app.store.store import Store
 from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
 _IS_NO_CASE = _PREDICTIONS.c.id.not_in(select(tables.cases.c.prediction_id))
+BATCH = 500  # predictions in a transaction: others want to write, too
+logger = logging.getLogger(__name__)
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
 
 
@@ -95,3 +99,49 @@ def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mappi
         if total > max_bytes:
             beyond.append(id_)
     return tuple(reversed(beyond))
+
+
+def keep_house(store: Store, max_age: timedelta | None = None, max_bytes: int | None = None) -> int:
+    """Delete predictions beyond the limits, then sweep, unless another process has done so within the hour.
+
+    Synchronous: call it in a thread.
+
+    Args:
+        max_age: of a prediction; None: any.
+        max_bytes: of all predictions with their images; the oldest go first. None: any number.
+
+    Returns:
+        How many images were removed: those that were put within the hour stay.
+
+    Raises:
+        StoreError: if the store fails.
+    """
+
+    def forget() -> None:
+        forgotten = 0
+        if max_age is not None:
+            while ids := _older_than(store, datetime.now(UTC) - max_age):
+                forgotten += _erase(store, ids)
+        if max_bytes is not None:
+            sizes = store.blobs.sizes()
+            with store.read() as connection:
+                beyond = predictions_beyond(connection, max_bytes, sizes)
+            forgotten += sum(_erase(store, beyond[at : at + BATCH]) for at in range(0, len(beyond), BATCH))
+        if forgotten:
+            logger.info("%d predictions were deleted, as the settings demand", forgotten)
+
+    return store.sweep_once(forget)
+
+
+def _older_than(store: Store, moment: datetime) -> tuple[str, ...]:
+    with store.read() as connection:
+        return predictions_before(connection, moment, BATCH)
+
+
+def _erase(store: Store, ids: tuple[str, ...]) -> int:
+    """Delete predictions, with their entry in the audit log; return how many."""
+    with store.write() as connection:
+        number = erase_predictions(connection, without_cases(connection, ids))
+        if number:
+            audit.record(connection, "predictions.expired", "", {"predictions": number}, actor="retention")
+    return number

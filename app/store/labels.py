@@ -1,7 +1,7 @@
 """Queries on labels: views of an object with its masks. Each runs on the caller's transaction."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from uuid import uuid4
 
@@ -18,28 +18,19 @@ _LABELS = tables.labels
 class LabelRecord:
     """One view of an object."""
 
-    id: str
     task: str
     object: str
     cameras: tuple[CameraRecord, ...]  # with the images of the view; the masks are this object's: 1 where it is
     num_pixels: Mapping[str, int]  # of the mask, by camera
-    yaw_deg: float | None  # of the object's x axis about the vertical, to within ten degrees, or None
-    episode_id: str | None  # whose first frame it is; None for images of its own
-    created_at: datetime
+    yaw_deg: float | None = None  # of the object's x axis about the vertical, to within ten degrees, or None
+    episode_id: str | None = None  # whose first frame it is; None for images of its own
+    id: str = field(default_factory=lambda: uuid4().hex)
+    created_at: datetime = field(default_factory=lambda: datetime.now(UTC))
 
 
-def add(
-    connection: Connection,
-    task: str,
-    name: str,
-    cameras: tuple[CameraRecord, ...],
-    num_pixels: Mapping[str, int],
-    yaw_deg: float | None,
-    episode_id: str | None,
-) -> LabelRecord:
-    """A new label of the object `name`; raises NotFoundError."""
-    tasks.lock(connection, task)
-    record = LabelRecord(uuid4().hex, task, name, cameras, dict(num_pixels), yaw_deg, episode_id, datetime.now(UTC))
+def add(connection: Connection, record: LabelRecord) -> LabelRecord:
+    """Store a new label; raises NotFoundError if there is no such task."""
+    tasks.lock(connection, record.task)
     connection.execute(insert(_LABELS).values(vars(record)))
     return record
 
@@ -47,7 +38,7 @@ def add(
 def all_of(connection: Connection, task: str, name: str | None = None) -> tuple[LabelRecord, ...]:
     """The task's labels in the order they came, those of one object or all; raises NotFoundError."""
     tasks.get(connection, task)
-    query = select(*(_LABELS.c[field.name] for field in fields(LabelRecord))).where(_LABELS.c.task == task)
+    query = select(*(_LABELS.c[item.name] for item in fields(LabelRecord))).where(_LABELS.c.task == task)
     if name is not None:
         query = query.where(_LABELS.c.object == name)
     return tuple(LabelRecord(*row) for row in connection.execute(query.order_by(_LABELS.c.sequence)))

@@ -78,7 +78,6 @@ class ObjectBlobStore:
         return age is not None and age < TRUSTED_AGE
 
     def _age(self, path: str) -> timedelta | None:
-        """Since it was last put; None if it is not there."""
         try:
             return datetime.now(UTC) - obstore.head(self._store, path)["last_modified"]
         except (NotFoundError, FileNotFoundError):

@@ -55,7 +55,6 @@ class PredictionSummary:
 
     @property
     def dangers(self) -> list[str]:
-        """The codes of findings of that severity, causes first."""
         return [item["code"] for item in self.findings or () if item["severity"] == "danger"]
 
     @property
@@ -85,7 +84,6 @@ class PredictionFilter:
     without_models: tuple[str, ...] = ()  # whose predictions are left out
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
-        """`query` on predictions, of those that fit and are seen."""
         query = of_visible_predictions(query, self.task)
         for name in ("model", "representation", "prompt_format"):
             if (value := getattr(self, name)) is not None:
@@ -163,7 +161,6 @@ class Configuration:
 
     @classmethod
     def of(cls, record: PredictionRecord) -> "Configuration":
-        """The one of a recorded prediction."""
         asked = record.request
         selection = asked.get("selection", "first") if asked.get("episode_ids") is None else None
         number, samples = len(record.demonstration_ids), len(record.samples or (None,))

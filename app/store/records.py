@@ -73,10 +73,12 @@ class DemonstrationRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeFields(DemonstrationRecord):
-    """What a new and a stored episode have in common."""
+class EpisodeRecord(DemonstrationRecord):
+    """An episode; its trajectory is read on its own."""
 
-    created_at: datetime
+    id: str = field(default_factory=lambda: uuid4().hex)
+    created_at: datetime = field(default_factory=lambda: datetime.now(UTC))
+    sequence: int = 0  # in the order of uploads; 0 until it is stored
     task: str
     num_frames: int
     given_objects: tuple[JsonObject, ...]  # the objects as the caller sent them: their poses can be estimated again
@@ -91,20 +93,10 @@ class EpisodeFields(DemonstrationRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeDraft(EpisodeFields):
-    """A new episode."""
+class EpisodeDraft(EpisodeRecord):
+    """A new episode, with its trajectory as `trajectories.pack` makes it, which takes too long for a transaction."""
 
-    id: str = field(default_factory=lambda: uuid4().hex)
-    created_at: datetime = field(default_factory=lambda: datetime.now(UTC))
-    extra: JsonObject
-    trajectory: bytes  # as `trajectories.pack` makes it, which takes too long for a transaction
-
-
-@dataclass(frozen=True, kw_only=True)
-class EpisodeRecord(EpisodeFields):
-    """A stored episode; its trajectory is read on its own."""
-
-    sequence: int
+    trajectory: bytes
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from typing import cast
 from sqlalchemy import Connection, Engine, event
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from app.store.data_folder import private_file
 from app.store.errors import CorruptDataError, StoreUnavailableError
-from app.store.private import private_file
 
 # Execution option of a connection whose transaction will write.
 WRITE_OPTION = "roboprompt_write"

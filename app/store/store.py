@@ -12,11 +12,9 @@ from sqlalchemy import Connection, Text, cast, select
 
 from app.store import tables
 from app.store.blobs import BlobStore, FileBlobStore, digests_in
-from app.store.database import SERVER_CONNECTIONS, Database
+from app.store.data_folder import Turns, UnderWayNotes, private_folder, private_opener
+from app.store.database import SERVER_CONNECTIONS, Database, migrate
 from app.store.errors import StoreUnavailableError, disk_errors
-from app.store.migration import migrate
-from app.store.private import private_folder, private_opener
-from app.store.processes import Turns, UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
 SWEEP_GRACE = timedelta(hours=1)
@@ -77,15 +75,12 @@ class Store:
             raise
 
     def read(self) -> AbstractContextManager[Connection]:
-        """A transaction that sees one state throughout; see `Database.read`."""
         return self._database.read()
 
     def write(self) -> AbstractContextManager[Connection]:
-        """A transaction alone in writing: committed at the end, or rolled back; see `Database.write`."""
         return self._database.write()
 
     def ping(self) -> None:
-        """Make sure that the database answers; raises StoreUnavailableError."""
         with self.read() as connection:
             connection.execute(select(tables.tasks.c.name).limit(1)).first()
 
@@ -113,7 +108,6 @@ class Store:
             return removed
 
     def close(self) -> None:
-        """Close every connection."""
         self._database.close()
 
 

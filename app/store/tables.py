@@ -1,17 +1,12 @@
 """The tables, as `migrations/` makes them (a test compares the two), and pages of those that grow."""
 
 from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import (
-    JSON,
-    BigInteger,
     Boolean,
     Column,
     Connection,
-    DateTime,
-    Dialect,
     Float,
     ForeignKey,
     Index,
@@ -23,11 +18,10 @@ from sqlalchemy import (
     String,
     Table,
     Text,
-    TypeDecorator,
 )
 
 from app.store.records import Page, T
-from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+from app.store.values import CameraRecord, Items, Json, KeyframeRecord, ObjectRecord, SequenceNumber, UtcDateTime
 
 # Constraints that have names can be altered by a later migration on every database.
 NAMING_CONVENTION = {
@@ -37,47 +31,6 @@ NAMING_CONVENTION = {
     "pk": "pk_%(table_name)s",
 }
 
-
-class UtcDateTime(TypeDecorator[datetime]):
-    """An aware datetime, always UTC; SQLite stores none of a datetime's zone."""
-
-    impl = DateTime(timezone=True)
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        """`value` in UTC."""
-        return None if value is None else value.astimezone(UTC)
-
-    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        """`value` marked as UTC."""
-        return None if value is None else value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
-
-
-# Python's None is SQL's NULL, never JSON's `null`.
-Json = JSON(none_as_null=True)
-
-
-class Items(TypeDecorator[tuple[Any, ...]]):
-    """A tuple of records, or without their class of what JSON has; a list in JSON."""
-
-    impl = Json
-    cache_ok = True
-
-    def __init__(self, record: type[KeyframeRecord | ObjectRecord | CameraRecord] | None = None) -> None:
-        super().__init__()
-        self.record = record
-
-    def process_bind_param(self, value: tuple[Any, ...] | None, dialect: Dialect) -> list[Any] | None:
-        """Documents of the records."""
-        return value if value is None else [item.to_json() for item in value] if self.record else list(value)
-
-    def process_result_value(self, value: list[Any] | None, dialect: Dialect) -> tuple[Any, ...] | None:
-        """Records of the documents."""
-        return value if value is None else tuple(map(self.record.from_json, value) if self.record else value)
-
-
-# SQLite numbers rows by itself only where the type is spelled INTEGER.
-SequenceNumber = BigInteger().with_variant(Integer, "sqlite")
 
 metadata = MetaData(naming_convention=NAMING_CONVENTION)
 

@@ -1,13 +1,15 @@
-"""Keyframes, objects and cameras as an episode's row keeps them: plain tuples <-> JSON, and <-> the pipeline's values.
+"""Values and types of columns: keyframes, objects and cameras <-> JSON, and <-> the pipeline's values.
 
 Not the pipeline's own classes, because these check every array: ten demonstrations would take longer to check than to
 read.
 """
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, Literal, Self
 
 import numpy as np
+from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Integer, TypeDecorator
 
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, camera_from_json, camera_json
@@ -22,7 +24,6 @@ def _floats(values: Array) -> tuple[float, ...]:
 
 
 def _without_units(record: object) -> JsonObject:
-    """The record's fields, named as in the API: ``position``."""
     return {name.removesuffix("_m"): value for name, value in vars(record).items()}
 
 
@@ -40,24 +41,20 @@ class ObjectRecord:
 
     @classmethod
     def of(cls, pose: ObjectPose) -> Self:
-        """The record of `pose`."""
         quaternion = None if pose.quaternion_xyzw is None else _floats(pose.quaternion_xyzw)
         found = (pose.estimator, pose.cameras, pose.confidence, pose.reason)
         return cls(pose.name, _floats(pose.position_m), quaternion, *found)
 
     def pose(self) -> ObjectPose:
-        """Return it as the pipeline's type."""
         quaternion = None if self.quaternion_xyzw is None else np.array(self.quaternion_xyzw)
         found = (self.estimator, self.cameras, self.confidence, self.reason)
         return ObjectPose(self.name, np.array(self.position_m), quaternion, *found)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the JSON document that is stored."""
         return _without_units(self)
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`."""
         quaternion = value["quaternion_xyzw"]
         return cls(
             value["name"],
@@ -81,21 +78,17 @@ class KeyframeRecord:
 
     @classmethod
     def of(cls, index: int, action: EndEffectorAction) -> Self:
-        """The record of `action` at frame `index`."""
         position, quaternion = _floats(action.position_m), _floats(action.quaternion_xyzw)
         return cls(index, position, quaternion, action.gripper_open)
 
     def action(self) -> EndEffectorAction:
-        """Return it as the pipeline's type."""
         return EndEffectorAction(np.array(self.position_m), np.array(self.quaternion_xyzw), self.gripper_open)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the JSON document that is stored."""
         return _without_units(self)
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`."""
         position, quaternion = tuple(value["position"]), tuple(value["quaternion_xyzw"])
         return cls(value["index"], position, quaternion, value["gripper_open"])
 
@@ -117,32 +110,63 @@ class CameraRecord:
         depth_digest: str | None = None,
         mask_digest: str | None = None,
     ) -> Self:
-        """The record of `camera` and its images."""
         return cls(camera_json(camera), rgb_digest, depth_digest, mask_digest)
 
     @property
     def name(self) -> str:
-        """The camera's."""
         return str(self.calibration["name"])
 
     @property
     def has_rgbd(self) -> bool:
-        """Whether it has a color image and a depth image."""
         return self.rgb_digest is not None and self.depth_digest is not None
 
     def digest(self, kind: ImageKind) -> str | None:
-        """Return the digest of its image of that kind, if it has one."""
         return {"rgb": self.rgb_digest, "depth": self.depth_digest, "mask": self.mask_digest}[kind]
 
     def camera(self) -> Camera:
-        """Return it as the pipeline's type."""
         return camera_from_json(self.calibration)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the JSON document that is stored."""
         return dict(vars(self))
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`."""
         return cls(**value)
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """An aware datetime, always UTC; SQLite stores none of a datetime's zone."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        return None if value is None else value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        return None if value is None else value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+# Python's None is SQL's NULL, never JSON's `null`.
+Json = JSON(none_as_null=True)
+
+
+class Items(TypeDecorator[tuple[Any, ...]]):
+    """A tuple of records, or without their class of what JSON has; a list in JSON."""
+
+    impl = Json
+    cache_ok = True
+
+    def __init__(self, record: type[KeyframeRecord | ObjectRecord | CameraRecord] | None = None) -> None:
+        super().__init__()
+        self.record = record
+
+    def process_bind_param(self, value: tuple[Any, ...] | None, dialect: Dialect) -> list[Any] | None:
+        return value if value is None else [item.to_json() for item in value] if self.record else list(value)
+
+    def process_result_value(self, value: list[Any] | None, dialect: Dialect) -> tuple[Any, ...] | None:
+        return value if value is None else tuple(map(self.record.from_json, value) if self.record else value)
+
+
+# SQLite numbers rows by itself only where the type is spelled INTEGER.
+SequenceNumber = BigInteger().with_variant(Integer, "sqlite")

@@ -26,7 +26,6 @@ class Visibility:
     judges_others: bool = True  # whether the outcome of others' predictions may be recorded
 
     def has_task(self, name: str) -> bool:
-        """Whether the key is for this task."""
         return self.tasks is None or name in self.tasks
 
     def require_task(self, name: str) -> None:
@@ -35,7 +34,6 @@ class Visibility:
             raise ForbiddenTaskError(name, self.tasks)
 
     def has_prediction(self, task: str, key_id: str | None) -> bool:
-        """Whether a prediction of that task, asked for by that key, is seen."""
         return self.has_task(task) and (self.others or key_id == self.key_id)
 
     def require_own(self, key_id: str | None) -> None:

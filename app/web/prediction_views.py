@@ -12,7 +12,7 @@ from sqlalchemy import Connection
 from app.pipeline.deviation import ActionDeviation
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.success_rate import SuccessRate
-from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
+from app.services.predict.evidence import Explanation, configuration, explanation, path_of
 from app.services.predict.known import KnownReader
 from app.services.task_settings import TaskSettings
 from app.store import episodes, prediction_lists, predictions
@@ -115,8 +115,7 @@ def view_prediction(connection: Connection, known: KnownReader, prediction_id: s
     record = predictions.get(connection, prediction_id)
     settings = TaskSettings.of(connection, record.task)
     shown = episodes.by_ids(connection, record.task, record.demonstration_ids)
-    demonstrations = known.demonstrations(connection, record.task, tuple(shown))
-    return PredictionView(record, settings, shown, explain_prediction(record, demonstrations))
+    return PredictionView(record, settings, shown, explanation(connection, known, record, tuple(shown)))
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import pytest
 
 from app.services.api_keys import create_key
 from app.store.backup import back_up
+from app.store.data_folder import UnderWay
 from app.store.errors import StoreUnavailableError
-from app.store.processes import UnderWay
 from app.store.store import Store
 from tests.store.drafts import episode_draft, upload
 

@@ -8,9 +8,8 @@ import zipfile
 import pytest
 
 from app.cli.import_data import check_dataset
-from app.datasets.apart import open_apart
+from app.datasets.apart import open_apart, open_dataset
 from app.datasets.bounds import DatasetError
-from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from roboprompt_client.errors import InvalidInputError
 

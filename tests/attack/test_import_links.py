@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
+from app.datasets.apart import open_dataset
 from app.datasets.bounds import Budget, DamagedError, DatasetError
-from app.datasets.formats import open_dataset
 from app.datasets.lerobot.files import Info, Place
 from app.datasets.lerobot.reader import first_image
 from app.datasets.lerobot.writer import write_lerobot

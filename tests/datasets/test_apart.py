@@ -1,9 +1,8 @@
 import pytest
 
-from app.datasets.apart import open_apart
+from app.datasets.apart import open_apart, open_dataset
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
-from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from roboprompt_client.errors import InvalidInputError
 from tests.datasets.parcels import parcels

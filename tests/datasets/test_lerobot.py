@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from app.datasets.apart import open_dataset
 from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
-from app.datasets.formats import open_dataset
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry

@@ -5,8 +5,8 @@ import pytest
 from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer
 
+from app.datasets.apart import open_dataset
 from app.datasets.bounds import DamagedError, MissingPackageError
-from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.pipeline.keyframes import Motion, merged

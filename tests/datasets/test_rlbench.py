@@ -3,8 +3,8 @@ import pickle
 import numpy as np
 import pytest
 
+from app.datasets.apart import open_dataset
 from app.datasets.bounds import Budget, DamagedError, DatasetError, ReadLimits
-from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.datasets.rlbench_pickle import load_demo

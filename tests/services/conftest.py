@@ -43,7 +43,7 @@ def scripted(store):
             lambda model, settings: ScriptedModel(script, profile=profile, **options), lambda settings: [profile]
         )
         registry = ModelRegistry(LlmSettings(default_model="scripted"), {"scripted": backend})
-        return Services.wire(store, registry, "scripted")
+        return Services(store, registry, "scripted")
 
     return wire
 
@@ -52,7 +52,7 @@ def scripted(store):
 def nearest(store):
     """Services that copy the nearest demonstration."""
     models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
-    return Services.wire(store, models, "nearest")
+    return Services(store, models, "nearest")
 
 
 @pytest.fixture

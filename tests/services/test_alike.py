@@ -9,7 +9,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InstructionError, ObjectSetError, UngroundedInstructionError
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.teach.upload import Upload, UploadEpisode
+from app.services.teach.upload import UploadEpisode
+from app.services.teach.upload_checks import Upload
 
 from ..pipeline.recordings import pick_and_place, resting
 

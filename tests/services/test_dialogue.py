@@ -16,7 +16,7 @@ from app.services.predict.part_reply import PredictedAction
 from app.services.predict.record import Prediction
 from app.services.predict.reply import AGAIN_TEMPERATURE
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
 from tests.services.test_predict_actions import ask, recorded

@@ -49,7 +49,7 @@ def prediction(predicted, objects, **changes):
 
 def explained(record, shown=None):
     known = tuple(item.demonstration() for item in (demonstrations() if shown is None else shown))
-    return explain_prediction(record, Demonstrations(known, known))
+    return explain_prediction(record, [item.pose() for item in record.objects], Demonstrations(known, known))
 
 
 def test_objects_and_actions_are_held_against_the_demonstrations():

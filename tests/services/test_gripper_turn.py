@@ -12,7 +12,7 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration, Episode
 from app.pipeline.plans.turn import WristRange
 from app.services.predict.request import PredictRequest
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from roboprompt_client.types.poses import EndEffectorAction
 from tests.services.test_upload_episode import respond
 

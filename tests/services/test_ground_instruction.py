@@ -12,7 +12,7 @@ from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.measures import timings_of_its_own
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory

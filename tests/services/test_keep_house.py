@@ -3,8 +3,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
-from app.services.keep_house import keep_house
 from app.store import audit, erasure, predictions, tables
+from app.store.erasure import keep_house
 from app.store.errors import StoreUnavailableError
 from tests.store.drafts import camera_record, predict, prediction_draft
 

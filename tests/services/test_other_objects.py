@@ -10,7 +10,7 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InstructionError, ObjectSetError
 from app.services.predict.request import PredictRequest
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from app.store import tasks
 
 from ..pipeline.recordings import pick_and_place, resting

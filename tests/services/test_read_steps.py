@@ -10,7 +10,7 @@ from app.pipeline.errors import InstructionError, ObjectSetError
 from app.pipeline.steps.reading import PlanStep
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
-from app.services.teach.upload import Upload
+from app.services.teach.upload_checks import Upload
 from app.store import tasks
 from app.store.visibility import Visibility, seeing
 from roboprompt_client.errors import InvalidInputError
@@ -96,6 +96,22 @@ def test_a_prediction_without_a_task_is_of_the_one_that_fits(services):
 def test_a_prediction_that_no_task_fits_lists_them_with_the_reasons(services, said, objects, error, why):
     with pytest.raises(error, match=why):
         services.read_steps.with_task(PredictRequest("", said, objects))
+
+
+def test_of_many_tasks_a_refusal_lists_the_ten_with_the_nearest_words(services):
+    for number in range(12):
+        teach(services, f"other_{number}", "polish the lamp", (ObjectQuery("lamp", (0.3, 0.1, 0.8)),))
+    with pytest.raises(InstructionError) as refused:
+        services.read_steps("close the box", (BOX,))
+    usable, rest = refused.value.valid.split("; ", 1)
+    others, more = rest.rsplit("; ", 1)
+    assert usable == "open: 'open the box'"
+    assert "not with these objects: fill (not seen: cup); other_0" in others
+    assert (others.count("other_"), more) == (8, "and 5 more tasks")
+    with pytest.raises(ObjectSetError) as unknown:
+        services.read_steps("polish the lamp", (ObjectQuery("mat"),))
+    assert unknown.value.valid.startswith("not with these objects: other_0 (not seen: lamp)")
+    assert unknown.value.valid.endswith("other_7 (not seen: lamp); and 5 more tasks")
 
 
 def test_a_prediction_that_two_tasks_fit_is_refused(services):

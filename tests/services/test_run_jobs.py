@@ -5,9 +5,9 @@ from datetime import timedelta
 
 import pytest
 
+from app.services.teach import configure
 from app.services.teach import extract as extraction
-from app.services.teach import reextract
-from app.services.teach.reextract import RunJobs
+from app.services.teach.configure import RunJobs
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.store import Store
@@ -28,7 +28,7 @@ def store(request, tmp_path):
 
 @pytest.fixture
 def services(scripted, monkeypatch):
-    monkeypatch.setattr(reextract, "BATCH", 2)
+    monkeypatch.setattr(configure, "BATCH", 2)
     services = scripted("[]")
     services.configure_task._max_at_once = 4
     for _ in range(5):

@@ -7,7 +7,8 @@ import pytest
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
-from app.services.teach.upload import Upload, UploadEpisode
+from app.services.teach.upload import UploadEpisode
+from app.services.teach.upload_checks import Upload
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from roboprompt_client.errors import InvalidInputError

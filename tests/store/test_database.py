@@ -6,9 +6,8 @@ import pytest
 from sqlalchemy import func, insert, select
 
 from app.store import tables, tasks
-from app.store.database import Database
+from app.store.database import Database, migrate
 from app.store.errors import CorruptDataError, StoreUnavailableError
-from app.store.migration import migrate
 from app.store.store import Store
 
 from .drafts import episode_draft, read, upload, write

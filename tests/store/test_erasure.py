@@ -7,6 +7,7 @@ from sqlalchemy import func, select, update
 
 from app.store import audit, erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
+from app.store.labels import LabelRecord
 from app.store.records import Extraction
 
 from .drafts import TASK, camera_record, episode_draft, object_record, predict, prediction_draft, read, upload, write
@@ -27,7 +28,7 @@ def fill(store, task):
     remember(store, idempotency.PREDICT, f"ask {task}", {"id": asked.id, "actions": []})
     with store.write() as connection:
         predictions.record_outcome(connection, asked.id, True, "fine")
-        labels.add(connection, task, "drawer", (camera_record(),), {"front": 7}, None, episode.id)
+        labels.add(connection, LabelRecord(task, "drawer", (camera_record(),), {"front": 7}, None, episode.id))
         jobs.add(connection, task, {})
     with store.write() as connection:
         job = jobs.claim(connection, LEASE)

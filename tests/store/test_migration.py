@@ -16,9 +16,8 @@ from alembic.util import CommandError
 from sqlalchemy import Integer, inspect, text
 
 from app.store import episodes, predictions, tasks
-from app.store.database import Database
+from app.store.database import Database, alembic_config, migrate, migration_transaction
 from app.store.errors import CorruptDataError, SchemaVersionError, StoreUnavailableError
-from app.store.migration import alembic_config, migrate, migration_transaction
 from app.store.store import Store
 from app.store.tables import metadata
 
@@ -113,7 +112,7 @@ def test_a_filled_database_is_upgraded_by_the_next_revision_and_back(tmp_path, e
             return {column["name"] for column in inspect(connection).get_columns("tasks")}
 
     with monkeypatch.context() as patched:
-        patched.setattr("app.store.migration.alembic_config", lambda: Config(next_release / "alembic.ini"))
+        patched.setattr("app.store.database.alembic_config", lambda: Config(next_release / "alembic.ini"))
         migrate(either)
     assert "note" in columns_of_tasks()
     with store.read() as connection:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from app.store.data_folder import Turns, UnderWay, UnderWayNotes
 from app.store.errors import StoreUnavailableError
-from app.store.processes import Turns, UnderWay, UnderWayNotes
 
 HOLDER = """
 import sys
 from pathlib import Path
-from app.store.processes import Turns
+from app.store.data_folder import Turns
 turn = Turns(Path(sys.argv[1])).take("a")
 print("taken" if turn else "refused", flush=True)
 sys.stdin.read()

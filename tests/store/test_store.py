@@ -9,6 +9,7 @@ import pytest
 
 from app.store import episodes, labels, tasks
 from app.store.errors import StoreUnavailableError
+from app.store.labels import LabelRecord
 from app.store.store import Store, blob_digests
 
 from .drafts import SETTINGS, TASK, camera_record, episode_draft, read, upload, write
@@ -99,7 +100,7 @@ def test_sweep_keeps_masks_and_templates(store):
     with store.write() as connection:
         model = {"estimator": "registered", "template": template}
         tasks.get_or_create(connection, TASK, {**SETTINGS, "object_models": {"drawer": model}})
-        labels.add(connection, TASK, "drawer", (camera_record(mask_digest=mask),), {"front": 7}, 30.0, None)
+        labels.add(connection, LabelRecord(TASK, "drawer", (camera_record(mask_digest=mask),), {"front": 7}, 30.0))
     assert read(store, blob_digests) == {mask, template}
     assert store.sweep(AT_ONCE) == 1
     assert orphan not in store.blobs.sizes()

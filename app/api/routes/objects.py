@@ -33,10 +33,9 @@ from app.perception.images import decode_mask
 from app.perception.poses_wire import poses_document
 from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
-from app.services.pose_servers import find_poses
-from app.services.scene_images import overlay_of
 from app.services.teach import learn
 from app.services.teach.labels import LabelDraft
+from app.services.vision import find_poses, overlay_of
 from app.store import labels
 from app.store.blobs import BlobStore
 from app.store.labels import LabelRecord

@@ -19,7 +19,7 @@ from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
 from app.services.container import Services
-from app.services.predict.standing import task_stats
+from app.services.predict.evidence import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
 from app.services.teach.learn import Tried, try_model

@@ -4,6 +4,7 @@ Every word must have a role, as in the instruction of one task, and every step m
 objects of these kinds. A sentence with two meanings is refused.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +29,7 @@ from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
 
 MAX_STEPS = 24  # that one sentence asks for
+MAX_TASKS_LISTED = 10  # in a refusal
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
 
 
@@ -83,12 +85,14 @@ class TasksOfScene(TaughtWords):
         return tuple(frame for skill in self.skills for frame in skill.taught.frames)
 
 
-def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, others: str = "") -> tuple[PlanStep, ...]:
+def read_steps(
+    instruction: str, scene: TasksOfScene, layout: Layout | None, others: Mapping[Skill, str] | None = None
+) -> tuple[PlanStep, ...]:
     """Return the steps that the instruction asks for, in their order.
 
     Args:
         layout: where the objects are, for relations; None: unknown.
-        others: why further tasks cannot be used, for the refusal.
+        others: further tasks, and why they cannot be used, for the refusal.
 
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; they name the part.
@@ -107,8 +111,33 @@ def read_steps(instruction: str, scene: TasksOfScene, layout: Layout | None, oth
     found = found or reader.read()
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
-    valid = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in scene.skills]
-    raise reader.refusal(found).error("; ".join([*valid, others] if others else valid))
+    raise reader.refusal(found).error(tasks_nearest_to(instruction, scene.skills, others or {}))
+
+
+def tasks_nearest_to(instruction: str, usable: Sequence[Skill], others: Mapping[Skill, str]) -> str:
+    """Return a list of at most `MAX_TASKS_LISTED` tasks, those that share most words with the instruction first.
+
+    Args:
+        others: tasks that cannot be used, and why.
+    """
+    said = _words(instruction)
+
+    def shared(skill: Skill) -> float:
+        taught = (_words(f"{skill.task} {text}") for text in skill.taught.instructions)
+        return max((len(said & words) / len(said | words) for words in taught), default=0.0)
+
+    nearest = sorted((*usable, *others), key=shared, reverse=True)
+    shown = nearest[:MAX_TASKS_LISTED]
+    parts = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in shown if skill not in others]
+    if unlike := [f"{skill.task} ({others[skill]})" for skill in shown if skill in others]:
+        parts.append(f"not with these objects: {'; '.join(unlike)}")
+    if more := len(nearest) - len(shown):
+        parts.append(f"and {more} more task{'s' * (more > 1)}")
+    return "; ".join(parts)
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(re.findall(r"\w+", text.lower()))
 
 
 def _folded(text: str) -> str:

@@ -22,15 +22,13 @@ from app.services.predict.instruction import ask_meaning, understand
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits, MotionCheck
 from app.services.predict.part_reply import PredictedAction
-from app.services.predict.prefix import choose_prefix
-from app.services.predict.question import Question, write_question
+from app.services.predict.question import Question, choose_prefix, write_question
 from app.services.predict.record import FAILURES, Prediction, PredictionRecorder
-from app.services.predict.reply import Reply
+from app.services.predict.reply import Reply, SampledReply
 from app.services.predict.request import PredictRequest
-from app.services.predict.samples import SampledReply
 from app.services.predict.warm import PrefixWarmer
+from app.store.data_folder import UnderWay, UnderWayNotes
 from app.store.errors import StoreUnavailableError
-from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.types.names import checked_instruction
 

@@ -1,8 +1,9 @@
-"""Stored episodes -> demonstrations with symmetric objects at canonical yaw, and rows aligned within each plan."""
+"""Stored episodes -> demonstrations with rows aligned within each plan -> the prefix of a prompt."""
 
+import hashlib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from sqlalchemy import Connection
 
@@ -12,13 +13,22 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.yaw import Rotations
+from app.pipeline.groups import by_plan
 from app.pipeline.plans import Recording, agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
+from app.pipeline.plans.support import Support
 from app.pipeline.plans.turn import folded
+from app.pipeline.prompt import PromptTemplate, system_prompt_text
+from app.pipeline.representation import fit_codec
+from app.pipeline.workspace import Workspace
+from app.services.predict.request import PromptStyle
 from app.services.task_settings import TaskSettings
+from app.services.vision import compared
 from app.store import episodes
 from app.store.records import DemonstrationRecord
 from app.store.trajectories import get_trajectories
+
+MAX_PREFIXES = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +49,6 @@ class Demonstrations:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
-        """Return the recordings' demonstrations."""
         recorded = demonstrated(recordings)
         aligned = bool(recordings) and recordings[0].rule.aligned
         return cls(agreeing(recorded) if aligned else recorded, recorded, aligned)
@@ -76,8 +85,8 @@ def read_compared(
     return tuple(
         pair
         for record in episodes.by_ids(connection, task, ids).values()
-        for pair in settings.compared(
-            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
+        for pair in compared(
+            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects], settings
         )
     )
 
@@ -101,7 +110,8 @@ def recordings_of(
     """Return each record's demonstration with the motion of its trajectory; objects that not all have are left out."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
-    found = [canonical_demonstration(record.demonstration(), settings) for record in records]
+    stored = [record.demonstration() for record in records]
+    found = [replace(item, objects=settings.canonical(item.objects)) for item in stored]
     names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
     for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
@@ -109,11 +119,72 @@ def recordings_of(
     return folded(recordings) if settings.gripper_symmetry_deg else recordings
 
 
-def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
-    """Return the demonstration with symmetric objects at their canonical yaw."""
-    return replace(demonstration, objects=settings.canonical(demonstration.objects))
-
-
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """Return the names that all scenes have, in the first scene's order."""
     return tuple(name for name in names[0] if all(name in others for others in names)) if names else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Prefix:
+    """The system prompt and the demonstrations as text, with what replies are checked against.
+
+    Attributes:
+        template: has the text, and writes queries.
+        demonstration_ids: in the order of the prompt.
+        support: checks actions against the demonstrated plans.
+        instructions: of the demonstrations.
+    """
+
+    template: PromptTemplate
+    demonstration_ids: tuple[str, ...]
+    support: Support
+    instructions: tuple[str, ...]
+
+    @cached_property
+    def cache_key(self) -> str:
+        """A digest of the prompt up to the query."""
+        return hashlib.sha256(f"{self.template.system}\0{self.template.prefix}".encode()).hexdigest()[:16]
+
+
+def usual_prefixes(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:
+    """Return the prefixes of the most frequent plans, the most frequent first."""
+    workspace, plans = settings.workspace.workspace(), demonstrations.plans
+    choices = [None] if plans is None else [choice.shown for choice in plans.likely()]
+    return [write_prefix(demonstrations, workspace, style, shown) for shown in choices]
+
+
+@lru_cache(MAX_PREFIXES)
+def write_prefix(
+    demonstrations: Demonstrations,
+    workspace: Workspace,
+    style: PromptStyle,
+    of_scene: tuple[Demonstration, ...] | None,
+    absent: tuple[str, ...] = (),
+) -> Prefix:
+    """Fit the representation and write the demonstrations. The text depends on the arguments alone, byte for byte.
+
+    Args:
+        of_scene: the recorded demonstrations of the plans that the scene calls for; None: all.
+        absent: objects of the task that the scene lacks.
+
+    Raises:
+        InvalidInputError: without demonstrations.
+    """
+    recorded = demonstrations.recorded if of_scene is None else of_scene
+    shown = demonstrations.shown if of_scene is None else agreeing(of_scene)
+    shown, recorded = (
+        tuple(_as_asked(item, absent, style.from_start) for item in items) for items in (shown, recorded)
+    )
+    codec = fit_codec(style.representation, style.prompt_format, shown, workspace)
+    return Prefix(
+        PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt)),
+        tuple(item.id for item in shown),
+        Support.of(by_plan(recorded), by_plan(shown)),
+        tuple(item.instruction for item in shown),
+    )
+
+
+def _as_asked(demonstration: Demonstration, absent: Collection[str], from_start: bool) -> Demonstration:
+    """Return the demonstration without absent objects, and without the start pose if the request has none."""
+    present = demonstration.only([pose.name for pose in demonstration.objects if pose.name not in absent])
+    return present if from_start else replace(present, start=None)

@@ -1,6 +1,6 @@
 """Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,20 +13,24 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.pipeline.plans.symmetry import Symmetries
+from app.pipeline.workspace import Workspace
+from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
-from app.services.pose_servers import PoseServers
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import TaskCaches, TaskReading
-from app.services.scene_images import check_colors, with_templates
+from app.services.predict.task_reading import KeptTasks, TaskReading
 from app.services.task_settings import TaskSettings
+from app.services.vision import PoseServers, check_colors, with_models, with_templates
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.poses import ObjectPose, Pose
+
+MAX_TASKS = 128  # whose present version is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +38,16 @@ class ObservedScene:
     """The objects that a request observed.
 
     Attributes:
-        objects: those of the task, in its order.
+        observed: those of the task, in its order, as the robot sent them or as images show them.
+        objects: the same with symmetric objects turned to the side that demonstrations have.
         absent: names of the task's objects that were not observed.
-        bystanders: observed objects that the task does not have.
+        bystanders: observed objects that the task does not have, symmetric ones at their canonical yaw.
     """
 
+    observed: tuple[ObjectPose, ...]
     objects: tuple[ObjectPose, ...]
     absent: tuple[str, ...] = ()
     bystanders: tuple[ObjectPose, ...] = ()
-
-    def folded(self, symmetries: Symmetries) -> "ObservedScene":
-        """Return the scene with each symmetric object turned to the side that the hand takes."""
-        objects = (symmetries[pose.name].folded(pose) if pose.name in symmetries else pose for pose in self.objects)
-        return replace(self, objects=tuple(objects))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Known:
     """A request's task and demonstrations as the store has them, with the observed scene.
 
     Attributes:
-        settings: of the task.
+        settings, workspace, limits: of the task.
         end_effector: its pose before the first action; None if unknown.
         profile: of the model to ask.
         demonstrations: those that the request names, or that its selection finds.
@@ -64,6 +65,8 @@ class Known:
     """
 
     settings: TaskSettings
+    workspace: Workspace
+    limits: MotionLimits
     end_effector: Pose | None
     scene: ObservedScene
     profile: ModelProfile
@@ -90,7 +93,7 @@ class KnownReader:
         self._store = store
         self.profile_of = profile_of
         self._pose_servers = pose_servers or PoseServers()
-        self._caches = TaskCaches()
+        self._kept: KeptTasks = Cache(MAX_TASKS)
 
     def __call__(self, request: PredictRequest) -> Known:
         """Return the task, demonstrations and scene of a request.
@@ -107,31 +110,42 @@ class KnownReader:
         looked_with, scene = self._look(request) if request.frames else (None, None)
         with self._store.read() as connection:
             with timed("read"):
-                task = TaskReading(connection, request.task, self._caches)
-            record, settings = task.record, task.settings
-            settings.limits_of_motion().require_start(request.end_effector)
+                task = self.task(connection, request.task)
+            record, kept = task.record, task.kept
+            kept.limits.require_start(request.end_effector)
             if request.end_effector is not None:
                 place_m = np.array(request.end_effector.position_m)
-                check_meters("end_effector.position", place_m, settings.workspace.workspace())
+                check_meters("end_effector.position", place_m, kept.workspace)
             if scene is None:
                 with timed("poses"):
-                    scene = observed(request, record, settings, self._store.blobs)
+                    scene = observed(request, record, kept.settings, self._store.blobs)
             elif looked_with != (record.settings, record.object_names):
                 message = f"task {record.name!r} changed while its images were looked at: send the request again"
                 raise ConflictError(message)
             with timed("prompt"):
                 profile = self.profile_of(request.options.model)
-                style = PromptStyle.of(request, settings, profile)
-                taught = task.taught(style.from_start)
-                demonstrations = task.demonstrations(task.ids(request.options, scene.objects))
-                scene = scene.folded(task.symmetries)
+                style = PromptStyle.of(request, kept.settings, profile)
+                taught, demonstrations, objects = task.asked(
+                    request.options, scene.observed, from_start=style.from_start
+                )
+                scene = replace(scene, objects=objects)
         if scene.absent:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
             taught = taught.of_objects(present)
         chosen = request.options.episode_ids is not None
         return Known(
-            settings, request.end_effector, scene, profile, style, demonstrations, chosen, taught, task.symmetries
+            kept.settings,
+            kept.workspace,
+            kept.limits,
+            request.end_effector,
+            scene,
+            profile,
+            style,
+            demonstrations,
+            chosen,
+            taught,
+            task.symmetries,
         )
 
     def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
@@ -145,13 +159,9 @@ class KnownReader:
             check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
             return (task.settings, task.object_names), observed(request, task, settings, blobs)
 
-    def demonstrations(self, connection: Connection, task_name: str, ids: Sequence[str]) -> Demonstrations:
-        """Return stored episodes of the task as its present settings read them.
-
-        Raises:
-            NotFoundError: for an unknown task, or an id that is no episode of it.
-        """
-        return TaskReading(connection, task_name, self._caches).demonstrations(tuple(ids))
+    def task(self, connection: Connection, name: str) -> TaskReading:
+        """Return a task in the transaction of `connection`; raises NotFoundError."""
+        return TaskReading(connection, name, self._kept)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
@@ -161,14 +171,14 @@ class KnownReader:
         """
         request = PredictRequest(task_name, "", ())
         with self._store.read() as connection:
-            task = TaskReading(connection, task_name, self._caches)
-            style = PromptStyle.of(request, task.settings, self.profile_of(None))
-            task.taught(style.from_start)  # cached for the next prediction
-            return task.demonstrations(task.ids(request.options)), task.settings, style
+            task = self.task(connection, task_name)
+            style = PromptStyle.of(request, task.kept.settings, self.profile_of(None))
+            _, demonstrations, _ = task.asked(request.options, (), from_start=style.from_start)
+            return demonstrations, task.kept.settings, style
 
 
 def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> ObservedScene:
-    """Return the observed objects' poses, symmetric objects at their canonical yaw; some of the task's may be absent.
+    """Return the observed scene, its `objects` not turned yet; some of the task's may be absent.
 
     Raises:
         NoDemonstrationsError: if the task has no demonstrations.
@@ -181,12 +191,11 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
     if called := next((alike.called for alike in request.alike if alike.called in names), None):
         message = f"given twice: {called}, of which demonstrations have one"
         raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
-    queries = with_templates(settings.with_models(request.objects), blobs)
+    queries = with_templates(with_models(request.objects, settings), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
-    by_name = {pose.name: pose for pose in settings.canonical(poses)}
-    return ObservedScene(
-        tuple(by_name[name] for name in names if name in by_name),
-        tuple(name for name in names if name not in by_name),
-        tuple(pose for name, pose in by_name.items() if name not in names),
-    )
+    by_name = {pose.name: pose for pose in poses}
+    of_task = tuple(by_name[name] for name in names if name in by_name)
+    others = tuple(pose for name, pose in by_name.items() if name not in names)
+    absent = tuple(name for name in names if name not in by_name)
+    return ObservedScene(of_task, of_task, absent, settings.canonical(others))

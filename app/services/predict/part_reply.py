@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from app.llm.base import Completion, TextDelta
-from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings.actions import ActionDoubt
-from app.pipeline.plans.support import PlacedRow, SupportGuard
+from app.pipeline.plans.support import PlacedPlan, PlacedRow, SupportGuard
 from app.pipeline.plans.turn import half_turned
 from app.pipeline.reply import ReplyReader
 from app.pipeline.representation.object_rows import AXES
-from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, discretize_actions
+from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, Workspace, discretize_actions
 from app.services.measures import timed
-from app.services.predict.question import Question
 from app.store.values import JsonObject
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -38,7 +36,6 @@ class PredictedAction:
 
     @cached_property
     def document(self) -> JsonObject:
-        """The action as clients get it."""
         return {
             "position": self.action.position_m.tolist(),
             "quaternion_xyzw": self.action.quaternion_xyzw.tolist(),
@@ -73,16 +70,25 @@ class PartReply:
         complete: whether all of it was read.
 
     Args:
+        plans: the demonstrated rows placed in the scene; None or empty where unknown.
         num_before: actions of the replies to earlier parts.
+        turned: whether the hand is turned by 180 degrees from what the reply says.
+        allows: whether actions that the demonstrations do not support pass.
     """
 
-    def __init__(self, question: Question, asked: Query, num_before: int) -> None:
-        options, plans = question.request.options, question.plans.get(asked.instruction)
-        self._reader = ReplyReader(question.prefix.template.codec, asked, question.max_actions - num_before)
+    def __init__(
+        self,
+        reader: ReplyReader,
+        plans: Sequence[PlacedPlan] | None,
+        workspace: Workspace,
+        num_before: int,
+        *,
+        turned: bool,
+        allows: bool,
+    ) -> None:
+        self._reader, self._workspace = reader, workspace
         self._guard = SupportGuard(plans, num_before) if plans else None
-        self._allows = options.unsupported == "allow"
-        self._turned = question.turned
-        self._workspace = question.known.settings.workspace.workspace()
+        self._turned, self._allows = turned, allows
         self._tolerated_m = TOLERATED_BINS * float(self._workspace.bin_size_m.max())
         self._num_before, self._num_read = num_before, 0
         self.doubts: list[ActionDoubt] = []

@@ -16,31 +16,43 @@ from app.pipeline.findings.rules import GRIPPER_TURNED
 from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned_plan
 from app.pipeline.representation.base import row_count_bounds
-from app.services.predict.evidence import previewed
-from app.services.predict.known import Known
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
-from roboprompt_client.errors import InvalidInputError, UnsafeActionError
+from roboprompt_client.arms.driver import Calibration
+from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.preview import Previewed, preview_plan
+from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, USUAL_ACTIONS, MotionLimits
-from roboprompt_client.types.poses import Pose
+from roboprompt_client.types import quaternions
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 MAX_TASKS = 64  # whose demonstrated wrist angles are kept
 Plans = Mapping[str, tuple[PlacedPlan, ...] | None]  # by instruction of a part; None where they are unknown
 
 
 def place_plans(
-    known: Known, support: Support, parts: Sequence[Query], options: PredictOptions
+    support: Support,
+    parts: Sequence[Query],
+    options: PredictOptions,
+    settings: TaskSettings,
+    limits: MotionLimits,
+    taught: Taught,
+    hand: Pose | None,
 ) -> tuple[Plans, list[Finding]]:
     """Return the demonstrated rows of each part of the instruction, and a finding if the hand is turned in them.
+
+    Args:
+        hand: where it is before the first action; None if unknown.
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
     """
     placed = {part.instruction: support.placed(part) for part in parts}
     if options.unsupported == "refuse":
-        _require_within_workspace(placed.values(), known.settings.limits_of_motion())
-    return _turned_plans(placed, known.taught, known.settings, known.end_effector)
+        _require_within_workspace(placed.values(), limits)
+    return _turned_plans(placed, taught, settings, hand)
 
 
 def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limits: MotionLimits) -> None:
@@ -132,3 +144,26 @@ def _row_counts(support: Support, part: Query, placed: Sequence[PlacedPlan] | No
     if placed is None:
         return row_count_bounds([shown for group, _ in support.plans for shown in group], part.order, MAX_ACTIONS)
     return [len(plan) for plan in placed] or [1]
+
+
+def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand: Pose | None) -> tuple[Previewed, ...]:
+    """Return each action with distance from the base, reachability, and the present keep-out boxes in the way.
+
+    Args:
+        hand: its pose before the first action; None if unknown.
+    """
+    base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
+    geometry = None if settings.arm is None else PandaGeometry(settings.arm)
+    joints = None if geometry is None else _joints_rad(geometry, base, hand)
+    start_m, limits = None if hand is None else hand.position_m, settings.limits_of_motion()
+    return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
+
+
+def _joints_rad(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Array:
+    if hand is None:
+        return geometry.ready_rad
+    position_m, quaternion = np.array(hand.position_m), np.array(hand.quaternion_xyzw)
+    try:
+        return geometry.way(geometry.ready_rad, *base.to_base(position_m, quaternion))
+    except MotionError:
+        return geometry.ready_rad

@@ -15,9 +15,9 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
+from app.services.predict.demonstrations import Prefix, write_prefix
 from app.services.predict.known import Known
 from app.services.predict.placed import Plans, actions_allowed, place_plans
-from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictRequest
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
@@ -32,7 +32,7 @@ class Question:
     Attributes:
         request: without decoded images.
         grounded: the instruction as it was parsed.
-        seen: the instruction with the task's objects as they were observed, in the task's order.
+        seen: the instruction with the observed objects of the task, symmetric ones turned as in demonstrations.
         parts: the queries to ask one after the other, one for a whole instruction or one for each clause; their objects
             have rotations only where the demonstrations have them.
         prompt: of the first part.
@@ -62,6 +62,20 @@ class Question:
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
 
 
+def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
+    """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
+
+    Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
+
+    Raises:
+        as `write_prefix`.
+    """
+    plans = known.demonstrations.plans
+    choice = None if known.chosen or plans is None else plans(known.scene.objects)
+    shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
+    return write_prefix(known.demonstrations, known.workspace, known.style, shown, known.scene.absent), findings
+
+
 def write_question(
     request: PredictRequest, known: Known, prefix: Prefix, why: Sequence[Finding], order: Order, limits: Limits
 ) -> Question:
@@ -81,7 +95,9 @@ def write_question(
     start = _start(known.end_effector) if known.style.from_start else None
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned = place_plans(known, prefix.support, parts, request.options)
+    plans, turned = place_plans(
+        prefix.support, parts, request.options, known.settings, known.limits, known.taught, known.end_effector
+    )
     max_actions = actions_allowed(prefix.support, parts, plans, request.options.max_actions)
     prompt = template.ask(parts[0], max_actions)
     request = request.without_frames()
@@ -99,7 +115,6 @@ def _start(end_effector: Pose | None) -> EndEffectorAction | None:
 
 
 def _sample(question: Question, number: int) -> Question:
-    """Return the question for one of several replies, with its own seed."""
     seed = (question.request.options.seed + number) % SEEDS
     return replace(question, request=question.request.with_options(seed=seed))
 

@@ -14,7 +14,7 @@ from app.services.measures import Metrics, note, timed, timings
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.question import Question
 from app.services.predict.reply import Reply
-from app.services.scene_images import put_images
+from app.services.vision import put_images
 from app.store import predictions, tasks
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
@@ -123,7 +123,7 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         error=error,
         usage={} if reply.text is None else dict(vars(reply.usage)),
         timings_ms=dict(timings().ms),
-        objects=tuple(map(ObjectRecord.of, question.seen.objects)),
+        objects=tuple(map(ObjectRecord.of, question.known.scene.observed)),
         samples=reply.samples,
         grounding=question.grounded.to_json(),
         findings=tuple(finding.to_json() for finding in findings),

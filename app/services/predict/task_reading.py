@@ -23,12 +23,13 @@ from app.services.predict.demonstrations import (
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.records import TaskState
+from app.store.records import TaskRecord, TaskState
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
+MAX_CHOICES = 4  # of a task's demonstrations that are kept
 
 Ids = tuple[str, ...]
 
@@ -49,7 +50,6 @@ class Scenes:
 
     @classmethod
     def read(cls, connection: Connection, task: str) -> "Scenes":
-        """The scenes of the task's episodes."""
         stored = episodes.scenes(connection, task)
         names = in_all([[item.name for item in objects] for objects in stored.values()])
         places_m = [{item.name: item.position_m for item in objects} for objects in stored.values()]
@@ -81,16 +81,25 @@ class Scenes:
         return tuple(self.ids[index] for index in sorted(chosen))
 
 
-class TaskCaches:
-    """Values that do not depend on a request, for each version of a task; shared by requests."""
+class Kept:
+    """What is known of one version of a task whatever a request asks; made when it is needed, shared by requests.
 
-    def __init__(self) -> None:
-        self.settings: Cache[TaskState, TaskSettings] = Cache(128)
-        self.scenes: Cache[TaskState, Scenes] = Cache(128)  # 10,000 of three objects take 1 MB
-        self.diverse: Cache[tuple[TaskState, int], Ids] = Cache(1024)
-        self.symmetries: Cache[TaskState, Symmetries] = Cache(128)
-        self.demonstrations: Cache[tuple[TaskState, Ids], Demonstrations] = Cache(64)
-        self.taught: Cache[tuple[TaskState, bool], Taught] = Cache(128)
+    Attributes:
+        settings, workspace, limits: the validated settings, and what follows from them.
+    """
+
+    def __init__(self, task: TaskRecord) -> None:
+        self.settings = TaskSettings.model_validate(task.settings)
+        self.workspace = self.settings.workspace.workspace()
+        self.limits = self.settings.limits_of_motion()
+        self.scenes: Scenes | None = None  # 10,000 of three objects take 1 MB
+        self.symmetries: Symmetries | None = None
+        self.diverse: dict[int, Ids] = {}
+        self.demonstrations: Cache[Ids, Demonstrations] = Cache(MAX_CHOICES)
+        self.taught: dict[bool, Taught] = {}
+
+
+KeptTasks = Cache[TaskState, Kept]
 
 
 class TaskReading:
@@ -98,18 +107,28 @@ class TaskReading:
 
     Attributes:
         record: as it is stored.
-        settings: the validated ones.
+        kept: of its version.
 
     Raises:
         NotFoundError: if there is no such task.
     """
 
-    def __init__(self, connection: Connection, name: str, caches: TaskCaches) -> None:
+    def __init__(self, connection: Connection, name: str, kept: KeptTasks) -> None:
         self.record = task = tasks.get(connection, name)
-        self.settings = caches.settings.get_or_make(task.state, lambda: TaskSettings.model_validate(task.settings))
-        self._caches = caches
+        self.kept = kept.get_or_make(task.state, lambda: Kept(task))
         self._connection = connection
         self._read: dict[Ids, Sequence[Recording]] = {}
+
+    def asked(
+        self, options: PredictOptions, observed: Sequence[ObjectPose], *, from_start: bool
+    ) -> tuple[Taught, Demonstrations, tuple[ObjectPose, ...]]:
+        """Return what answers are compared with, the demonstrations for the prompt, and the objects as both have them.
+
+        Raises:
+            as `taught`, `ids` and `demonstrations`.
+        """
+        taught = self.taught(from_start)
+        return taught, self.demonstrations(self.ids(options, observed)), self.folded(observed)
 
     def ids(self, options: PredictOptions, objects: Sequence[ObjectPose] = ()) -> Ids:
         """Return the ids of the demonstrations that a request names, or that its selection finds.
@@ -128,7 +147,7 @@ class TaskReading:
                     remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
                     raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
             return options.episode_ids
-        number = options.num_demonstrations or self.settings.num_demonstrations
+        number = options.num_demonstrations or self.kept.settings.num_demonstrations
         if options.selection == "diverse":
             return self._diverse(number)
         scenes = self._scenes()
@@ -143,12 +162,14 @@ class TaskReading:
                 return scenes.nearest_last(objects, number)
 
     def _diverse(self, number: int) -> Ids:
-        key = (self.record.state, number)
-        return self._caches.diverse.get_or_make(key, lambda: self._scenes().most_diverse(number))
+        if number not in self.kept.diverse:
+            self.kept.diverse[number] = self._scenes().most_diverse(number)
+        return self.kept.diverse[number]
 
     def _scenes(self) -> Scenes:
-        task = self.record
-        return self._caches.scenes.get_or_make(task.state, lambda: Scenes.read(self._connection, task.name))
+        if self.kept.scenes is None:
+            self.kept.scenes = Scenes.read(self._connection, self.record.name)
+        return self.kept.scenes
 
     def demonstrations(self, ids: Ids) -> Demonstrations:
         """Of those ids, those of one plan with equally many rows.
@@ -156,7 +177,7 @@ class TaskReading:
         Raises:
             NotFoundError: naming the first id that is no episode of this task.
         """
-        return self._caches.demonstrations.get_or_make((self.record.state, ids), lambda: self._demonstrations(ids))
+        return self.kept.demonstrations.get_or_make(ids, lambda: self._demonstrations(ids))
 
     def _demonstrations(self, ids: Ids) -> Demonstrations:
         recordings = folded(self._recordings(ids), self.symmetries)
@@ -166,16 +187,22 @@ class TaskReading:
     def _recordings(self, ids: Ids) -> Sequence[Recording]:
         if ids not in self._read:
             records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
-            self._read[ids] = recordings_of(self._connection, records, self.settings)
+            self._read[ids] = recordings_of(self._connection, records, self.kept.settings)
         return self._read[ids]
 
     @property
     def symmetries(self) -> Symmetries:
         """The symmetries that the demonstrations show, of objects of which the settings say nothing."""
-        return self._caches.symmetries.get_or_make(
-            self.record.state,
-            lambda: shown_symmetries(self._recordings(self._held_against), self.settings.yaw_symmetry_deg),
-        )
+        if self.kept.symmetries is None:
+            declared = self.kept.settings.yaw_symmetry_deg
+            self.kept.symmetries = shown_symmetries(self._recordings(self._held_against), declared)
+        return self.kept.symmetries
+
+    def folded(self, poses: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
+        """Return observed poses with each symmetric object turned to the side that demonstrations have."""
+        turned = self.kept.settings.canonical(poses)
+        symmetries = self.symmetries
+        return tuple(symmetries[pose.name].folded(pose) if pose.name in symmetries else pose for pose in turned)
 
     @property
     def _held_against(self) -> Ids:
@@ -193,12 +220,14 @@ class TaskReading:
         Raises:
             NoDemonstrationsError: if there is none, or all are left out.
         """
-        return self._caches.taught.get_or_make((self.record.state, from_start), lambda: self._taught(from_start))
+        if from_start not in self.kept.taught:
+            self.kept.taught[from_start] = self._taught(from_start)
+        return self.kept.taught[from_start]
 
     def _taught(self, from_start: bool) -> Taught:
         if not (ids := self._held_against):
             raise NoDemonstrationsError(self.record.name)
-        known, settings = self.demonstrations(ids), self.settings
+        known, settings = self.demonstrations(ids), self.kept.settings
         recorded = known.recorded if from_start else tuple(replace(item, start=None) for item in known.recorded)
         return Taught(
             recorded,

@@ -12,7 +12,7 @@ from app.perception.images import ImageBytes
 from app.perception.registered.marks import Marks, Mask, Pixel, masks_from_marks, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
 from app.services.cache import Cache
-from app.services.scene_images import put_images, read_frame
+from app.services.vision import put_images, read_frame
 from app.store import episodes, labels, tasks
 from app.store.labels import LabelRecord
 from app.store.store import Store
@@ -92,7 +92,8 @@ class LabelObjects:
         with self._store.write() as connection:
             if labels.number_of(connection, draft.task) >= MAX_LABELS:
                 raise InvalidInputError("task", f"has {MAX_LABELS} labels", "fewer: delete those that did not merge")
-            return labels.add(connection, draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
+            record = LabelRecord(draft.task, draft.object, labeled, counts, yaw, draft.episode_id)
+            return labels.add(connection, record)
 
     def _view(self, draft: LabelDraft, *, store_images: bool) -> LabeledImages:
         """The images of a draft.

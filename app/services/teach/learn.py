@@ -15,9 +15,8 @@ from app.perception.registered.learn import LabeledView, Learned, learn
 from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
-from app.services.pose_servers import PoseServers
-from app.services.scene_images import read_frame, with_templates
 from app.services.teach.configure import ConfigureTask
+from app.services.vision import PoseServers, read_frame, with_templates
 from app.store import episodes, labels, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
@@ -94,7 +93,6 @@ def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _labeled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
-    """Whether the episode shows what it has and says where the wanted objects are."""
     given = {item["name"]: item for item in record.given_objects}
     has_images = any(camera.has_rgbd for camera in record.cameras)
     return has_images and all(given[name]["mask_ids"] or given[name]["position_m"] is not None for name in wanted)

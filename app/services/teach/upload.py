@@ -1,121 +1,26 @@
 """`POST /episodes`: check an episode, extract keyframes and object poses, compare it with its task, store one row."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import asdict, replace
 from typing import NamedTuple
 
 from sqlalchemy import Connection
 
-from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
-from app.perception.images import ImageBytes
-from app.pipeline.alike import Alike
-from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import upload_findings
-from app.pipeline.findings.units import check_recording
-from app.pipeline.names import check_object_names
-from app.services.pose_servers import PoseServers
-from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import extract
-from app.services.teach.stored_task import StoredTask, check_objects, numbered_instruction
-from app.services.teach.workspace import uploaded
+from app.services.teach.extract import extract, uploaded
+from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
+from app.services.vision import PoseServers, compared, put_images
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import EpisodeDraft, EpisodeFields
+from app.store.records import EpisodeDraft, EpisodeRecord
 from app.store.store import Store
-from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
+from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.arrays import settle
-from roboprompt_client.types.camera import Camera
-from roboprompt_client.types.names import checked_instruction, checked_name
-from roboprompt_client.types.poses import ObjectPose
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
-
-
-@dataclass(frozen=True, eq=False)
-class Upload:
-    """An episode with all that came with it.
-
-    Attributes:
-        images: per camera of `episode.frames`, by name.
-        films: `.npz` files by camera, checked.
-        prediction_id, corrects: see `EpisodeFields`.
-        left_out, note, uploaded_instruction: see `EpisodeFields`; of an episode that was edited elsewhere.
-        alike: the objects that came with one name, and are numbered in `objects`.
-        digest: of the request's content; a repeated `idempotency_key` must come with the same.
-    """
-
-    task: str
-    episode: Episode
-    objects: tuple[ObjectQuery, ...]
-    images: Mapping[str, ImageBytes]
-    digest: str = ""
-    idempotency_key: str | None = None
-    prediction_id: str | None = None
-    corrects: str | None = None
-    left_out: bool = False
-    note: str = ""
-    uploaded_instruction: str | None = None
-    alike: tuple[Alike, ...] = ()
-    films: Mapping[str, bytes] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        checked_name("task", self.task)
-        if self.uploaded_instruction is not None:
-            checked_instruction("uploaded_instruction", self.uploaded_instruction)
-        if not self.alike:
-            objects, alike = numbered_queries(self.objects)
-            settle(self, objects=objects, alike=alike)
-        if not self.objects:
-            raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
-        check_object_names(self.object_names, list(dict.fromkeys(self.object_names)))
-        tracked = self.episode.trajectory.num_objects
-        if tracked not in (0, len(self.objects)):
-            message = f"has {tracked} objects, but objects has {len(self.objects)}"
-            raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
-
-    @property
-    def object_names(self) -> list[str]:
-        """In the order of the trajectory's tracks."""
-        return [query.name for query in self.objects]
-
-    @property
-    def given(self) -> tuple[ObjectPose, ...]:
-        """The poses that came with the recording."""
-        return GivenPoses().estimate([query for query in self.objects if query.position_m is not None], ())
-
-    @property
-    def cameras(self) -> tuple[Camera, ...]:
-        """The cameras of the images."""
-        return tuple(frame.camera for frame in self.episode.frames)
-
-    def draft(
-        self, instruction: str, keyframes: tuple[KeyframeRecord, ...], objects: tuple[ObjectRecord, ...]
-    ) -> EpisodeDraft:
-        """The episode as it is to be stored, its images and films aside."""
-        episode, uploaded = self.episode, self.uploaded_instruction
-        return EpisodeDraft(
-            task=self.task,
-            instruction=instruction,
-            control_frequency_hz=episode.control_frequency_hz,
-            keyframes=keyframes,
-            objects=objects,
-            given_objects=tuple(asdict(query) for query in self.objects),
-            cameras=(),
-            extra=dict(episode.extra),
-            prediction_id=self.prediction_id,
-            corrects=self.corrects,
-            left_out=self.left_out,
-            note=self.note,
-            uploaded_instruction=uploaded or (None if instruction == episode.instruction else episode.instruction),
-            num_frames=len(episode.trajectory),
-            trajectory=trajectories.pack(episode.trajectory),
-        )
-
-
-Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
+Respond = Callable[[EpisodeRecord, TaskSettings], JsonObject]
 
 
 class _Extracted(NamedTuple):
@@ -124,15 +29,6 @@ class _Extracted(NamedTuple):
     settings: TaskSettings
     draft: EpisodeDraft
     findings: tuple[Finding, ...]
-
-
-def _outcome(task: StoredTask, extracted: _Extracted, respond: Respond) -> tuple[JsonObject, JsonObject]:
-    """Return the task's settings after the upload, with its new workspace, and the answer."""
-    settings, draft, findings = extracted
-    box, doubts = uploaded(task.settings.workspace, draft, task.first, stays=draft.left_out)
-    settings = settings.within(box)
-    answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in (*doubts, *findings)]}
-    return settings.model_dump(mode="json"), answer
 
 
 class UploadEpisode:
@@ -157,39 +53,49 @@ class UploadEpisode:
                 if (answer := _answer_before(connection, upload)) is not None:
                     return answer
                 _check_links(connection, upload)
-                task = StoredTask.read(connection, upload.task, upload.objects)
-            extracted = self._extracted(upload, task)
+                task = StoredTask.read(connection, upload)
+            self._pose_servers.check(task.settings.object_models)
+            extracted = self._extracted(upload, task, checked_upload(upload, task))
             if (answer := self._commit(upload, task, extracted, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
-    def _extracted(self, upload: Upload, task: StoredTask) -> _Extracted:
-        """Check the recording, find keyframes and poses, and collect the findings, in the order of the method."""
-        episode, blobs = upload.episode, self._store.blobs
-        settings = task.settings.with_joints_of(episode.trajectory)
-        self._pose_servers.check(settings.object_models)
-        motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
-        check_recording(motion, upload.given, upload.cameras)
-        instruction = numbered_instruction(episode.instruction, motion, upload.given, upload.alike, settings.robot_base)
-        others = check_objects(task, instruction, upload.object_names, upload.given, motion)
-        names = list(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
-        settings.check_models(names)
-        queries = settings.with_models(upload.objects)
-        keyframes, objects = extract(motion, queries, episode.frames, settings, names, blobs)
-        draft = upload.draft(instruction, keyframes, objects)
+    def _extracted(self, upload: Upload, task: StoredTask, checked: CheckedUpload) -> _Extracted:
+        """Find keyframes and poses, collect the findings, and put the images; no transaction is open."""
+        episode, blobs, settings = upload.episode, self._store.blobs, checked.settings
+        keyframes, objects = extract(checked.motion, upload.objects, episode.frames, settings, checked.names, blobs)
+        draft = EpisodeDraft(
+            task=upload.task,
+            instruction=checked.instruction,
+            control_frequency_hz=episode.control_frequency_hz,
+            keyframes=keyframes,
+            objects=objects,
+            given_objects=tuple(map(asdict, upload.objects)),
+            cameras=(),
+            extra=dict(episode.extra),
+            prediction_id=upload.prediction_id,
+            corrects=upload.corrects,
+            left_out=upload.left_out,
+            note=upload.note,
+            uploaded_instruction=upload.uploaded_instruction
+            or (None if checked.instruction == episode.instruction else episode.instruction),
+            num_frames=len(episode.trajectory),
+            trajectory=trajectories.pack(episode.trajectory),
+        )
         new = draft.demonstration()
         findings = upload_findings(
             new,
-            motion,
+            checked.motion,
             settings.keyframes.keyframe_rule(),
             tracked=upload.object_names,
             alike=upload.alike,
-            compared=settings.compared(upload.objects, new.objects),
+            compared=compared(upload.objects, new.objects, settings),
             extra=episode.extra,
         )
+        cameras = put_images(blobs, upload.cameras, upload.images)
         films = {camera: blobs.put(data) for camera, data in sorted(upload.films.items())}
-        draft = replace(draft, cameras=put_images(blobs, upload.cameras, upload.images), films=films)
-        return _Extracted(settings, draft, (*others, *findings))
+        draft = replace(draft, cameras=cameras, films=films)
+        return _Extracted(settings, draft, (*checked.findings, *findings))
 
     def _commit(self, upload: Upload, task: StoredTask, extracted: _Extracted, respond: Respond) -> JsonObject | None:
         """Store the episode; return the answer, or None if the task was deleted or must be extracted for anew."""
@@ -199,13 +105,22 @@ class UploadEpisode:
                 return before
             if (now := task.locked(connection)) is None:
                 return None
-            if (now.stored, now.first) != (task.stored, task.first):  # another upload changed the workspace meanwhile
+            if now is not task:
                 settings, answer = _outcome(now, extracted, respond)
             episodes.add(connection, extracted.draft)
             if upload.idempotency_key is not None:
                 idempotency.save(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
         return answer
+
+
+def _outcome(task: StoredTask, extracted: _Extracted, respond: Respond) -> tuple[JsonObject, JsonObject]:
+    """Return the task's settings after the upload, with its new workspace, and the answer."""
+    settings, draft, findings = extracted
+    box, beyond = uploaded(task.settings.workspace, draft, task.demonstrations, stays=draft.left_out)
+    settings = settings.model_copy(update={"workspace": box})
+    answer = {**respond(draft, settings), "findings": [finding.to_json() for finding in (*beyond, *findings)]}
+    return settings.model_dump(mode="json"), answer
 
 
 def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:

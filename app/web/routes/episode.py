@@ -18,9 +18,9 @@ from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
 from app.pipeline.representation.base import usual_format
 from app.services.container import Services
-from app.services.scene_images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
+from app.services.vision import read_frame, stored_film
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskRecord
@@ -167,7 +167,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:
-        demonstrations = services.known.demonstrations(connection, record.task, ids).shown
+        demonstrations = services.known.task(connection, record.task).demonstrations(tuple(ids)).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 

@@ -10,7 +10,7 @@ from starlette.responses import Response
 
 from app.api.routes import Wired
 from app.llm.computed import YARDSTICKS
-from app.services.predict.standing import task_stats
+from app.services.predict.evidence import task_stats
 from app.store import episodes, prediction_lists, predictions, tasks
 from app.store.prediction_lists import FATES, ListCursor, ListOrder, PredictionFilter
 from app.web.page import HEADERS, PageRoute, render, render_part

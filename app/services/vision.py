@@ -1,21 +1,31 @@
-"""What perception needs of the store: images as they came and as frames, templates, and what was found, drawn over."""
+"""Stored images as they came and as frames, templates of objects, overlays of what was found, and pose servers.
+
+Pose servers are those that images may be sent to, and this service as one (`POST /poses`). Without a list of them,
+whoever may configure a task could let this service send requests to any address of its network.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
+import httpx
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.base import ObjectQuery
+from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.frame_checks import are_swapped
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
+from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.overlay import draw_overlay
 from app.perception.registered.estimator import TaughtQuery
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
+from app.perception.registry import estimate_poses
+from app.pipeline.findings.frames import GIVEN, Compared
+from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions
@@ -25,9 +35,13 @@ from app.store.records import EpisodeRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, ImageKind
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.http import is_loopback
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.poses import ObjectPose
 
+SETTING = "ROBOPROMPT_POSE_SERVERS"
+REMEDY = 'an object model, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}, or mask_ids'
 MAX_TEMPLATES = 16  # in memory, some MB each
 MAX_COLORS, MEAN_STEP_PX = 256, 4
 _mean_rgb: Cache[str, Array] = Cache(MAX_COLORS)
@@ -118,6 +132,16 @@ def _mean(rgb: npt.NDArray[np.uint8]) -> Array:
     return mean
 
 
+def with_models(objects: Iterable[ObjectQuery], settings: TaskSettings) -> tuple[ObjectQuery, ...]:
+    """The objects with the models that the task has of them."""
+    return tuple(
+        query
+        if (model := settings.object_models.get(query.name)) is None
+        else replace(query, model=model_from_json(query.name, model))
+        for query in objects
+    )
+
+
 def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:
     """The queries, those of registered objects with their templates.
 
@@ -141,6 +165,25 @@ def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
     return TaughtQuery(**vars(query), template=template)
 
 
+def compared(given: Iterable[ObjectQuery], found: Iterable[ObjectPose], settings: TaskSettings) -> tuple[Compared, ...]:
+    """The objects that came with a pose, and were found in images as well."""
+    said = {query.name: query for query in given if query.position_m is not None}
+    return tuple(
+        Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, _turn_deg(pose.name, settings))
+        for pose in found
+        if pose.name in said and pose.estimator != GIVEN
+    )
+
+
+def _turn_deg(name: str, settings: TaskSettings) -> float | None:
+    """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
+    if name in settings.yaw_symmetry_deg:
+        return settings.yaw_symmetry_deg[name]
+    model = settings.object_models.get(name)
+    turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
+    return turn_deg
+
+
 def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:
     """A PNG of what the camera saw first with masks, outlines, axes and names; outlines are those of present models.
 
@@ -153,8 +196,64 @@ def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, c
     sent = record.given_objects if isinstance(record, EpisodeRecord) else record.request.get("objects", ())
     stored, _ = stored_image(record.cameras, camera, "rgb", f"{kind} {id_}")
     mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
-    queries = settings.with_models(
-        ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects
-    )
+    shown = (ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects)
+    queries = with_models(shown, settings)
     image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects], queries)
     return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
+
+
+class PoseServers:
+    """The servers that the estimator `remote` may ask.
+
+    Args:
+        prefixes: of their addresses, e.g. ``https://gpu-box:9000/``; none: this machine only.
+    """
+
+    def __init__(self, prefixes: Sequence[str] = ()) -> None:
+        self._prefixes = tuple(map(httpx.URL, prefixes))
+
+    def check(self, object_models: Mapping[str, Mapping[str, Any]]) -> None:
+        """Refuse models of other servers; models of other estimators pass.
+
+        Raises:
+            InvalidInputError: naming the object, the address and the setting that would allow it.
+        """
+        for name, model in object_models.items():
+            if model["estimator"] == "remote" and not self._allow(httpx.URL(model["url"])):
+                allowed = ", ".join(map(str, self._prefixes)) or "this machine only"
+                message = f"is {model['url']!r}, where this service may not send images"
+                raise ObjectModelError(name, message, f"{allowed} (set by {SETTING})", within="url")
+
+    def _allow(self, url: httpx.URL) -> bool:
+        if not self._prefixes:
+            return is_loopback(url.host)
+        return any(_below(url, prefix) for prefix in self._prefixes)
+
+
+def _below(url: httpx.URL, prefix: httpx.URL) -> bool:
+    """Return whether `url` is `prefix` or continues its path, on the same server."""
+    if (url.scheme, url.host, url.port) != (prefix.scheme, prefix.host, prefix.port):
+        return False
+    folder = prefix.path.rstrip("/") + "/"
+    return ".." not in url.path and (url.path == prefix.path or url.path.startswith(folder))
+
+
+def find_poses(queries: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], blobs: BlobStore) -> tuple[ObjectPose, ...]:
+    """Return one pose for each object, in their order; objects without a model are found by their masks.
+
+    Args:
+        blobs: have the templates of registered objects.
+
+    Raises:
+        as PoseEstimator.estimate; InvalidInputError for an object that has neither model nor mask ids, or whose model
+            is for another server.
+    """
+    names = [query.name for query in queries]
+    check_object_names(names, list(dict.fromkeys(names)))
+    for query in queries:
+        where = f"objects[{query.name}].model"
+        if query.model is None and not query.mask_ids:
+            raise InvalidInputError(where, "is missing", REMEDY)
+        if isinstance(query.model, RemoteModel):  # servers that ask each other would never end
+            raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks, registered")
+    return estimate_poses("masks", with_templates(queries, blobs), frames)

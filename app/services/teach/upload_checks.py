@@ -1,0 +1,240 @@
+"""An upload and the task that it is for: as the store has it, compared with the episode, and locked for the commit.
+
+An episode may lack objects of its task, or have further ones, where no motion depends on them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from sqlalchemy import Connection
+
+from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
+from app.perception.images import ImageBytes
+from app.pipeline.alike import Alike, with_numbers
+from app.pipeline.episode import Episode
+from app.pipeline.errors import ObjectSetError
+from app.pipeline.findings import Finding
+from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING
+from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.scene import other_objects
+from app.pipeline.findings.units import check_recording
+from app.pipeline.keyframes import Motion
+from app.pipeline.names import check_object_names
+from app.pipeline.order.order import Order
+from app.pipeline.order.space import Layout
+from app.pipeline.plans import Recording
+from app.pipeline.thresholds import GRASPED_M
+from app.services.english import is_english
+from app.services.predict.demonstrations import Demonstrations, recordings_of
+from app.services.task_settings import TaskSettings
+from app.services.teach.extract import NUM_FIRST
+from app.store import episodes, tasks
+from app.store.records import DemonstrationRecord, TaskRecord
+from app.store.values import JsonObject
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array, settle
+from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.names import checked_instruction, checked_name
+from roboprompt_client.types.poses import ObjectPose
+
+MAX_COMPARED = 30  # demonstrations that an upload is compared with
+
+
+@dataclass(frozen=True, eq=False)
+class Upload:
+    """An episode with all that came with it.
+
+    Attributes:
+        images: per camera of `episode.frames`, by name.
+        films: `.npz` files by camera, checked.
+        prediction_id, corrects, left_out, note, uploaded_instruction: see `EpisodeRecord`.
+        alike: the objects that came with one name, and are numbered in `objects`.
+        digest: of the request's content; a repeated `idempotency_key` must come with the same.
+        object_names: in the order of the trajectory's tracks.
+        cameras: those of the images.
+    """
+
+    task: str
+    episode: Episode
+    objects: tuple[ObjectQuery, ...]
+    images: Mapping[str, ImageBytes]
+    digest: str = ""
+    idempotency_key: str | None = None
+    prediction_id: str | None = None
+    corrects: str | None = None
+    left_out: bool = False
+    note: str = ""
+    uploaded_instruction: str | None = None
+    alike: tuple[Alike, ...] = ()
+    films: Mapping[str, bytes] = field(default_factory=dict)
+    object_names: tuple[str, ...] = field(init=False)
+    cameras: tuple[Camera, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        checked_name("task", self.task)
+        if self.uploaded_instruction is not None:
+            checked_instruction("uploaded_instruction", self.uploaded_instruction)
+        if not self.alike:
+            objects, alike = numbered_queries(self.objects)
+            settle(self, objects=objects, alike=alike)
+        cameras = tuple(frame.camera for frame in self.episode.frames)
+        settle(self, object_names=tuple(query.name for query in self.objects), cameras=cameras)
+        if not self.objects:
+            raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
+        check_object_names(self.object_names, list(dict.fromkeys(self.object_names)))
+        tracked = self.episode.trajectory.num_objects
+        if tracked not in (0, len(self.objects)):
+            message = f"has {tracked} objects, but objects has {len(self.objects)}"
+            raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTask:
+    """A task as it was read before an episode is extracted for it.
+
+    Attributes:
+        stored: its settings as JSON; of a new task those that it will be created with.
+        settings: the same, validated.
+        object_names: in the task's order; None while it has no episode.
+        demonstrations: its first `MAX_COMPARED`.
+        recordings: of these demonstrations; None unless the episode's objects are partly the task's.
+    """
+
+    name: str
+    is_new: bool
+    stored: JsonObject
+    settings: TaskSettings
+    object_names: tuple[str, ...] | None = None
+    demonstrations: tuple[DemonstrationRecord, ...] = ()
+    recordings: Sequence[Recording] | None = None
+
+    @classmethod
+    def read(cls, connection: Connection, upload: Upload) -> "StoredTask":
+        name = upload.task
+        if (task := tasks.find(connection, name)) is None:
+            by_masks = all(query.position_m is None and query.mask_ids for query in upload.objects)
+            settings = TaskSettings(pose_estimator="masks" if by_masks else "given")
+            return cls(name, True, settings.model_dump(mode="json"), settings)
+        settings = TaskSettings.model_validate(task.settings)
+        shown = episodes.demonstrations(connection, name, MAX_COMPARED)
+        own, sent = set(task.object_names or ()), set(upload.object_names)
+        partly = own != sent and not own.isdisjoint(sent)
+        recordings = recordings_of(connection, shown, settings) if partly else None
+        return cls(name, False, task.settings, settings, task.object_names, shown, recordings)
+
+    def locked(self, connection: Connection) -> "StoredTask | None":
+        """Lock the task and return it as it is now, or None where the episode must be extracted again.
+
+        That is: where the task was deleted, or its objects or a setting that extraction depends on changed. Another
+        upload may have changed its workspace and first demonstrations; the same object says that none has.
+        """
+        task: TaskRecord | None
+        if self.is_new:
+            task = tasks.get_or_create(connection, self.name, self.stored)
+        else:
+            task = tasks.find(connection, self.name, lock=True)
+        if task is None or task.object_names != self.object_names:
+            return None
+        if _without_workspace(task.settings) != _without_workspace(self.stored):
+            return None
+        first = episodes.demonstrations(connection, self.name, NUM_FIRST)
+        if (task.settings, first) == (self.stored, self.demonstrations[:NUM_FIRST]):
+            return self
+        settings = TaskSettings.model_validate(task.settings)
+        return replace(self, stored=task.settings, settings=settings, demonstrations=first)
+
+
+def _without_workspace(settings: JsonObject) -> JsonObject:
+    """Return the settings that extraction depends on: all but the workspace, which uploads widen."""
+    return {name: value for name, value in settings.items() if name != "workspace"}
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedUpload:
+    """An upload that fits its task.
+
+    Attributes:
+        settings: of the task, with the number of the arm's joints.
+        motion: of the recording, as the settings read it.
+        names: of the objects of the task and of the upload, in the task's order.
+        instruction: in which objects of one name have their numbers.
+        findings: about objects that are not the task's.
+    """
+
+    settings: TaskSettings
+    motion: Motion
+    names: tuple[str, ...]
+    instruction: str
+    findings: tuple[Finding, ...]
+
+
+def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
+    """Return the upload as its task's settings read it.
+
+    Raises:
+        InvalidInputError: for another arm, wrong units, or an instruction that does not say which object is meant.
+        ObjectSetError: if the objects do not fit the task.
+    """
+    episode = upload.episode
+    settings, motion = task.settings.with_recording(episode.trajectory, episode.control_frequency_hz)
+    given = GivenPoses().estimate([query for query in upload.objects if query.position_m is not None], ())
+    check_recording(motion, given, upload.cameras)
+    acts_m, instruction = _acts_at_m(motion), episode.instruction
+    if upload.alike:
+        layout = Layout({pose.name: pose.position_m for pose in given}, np.array(settings.robot_base))
+        instruction = with_numbers(instruction, layout, acts_m, upload.alike, is_english)
+    findings = _check_objects(task, instruction, upload.object_names, given, acts_m)
+    names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
+    settings.check_models(names)
+    return CheckedUpload(settings, motion, names, instruction, findings)
+
+
+def _check_objects(
+    task: StoredTask, instruction: str, sent: Sequence[str], given: Sequence[ObjectPose], acts_m: Array
+) -> tuple[Finding, ...]:
+    """Refuse an episode whose objects differ from the task's where the difference matters; report it otherwise.
+
+    An object matters if prompts have rows relative to it, the instruction names it, or the hand acts on it.
+
+    Args:
+        sent: names of the episode's objects.
+        given: those of them whose poses came with the recording.
+        acts_m: (K, 3), where the hand acts.
+
+    Raises:
+        ObjectSetError: naming the missing objects, or the new ones that matter.
+    """
+    if task.object_names is None:
+        return ()
+    names = list(task.object_names)
+    if task.recordings is None:
+        check_object_names(sent, names)
+        return ()
+    named = frozenset(Order(instruction, tuple(dict.fromkeys((*names, *sent)))).objects)
+    taught = Taught(Demonstrations.of(task.recordings).only(names).recorded)
+    # Two demonstrations do not show which objects rows follow; but no row can follow an object that an episode lacks.
+    many = len(task.recordings) >= MIN_AGREEING
+    check_object_names(sent, names, named | (taught.needed if many else taught.decisive))
+    new = [name for name in sent if name not in names]
+    matter = {name for name in new if name in named or _is_acted_on(name, given, acts_m)}
+    if matter:
+        raise ObjectSetError("objects", f"not of this task: {', '.join(sorted(matter))}", ", ".join(names))
+    return other_objects([name for name in names if name not in sent], new)
+
+
+def _is_acted_on(name: str, given: Sequence[ObjectPose], acts_m: Array) -> bool:
+    """Return whether the hand grasps, releases or touches the object; True if its pose is not known yet."""
+    off_m = {pose.name: np.linalg.norm(acts_m - pose.position_m, axis=1) for pose in given}
+    if name not in off_m:
+        return True
+    nearest_m = np.min(list(off_m.values()), axis=0)
+    return bool(((off_m[name] <= GRASPED_M) & (off_m[name] <= nearest_m)).any())
+
+
+def _acts_at_m(motion: Motion) -> Array:
+    """Return (K, 3) positions of the hand where the gripper switches; without a switch, its lowest position."""
+    positions_m = motion.trajectory.positions_m
+    frames = [switch.frame for switch in motion.acting_switches] or [int(positions_m[:, 2].argmin())]
+    acts: Array = positions_m[frames]
+    return acts
