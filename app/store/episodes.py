@@ -31,7 +31,9 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 
     Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
     """
-    values = {name: value for name, value in vars(draft).items() if name != "films"}
+    values = {name: value for name, value in vars(draft).items() if name != "films"} | {
+        "key_id": present().key_id or None
+    }
     sequence = connection.execute(insert(_EPISODES).values(values).returning(_EPISODES.c.sequence)).scalar_one()
     if draft.films:
         films = [{"episode_id": draft.id, "camera": name, "digest": digest} for name, digest in draft.films.items()]

@@ -87,6 +87,9 @@ class EpisodeFields(DemonstrationRecord):
     left_out: bool = False  # kept, but shown in no prompt
     note: str = ""  # what a person says of it
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
+    key_id: str | None = None  # of the API key that uploaded it; None where none was needed
+    kept_frames: tuple[int, int] | None = None  # first and end of what is kept of the recording; None: all of it
+    findings: tuple[JsonObject, ...] | None = None  # `Finding.to_json`; None where 1.0 stored the episode
     films: Mapping[str, str] = field(default_factory=dict)  # digests by camera; lists do not read them
 
 
