@@ -24,6 +24,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
+from app.store.filters import EpisodeFilter
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.types.poses import ObjectPose, Pose
@@ -138,7 +139,7 @@ class KnownReader:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""
         with timed("read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
-            newest = episodes.list_page(connection, request.task, limit=1).items
+            newest = episodes.list_page(connection, EpisodeFilter(task=request.task), 1).items
         settings, blobs = TaskSettings.model_validate(task.settings), self._store.blobs
         self._pose_servers.check(settings.object_models)
         with timed("poses"):
