@@ -16,6 +16,7 @@ from app.store.visibility import of_visible_tasks, present
 
 MAX_INSTRUCTIONS = 50
 EVERY = EpisodeFilter()
+_AUDITED = ("instruction", "left_out", "note", "trim")  # what else changes follows from these
 _EPISODES, _FILMS = tables.episodes, tables.films
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
@@ -33,9 +34,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 
     Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
     """
-    values = {name: value for name, value in vars(draft).items() if name != "films"} | {
-        "key_id": present().key_id or None
-    }
+    values = {name: value for name, value in vars(draft).items() if name != "films"}
     sequence = connection.execute(insert(_EPISODES).values(values).returning(_EPISODES.c.sequence)).scalar_one()
     if draft.films:
         films = [{"episode_id": draft.id, "camera": name, "digest": digest} for name, digest in draft.films.items()]
@@ -132,7 +131,7 @@ def list_ids(connection: Connection, task: str) -> tuple[str, ...]:
 
 
 def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, Any]) -> EpisodeRecord:
-    """The episode with another `instruction`, `left_out` or `note`; with prompts its task's version grows.
+    """The episode with other values of these fields; if prompts may change its task's version grows.
 
     Raises:
         NotFoundError: if the episode was deleted since.
@@ -149,8 +148,11 @@ def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, An
         raise NotFoundError("episode", record.id)
     if changed.keys() != {"note"}:
         tasks.change(connection, record.task, {})
-    before = {name: getattr(record, name) for name in changed}
-    audit.record(connection, "episode.edited", record.id, {"task": record.task, "before": before, "after": changed})
+    after = {name: changed[name] for name in _AUDITED if name in changed}
+    before = {name: getattr(record, name) for name in after}
+    if after:
+        details = {"task": record.task, "before": before, "after": after}
+        audit.record(connection, "episode.edited", record.id, details)
     return replace(record, **values)
 
 

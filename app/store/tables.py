@@ -106,7 +106,7 @@ episodes = Table(
     Column("prediction_id", String(32)),
     Column("corrects", String(32), index=True),
     Column("key_id", String(16)),
-    Column("kept_frames", Items()),
+    Column("trim", Json),
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),

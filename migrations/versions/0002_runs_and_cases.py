@@ -1,8 +1,8 @@
 """Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again;
 films: what cameras took during an episode; earlier settings of tasks.
 
-Episodes have the id of the failed prediction that they correct, the key that uploaded them, the frames that are kept
-of a trimmed recording, and the findings. SQLite copies the table, so that these stand before the trajectory: it reads
+Episodes have the id of the failed prediction that they correct, the key that uploaded them, what is kept of a trimmed
+recording, and the findings. SQLite copies the table, so that these stand before the trajectory: it reads
 all that stands before a column.
 
 Columns go that nothing reads: the step of a prediction, and the status of an answer to a repeated request.
@@ -18,7 +18,7 @@ depends_on = None
 
 UTC_DATE_TIME = sa.DateTime(timezone=True)
 JSON = sa.JSON(none_as_null=True)
-ADDED = {"corrects": sa.String(32), "key_id": sa.String(16), "kept_frames": JSON, "findings": JSON}
+ADDED = {"corrects": sa.String(32), "key_id": sa.String(16), "trim": JSON, "findings": JSON}
 
 
 def upgrade() -> None:

@@ -145,16 +145,17 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     responses=problems(
         _404="no such episode",
         _409="the task changed meanwhile, or a job extracts its episodes again",
-        _422="a value is not valid, the instruction names no object, or the episode cannot be extracted again",
+        _422="a value is not valid, the instruction names no object, or the kept part cannot be extracted",
     ),
 )
 async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
-    """Correct the instruction, leave the episode out of prompts or show it again, or change its note.
+    """Correct the instruction, leave the episode out of prompts or show it again, change its note, or trim its ends.
 
     The first instruction is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
-    shown again is extracted with the task's present settings.
+    trimmed or shown again is extracted with the task's present settings; of a trimmed one every address and export has
+    the kept part. Its objects keep their poses, so it cannot begin after one was moved.
     """
-    change = partial(_edited, services.store, episode_id, body.model_dump(exclude_none=True))
+    change = partial(_edited, services.store, episode_id, body.changes())
     document = await anyio.to_thread.run_sync(change, limiter=services.teaching)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document)

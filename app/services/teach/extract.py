@@ -16,6 +16,7 @@ from app.store.trajectories import get_trajectory
 from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.trajectory import Trajectory
 
 
 def extract(
@@ -51,16 +52,23 @@ def extract(
     return keyframes, tuple(map(ObjectRecord.of, sorted(poses, key=lambda pose: names.index(pose.name))))
 
 
-def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
+def extract_again(
+    store: Store, record: EpisodeRecord, settings: TaskSettings, trajectory: Trajectory | None = None
+) -> Extraction:
     """A stored episode's keyframes and poses as `settings` want them.
+
+    Args:
+        trajectory: None: the stored one.
 
     Raises:
         InvalidInputError: naming the episode and why it cannot be extracted so.
         CorruptDataError: if what is stored of it is damaged.
         NotFoundError: if it was deleted since.
     """
-    with store.read() as connection:
-        motion = settings.motion_of(get_trajectory(connection, record.id), record.control_frequency_hz)
+    if trajectory is None:
+        with store.read() as connection:
+            trajectory = get_trajectory(connection, record.id)
+    motion = settings.motion_of(trajectory, record.control_frequency_hz)
     try:
         names = [item.name for item in record.objects]
         queries = settings.with_models(map(ObjectQuery.from_json, record.given_objects))

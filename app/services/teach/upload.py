@@ -25,6 +25,7 @@ from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeFields
 from app.store.store import Store
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
+from app.store.visibility import present
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.camera import Camera
@@ -107,6 +108,7 @@ class Upload:
             extra=dict(episode.extra),
             prediction_id=self.prediction_id,
             corrects=self.corrects,
+            key_id=present().key_id or None,
             left_out=self.left_out,
             note=self.note,
             uploaded_instruction=uploaded or (None if instruction == episode.instruction else episode.instruction),
@@ -202,7 +204,7 @@ class UploadEpisode:
                 return None
             if (now.stored, now.first) != (task.stored, task.first):  # another upload changed the workspace meanwhile
                 settings, answer = _outcome(now, extracted, respond)
-            episodes.add(connection, extracted.draft)
+            episodes.add(connection, replace(extracted.draft, findings=tuple(answer["findings"])))
             if upload.idempotency_key is not None:
                 idempotency.save(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)
