@@ -67,7 +67,8 @@ def test_what_is_kept_can_be_uploaded_elsewhere(http, url, taught):
     with RoboPromptClient(url) as client:
         (parcel,) = download(client, [taught])
     document = {**parcel.metadata, "task": "elsewhere"}
-    answer = http.post("/episodes", files=multipart(document, **parcel.files))
+    films = {"film_front": parcel.files["film_front"]}
+    answer = http.post("/episodes", files=multipart(document, parcel.files["trajectory"], **films))
     assert answer.status_code == 201, answer.text
     assert (answer.json()["num_frames"], answer.json()["trim"]) == (13, None)
     http.delete("/tasks/elsewhere")

@@ -18,6 +18,7 @@ from app.api.schemas.lists import EpisodesQuery
 from app.llm.baselines import YARDSTICKS
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
+from app.services.teach.history import settings_history
 from app.store import episodes, prediction_lists, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.filters import EpisodeFilter, PredictionFilter, authors
@@ -72,10 +73,11 @@ def _contains(record: TaskRecord, text: str) -> bool:
 
 
 @router.get("/ui/tasks/{name}")
-def task_page(request: Request, services: Wired, name: str) -> Response:
+def task_page(request: Request, services: Wired, name: str, applied: bool = False) -> Response:
     """Where the task was shown and asked, and its settings as a form."""
     with services.store.read() as connection:
         task = tasks.get(connection, name)
+        history = settings_history(connection, name)
         newer = episodes.list_page(connection, EpisodeFilter(task=name), MAX_DRAWN).items
         others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
         of_task = PredictionFilter(task=name, without_models=others)
@@ -98,6 +100,8 @@ def task_page(request: Request, services: Wired, name: str) -> Response:
         newest=newest,
         pictured=pictured,
         stored=stored,
+        history=history,
+        applied=applied,
         num_shown=len(newer),
         fates=Counter(item.fate for item in asked),
         scene=scene(workspace, () if newest is None else newest.objects, (), shown=shown, asked=asked),
