@@ -189,6 +189,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
 _ENVIRONMENT = Environment(
     loader=PackageLoader("app.web"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
+_ENVIRONMENT.policies["json.dumps_kwargs"] = {}  # members in their order: scripts compare settings as text
 _ENVIRONMENT.filters.update(FILTERS)
 _ENVIRONMENT.globals.update(
     navigation=NAVIGATION, interval=interval_text, pictured=pictured, scene_picture=scene_picture

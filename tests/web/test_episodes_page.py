@@ -46,7 +46,7 @@ def test_instructions_are_searched(page, many):
     expect(page.locator("tbody tr")).to_have_count(1)
     page.get_by_label("Instruction or note contains").fill("cotton <b>")
     page.keyboard.press("Enter")
-    expect(page.locator(".empty")).to_contain_text("Nothing of many contains “cotton <b>”")
+    expect(page.locator(".empty")).to_contain_text("No episode of many fits the filter")
 
 
 def test_deletion_asks_first(page, http):
@@ -115,7 +115,7 @@ def test_an_episode_is_corrected_left_out_and_found_again(page, http):
     expect(page.locator("#episodes")).to_contain_text("left out the cube slipped")
     page.get_by_label("In prompts").select_option("shown")
     page.get_by_role("button", name="Filter").click()
-    expect(page.get_by_text("No episode of corrected is shown in prompts.")).to_be_visible()
+    expect(page.get_by_text("No episode of corrected fits the filter.")).to_be_visible()
     page.get_by_role("link", name="1 left out of prompts").click()
     expect(page.locator("#episodes tbody tr")).to_have_count(1)
     until_pictures_are_there(page)

@@ -37,9 +37,9 @@ def test_what_changes_is_told_and_drawn_then_applied_and_undone(form, http):
     settings = settings_of(http)
     assert settings["motion_limits"]["keep_out"] == PANEL["keep_out"]
     assert (settings["arm"], settings["aliases"]) == ("fr3", {"cube": ["block", "brick"]})
-    form.get_by_role("button", name="As before this change").click()
+    form.get_by_role("button", name="Restore").click()
     expect(form.get_by_role("dialog")).to_contain_text("aliases: {}; arm: null")
-    form.get_by_role("button", name="Bring back").click()
+    form.get_by_role("button", name="Restore", exact=True).click()
     expect(form.get_by_label("Arm")).to_have_value("")
     assert settings_of(http) == before
     expect(form.locator("#history tbody tr")).to_have_count(6)

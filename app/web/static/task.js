@@ -44,10 +44,10 @@ const text = (value) => JSON.stringify(value).replaceAll('"', "").replaceAll(","
 function look() {
   const { preset, min, max } = form.elements;
   for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
-  byId("state").replaceChildren();
   try {
     const after = wanted();
     const names = changes(after);
+    if (names.length) byId("state").replaceChildren();
     const items = names.map((name) =>
       element("li", {}, element("strong", {}, name), ` ${text(stored[name])} → ${text(after[name])}`),
     );
@@ -83,7 +83,7 @@ byId("history")?.addEventListener("click", async ({ target }) => {
   if (!restore) return;
   const json = JSON.parse(restore);
   const what = Object.entries(json).map(([name, value]) => `${name}: ${text(value)}`);
-  if (await confirmed("Bring back these settings?", what.join("; "), "Bring back")) put(json);
+  if (await confirmed("Restore these settings?", what.join("; "), "Restore")) put(json);
 });
 byId("add").addEventListener("click", () => {
   byId("boxes").append(byId("box").content.cloneNode(true));
