@@ -104,3 +104,19 @@ def test_the_workspace_follows_what_is_kept(http, taught):
     assert http.get("/tasks/trimmed").json()["workspace"]["max"][1] < wide["max"][1]
     edit(http, id_, None)
     assert http.get("/tasks/trimmed").json()["workspace"] == wide
+
+
+def test_lists_are_filtered(http, taught):
+    def listed(**asked):
+        answer = http.get("/episodes", params={"task": "trimmed", **asked})
+        assert answer.status_code == 200, answer.text
+        return [item["id"] for item in answer.json()["episodes"]]
+
+    today = http.get(f"/episodes/{taught}").json()["created_at"][:10]
+    assert listed(created_from=today, created_to=today, min_duration_s=1, max_duration_s=1) == [taught]
+    assert listed(min_duration_s=1.01) == listed(created_to="2020-01-01") == listed(finding="ends-in-motion") == []
+    edit(http, taught, TRIM)
+    assert listed(finding="ends-in-motion", max_duration_s=0.7) == [taught]
+    refused(http.get("/episodes", params={"created_from": "yesterday"}), "created_from")
+    refused(http.get("/predictions", params={"finding": "No Code"}), "finding")
+    assert http.get("/predictions", params={"author": "nobody"}).json()["predictions"] == []
