@@ -140,7 +140,7 @@ class TaskOut(TaskSettings):
 
 
 class SettingChange(BaseModel):
-    """The values of a setting before and after a change."""
+    """The values of a setting before and after a change; of an object the members that differ."""
 
     before: Any
     after: Any

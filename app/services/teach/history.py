@@ -14,7 +14,7 @@ class SettingsChange(NamedTuple):
     """A change of a task's settings.
 
     Attributes:
-        changed: values before and after it, by setting.
+        changed: values before and after it, by setting; of an object the members that differ.
         restore: the settings that would have to change now to be as they were before it; empty if they are.
     """
 
@@ -35,6 +35,13 @@ def settings_history(connection: Connection, name: str) -> list[SettingsChange]:
     before = [TaskSettings.model_validate(item.settings).model_dump(mode="json") for item in earlier]
     changes = []
     for item, (after, old) in zip(earlier, pairwise([present, *before]), strict=True):
-        changed = {key: (old[key], after[key]) for key in differing(old, after)}
+        changed = {key: _narrowed(old[key], after[key]) for key in differing(old, after)}
         changes.append(SettingsChange(item, changed, {key: old[key] for key in differing(present, old)}))
     return changes
+
+
+def _narrowed(before: Any, after: Any) -> tuple[Any, Any]:  # noqa: ANN401
+    if not (isinstance(before, dict) and isinstance(after, dict)):
+        return before, after
+    names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    return {name: before.get(name) for name in names}, {name: after.get(name) for name in names}
