@@ -130,6 +130,6 @@ class PredictionFilter(Filter):
 
 def authors(connection: Connection, table: Table) -> tuple[str, ...]:
     """The names of the API keys that made the visible rows of `table`, sorted: episodes or predictions."""
-    ids = select(table.c.key_id).where(table.c.key_id.is_not(None)).distinct()
-    ids = of_visible_predictions(ids) if table is _P else of_visible_tasks(ids, table.c.task)
-    return tuple(connection.scalars(select(_KEYS.c.name).where(_KEYS.c.id.in_(ids)).distinct().order_by(_KEYS.c.name)))
+    own = select(table.c.sequence).where(table.c.key_id == _KEYS.c.id)
+    own = of_visible_predictions(own) if table is _P else of_visible_tasks(own, table.c.task)
+    return tuple(connection.scalars(select(_KEYS.c.name).where(own.exists()).distinct().order_by(_KEYS.c.name)))

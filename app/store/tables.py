@@ -105,7 +105,7 @@ episodes = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("prediction_id", String(32)),
     Column("corrects", String(32), index=True),
-    Column("key_id", String(16)),
+    Column("key_id", String(16), index=True),
     Column("trim", Json),
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),

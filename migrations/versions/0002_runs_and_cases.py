@@ -20,6 +20,8 @@ UTC_DATE_TIME = sa.DateTime(timezone=True)
 JSON = sa.JSON(none_as_null=True)
 ADDED = {"corrects": sa.String(32), "key_id": sa.String(16), "trim": JSON, "findings": JSON}
 
+INDEXED = ("corrects", "key_id")
+
 
 def upgrade() -> None:
     op.create_table(
@@ -56,7 +58,8 @@ def upgrade() -> None:
     with op.batch_alter_table("episodes", recreate=recreate, table_kwargs={"sqlite_autoincrement": True}) as table:
         for name, kind in ADDED.items():
             table.add_column(sa.Column(name, kind), **place)
-    op.create_index("ix_episodes_corrects", "episodes", ["corrects"])
+    for name in INDEXED:
+        op.create_index(f"ix_episodes_{name}", "episodes", [name])
     op.create_table(
         "films",
         sa.Column("episode_id", sa.String(32), nullable=False),
@@ -73,7 +76,8 @@ def downgrade() -> None:
     op.add_column("idempotency_keys", sa.Column("status", sa.Integer(), nullable=False, server_default="200"))
     op.add_column("predictions", sa.Column("step", sa.Integer()))
     op.drop_table("films")
-    op.drop_index("ix_episodes_corrects", "episodes")
+    for name in INDEXED:
+        op.drop_index(f"ix_episodes_{name}", "episodes")
     for column in ADDED:
         op.drop_column("episodes", column)
     op.drop_table("replaced_settings")

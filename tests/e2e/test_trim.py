@@ -88,11 +88,16 @@ def test_an_objects_pose_holds_at_the_beginning(http, taught):
     for start_s, words in ((0.45, "the hand came near cube"), (0.6, "the gripper opened or closed")):
         answer = http.patch(f"/episodes/{taught}", json={"trim": {"start_s": start_s}})
         refused(answer, "trim.start_s", words)
-    tracks = np.tile(np.array(PLACE_M), (21, 1, 1))
-    tracks[12:, 0, 2] += 0.1
-    tracked = teach(http, {**RECORDED, "object_positions": tracks})
-    refused(http.patch(f"/episodes/{tracked}", json={"trim": {"start_s": 0.65}}), "trim.start_s", "cube was moved")
-    assert edit(http, tracked, {"start_s": 0.45})["num_frames"] == 12
+    places, turns = np.tile(np.array(PLACE_M), (21, 1, 1)), np.tile([0.0, 0.0, 0.0, 1.0], (21, 1, 1))
+    unturned = teach(http, {**RECORDED, "object_positions": places})
+    refused(http.patch(f"/episodes/{unturned}", json={"trim": {"start_s": 0.45}}), "trim.start_s", "came near cube")
+    lifted, turned = places.copy(), turns.copy()
+    lifted[12:, 0, 2] += 0.1
+    turned[12:, 0] = 0.0, 0.0, 0.6, 0.8
+    for moved in ((lifted, turns), (places, turned)):
+        id_ = teach(http, {**RECORDED, "object_positions": moved[0], "object_quaternions_xyzw": moved[1]})
+        refused(http.patch(f"/episodes/{id_}", json={"trim": {"start_s": 0.65}}), "trim.start_s", "cube was moved")
+        assert edit(http, id_, {"start_s": 0.45})["num_frames"] == 12
 
 
 def test_the_workspace_follows_what_is_kept(http, taught):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,8 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
     left_out = changes.get("left_out", record.left_out)
     again = None
     if "trim" in changes:
-        again, fields = trimmed(store, record, settings, changes["trim"])
+        corrected = replace(record, instruction=changes.get("instruction", record.instruction))
+        again, fields = trimmed(store, corrected, settings, changes["trim"])
         changes = {**changes, **fields}
     elif record.left_out and not left_out:
         again = extract_again(store, record, settings)

@@ -1,5 +1,6 @@
 """Trim the ends of an episode: what is kept of its recording is extracted anew, and the recording itself stays."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -22,9 +23,11 @@ from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.quaternions import angle_between_rad
 
 MIN_FRAMES = 2
 MOVED_M = 0.01  # an object by its track, or the hand near an object: what moves less does nothing
+TURNED_RAD = math.radians(5.0)  # an object by its track
 KEPT_CODES = (rules.NUMBERED.code, rules.OTHER_OBJECTS.code)  # findings that do not follow from the motion
 
 
@@ -94,14 +97,23 @@ def _check_unmoved(motion: Motion, first: int, names: Sequence[str], record: Epi
     trajectory = motion.trajectory
     if trajectory.num_objects == len(names):
         for before, after in zip(trajectory.objects_at(0, names), trajectory.objects_at(first, names), strict=True):
-            if np.linalg.norm(after.position_m - before.position_m) > MOVED_M:
+            if _is_moved(before, after):
                 raise InvalidInputError("trim.start_s", f"lies after {before.name} was moved", remedy)
-        return
+        if trajectory.object_quaternions_xyzw is not None:
+            return
     if any(switch.frame <= first for switch in motion.acting_switches):
         raise InvalidInputError("trim.start_s", "lies after the gripper opened or closed", remedy)
     for pose in [item.pose() for item in record.objects]:
         if _moved_near_m(motion, first, pose) > MOVED_M:
             raise InvalidInputError("trim.start_s", f"lies after the hand came near {pose.name}", remedy)
+
+
+def _is_moved(before: ObjectPose, after: ObjectPose) -> bool:
+    if np.linalg.norm(after.position_m - before.position_m) > MOVED_M:
+        return True
+    if before.quaternion_xyzw is None or after.quaternion_xyzw is None:
+        return False
+    return angle_between_rad(before.quaternion_xyzw, after.quaternion_xyzw) > TURNED_RAD
 
 
 def _moved_near_m(motion: Motion, first: int, pose: ObjectPose) -> float:
