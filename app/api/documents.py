@@ -16,6 +16,7 @@ from app.services.predict.evidence import Standing, StandingComparison, TaskStat
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.task_settings import TaskSettings
+from app.services.teach.history import SettingsChange
 from app.store.prediction_lists import Counts
 from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
@@ -46,12 +47,18 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
-        **({} if record.extra is None else {"extra": record.extra, "films": list(record.films)}),
-        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction"),
+        **({} if record.extra is None else _unlisted(record)),
+        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction", "trim", "key_id"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
     }
+
+
+def _unlisted(record: EpisodeRecord) -> JsonObject:
+    """What lists leave out."""
+    findings = None if record.findings is None else list(record.findings)
+    return {"extra": record.kept_extra, "films": list(record.films), "findings": findings}
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
@@ -62,7 +69,7 @@ def metadata_document(record: EpisodeRecord) -> JsonObject:
         "objects": [{name: item[stored] for name, stored in names.items()} for item in record.given_objects],
         "cameras": [camera_json(item.camera()) for item in record.cameras],
         "control_frequency_hz": record.control_frequency_hz,
-        "extra": record.extra or {},
+        "extra": record.kept_extra or {},
         **_fields(record, "left_out", "note", "uploaded_instruction"),
     }
 
@@ -94,6 +101,18 @@ def task_document(record: TaskRecord, num_episodes: int, num_unseen: int | None 
         )
         described["note"] = note if stored["object_models"] and num_unseen else ""
     return {**described, **stored}
+
+
+def history_document(changes: Sequence[SettingsChange]) -> JsonObject:
+    """A `SettingsHistory`."""
+    return {"history": [_change_document(change) for change in changes]}
+
+
+def _change_document(change: SettingsChange) -> JsonObject:
+    both = {name: {"before": before, "after": after} for name, (before, after) in change.changed.items()}
+    replaced = change.replaced
+    when = {"changed_at": replaced.replaced_at.isoformat(), "changed_by": replaced.replaced_by}
+    return {"version": replaced.version, **when, "changes": both, "restore": change.restore}
 
 
 def stats_document(task: str, stats: TaskStats, compare: Sequence[str] = ()) -> JsonObject:

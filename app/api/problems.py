@@ -14,18 +14,8 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from app.llm.base import (
-    LanguageModelError,
-    ModelBusyError,
-    ModelTimeoutError,
-    ModelUnavailableError,
-    UnknownModelError,
-)
-from app.perception.remote import (
-    PoseServerError,
-    PoseServerTimeoutError,
-    PoseServerUnavailableError,
-)
+from app.llm.base import LanguageModelError, ModelBusyError, ModelTimeoutError, ModelUnavailableError, UnknownModelError
+from app.perception.remote import PoseServerError, PoseServerTimeoutError, PoseServerUnavailableError
 from app.pipeline.errors import (
     ObjectNotVisibleError,
     ObjectSetError,
@@ -36,10 +26,7 @@ from app.pipeline.errors import (
     UngroundedInstructionError,
     UnsupportedActionError,
 )
-from app.services.errors import (
-    NoDemonstrationsError,
-    RefusedReplyError,
-)
+from app.services.errors import NoDemonstrationsError, RefusedReplyError
 from app.store.errors import (
     ConflictError,
     CorruptDataError,

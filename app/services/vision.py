@@ -33,11 +33,14 @@ from app.store.blobs import BlobStore
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord
 from app.store.store import Store
+from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, ImageKind
+from app.untrusted_arrays import film_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.http import is_loopback
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.film import npz_from_film
 from roboprompt_client.types.poses import ObjectPose
 
 SETTING = "ROBOPROMPT_POSE_SERVERS"
@@ -80,17 +83,26 @@ def stored_image(cameras: Iterable[CameraRecord], name: str, kind: ImageKind, wh
 
 
 def stored_film(store: Store, episode_id: str, camera: str) -> bytes:
-    """The `.npz` file of what a camera took during an episode.
+    """The `.npz` file of what a camera took during an episode, or during the part of it that is kept.
 
     Raises:
         NotFoundError: if there is no such episode or film.
         CorruptDataError, StoreUnavailableError: if it cannot be read.
     """
     with store.read() as connection:
-        digest = episodes.get(connection, episode_id).films.get(camera)
-    if digest is None:
+        record = episodes.get(connection, episode_id)
+        times_s = None if record.trim is None else get_trajectory(connection, episode_id).timestamps_s
+    if (digest := record.films.get(camera)) is None:
         raise NotFoundError(f"film of episode {episode_id}", camera)
-    return store.blobs.read(digest)
+    data = store.blobs.read(digest)
+    if record.trim is None:
+        return data
+    film = film_from_npz(camera, data)
+    if times_s is not None:
+        return npz_from_film(film.part(float(times_s[0]), float(times_s[-1])))
+    start_s, length_s = record.trim["start_s"], (record.num_frames - 1) / record.control_frequency_hz
+    part = film.part(start_s, start_s + length_s)
+    return npz_from_film(replace(part, times_s=np.clip(part.times_s - start_s, 0, length_s)))
 
 
 def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:

@@ -49,6 +49,11 @@ def valid(connection: Connection) -> tuple[ApiKeyRecord, ...]:
     return tuple(record for record in list_all(connection) if record.revoked_at is None)
 
 
+def name_of(connection: Connection, key_id: str | None) -> str | None:
+    """The name of a key; None if there is no such key."""
+    return connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))
+
+
 def revoke(connection: Connection, key_id: str) -> None:
     """Revoke a key; revoking it twice changes nothing. Raises NotFoundError."""
     name: str | None = connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))

@@ -64,6 +64,11 @@ def acting(name: str) -> Iterator[None]:
         _actor.reset(token)
 
 
+def actor() -> str:
+    """Return whose request this is, as entries name it."""
+    return _actor.get()
+
+
 def record(
     connection: Connection,
     action: str,

@@ -4,16 +4,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, or_, select, update
+from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
+from app.store.filters import EpisodeFilter
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page
 from app.store.tables import fetch_page
 from app.store.values import ObjectRecord
 from app.store.visibility import of_visible_tasks, present
 
 MAX_INSTRUCTIONS = 50
+EVERY = EpisodeFilter()
+_AUDITED = ("instruction", "left_out", "note", "trim")  # what else changes follows from these
 _EPISODES, _FILMS = tables.episodes, tables.films
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
@@ -59,25 +62,10 @@ def exist(connection: Connection, episode_id: str) -> bool:
 
 
 def list_page(
-    connection: Connection,
-    task: str | None = None,
-    limit: int = 50,
-    cursor: int | None = None,
-    containing: str = "",
-    left_out: bool | None = None,
+    connection: Connection, chosen: EpisodeFilter = EVERY, limit: int = 50, cursor: int | None = None
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all, whose instruction or note contains the text in any case.
-
-    Args:
-        left_out: only those that are, or are not; None for both.
-    """
-    query = of_visible_tasks(select(*LISTED), _EPISODES.c.task, task)
-    if left_out is not None:
-        query = query.where(_EPISODES.c.left_out.is_(left_out))
-    if containing:
-        texts = (_EPISODES.c.instruction, _EPISODES.c.note)
-        query = query.where(or_(*(text.icontains(containing, autoescape=True) for text in texts)))
-    return fetch_page(connection, _EPISODES, query, limit, cursor, record_of)
+    """The visible episodes that fit, newest first."""
+    return fetch_page(connection, _EPISODES, chosen.narrow(select(*LISTED)), limit, cursor, record_of)
 
 
 def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
@@ -131,7 +119,7 @@ def number_of(connection: Connection, task: str, *, left_out: bool | None = None
 
 def number_unseen(connection: Connection, task: str) -> int:
     """How many episodes of the task have no depth image, by the text of the JSON."""
-    has_depth = cast(_EPISODES.c.cameras, Text).contains('"depth_digest": "')
+    has_depth = cast(_EPISODES.c.cameras, Text).contains('"depth_digest":"')
     query = select(func.count()).select_from(_EPISODES).where(_EPISODES.c.task == task, ~has_depth)
     return connection.scalar(query) or 0
 
@@ -143,7 +131,7 @@ def list_ids(connection: Connection, task: str) -> tuple[str, ...]:
 
 
 def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, Any]) -> EpisodeRecord:
-    """The episode with another `instruction`, `left_out` or `note`; with prompts its task's version grows.
+    """The episode with other values of these fields; if prompts may change its task's version grows.
 
     Raises:
         NotFoundError: if the episode was deleted since.
@@ -160,8 +148,11 @@ def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, An
         raise NotFoundError("episode", record.id)
     if changed.keys() != {"note"}:
         tasks.change(connection, record.task, {})
-    before = {name: getattr(record, name) for name in changed}
-    audit.record(connection, "episode.edited", record.id, {"task": record.task, "before": before, "after": changed})
+    after = {name: changed[name] for name in _AUDITED if name in changed}
+    before = {name: getattr(record, name) for name in after}
+    if after:
+        details = {"task": record.task, "before": before, "after": after}
+        audit.record(connection, "episode.edited", record.id, details)
     return replace(record, **values)
 
 

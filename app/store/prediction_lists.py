@@ -6,31 +6,22 @@ from dataclasses import astuple, dataclass, fields
 from datetime import datetime
 from hashlib import sha256
 from statistics import median
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
-from sqlalchemy import ColumnElement, Connection, Row, Select, and_, case, func, or_, select
+from sqlalchemy import Connection, Row, case, func, or_, select
 
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
+from app.store.filters import FATES, OF_FATE, Fate, PredictionFilter, num_demonstrations
 from app.store.records import PredictionRecord, PredictionStatus
 from app.store.values import JsonObject, ObjectRecord
 from app.store.visibility import of_visible_predictions
 
-Fate = Literal["failure", "refused", "unknown", "success"]
-FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
 ListOrder = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
-_NO_OUTCOME = _P.c.outcome_success.is_(None)
-_FATES: dict[Fate, ColumnElement[bool]] = {
-    "failure": _P.c.outcome_success.is_(False),
-    "refused": and_(_NO_OUTCOME, _P.c.status != "ok"),
-    "unknown": and_(_NO_OUTCOME, _P.c.status == "ok"),
-    "success": _P.c.outcome_success.is_(True),
-}
 NUM_TIMED = 20  # latest answers of a model, whose median duration says how long the next one takes
 MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
-_num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,33 +57,9 @@ class PredictionSummary:
 
 
 _SUMMARY = [
-    _P.c[field.name] if field.name in _P.c else _num_demonstrations.label(field.name)
+    _P.c[field.name] if field.name in _P.c else num_demonstrations.label(field.name)
     for field in fields(PredictionSummary)
 ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PredictionFilter:
-    """A filter of predictions; a field that is None filters nothing."""
-
-    task: str | None = None
-    model: str | None = None
-    representation: str | None = None
-    prompt_format: str | None = None
-    num_demonstrations: int | None = None
-    fate: Fate | None = None
-    without_models: tuple[str, ...] = ()  # whose predictions are left out
-
-    def narrow(self, query: Select[Any]) -> Select[Any]:
-        query = of_visible_predictions(query, self.task)
-        for name in ("model", "representation", "prompt_format"):
-            if (value := getattr(self, name)) is not None:
-                query = query.where(_P.c[name] == value)
-        if self.num_demonstrations is not None:
-            query = query.where(_num_demonstrations == self.num_demonstrations)
-        if self.without_models:
-            query = query.where(_P.c.model.not_in(self.without_models))
-        return query if self.fate is None else query.where(_FATES[self.fate])
 
 
 @dataclass(frozen=True)
@@ -116,7 +83,7 @@ def list_page(
 ) -> SummaryPage:
     """At most `limit` predictions: the newest first, or by their fate and then the newest."""
     fates = FATES if order == "failures" else FATES[::-1]
-    groups = [or_(*_FATES.values())] if order == "newest" else [_FATES[fate] for fate in fates]
+    groups = [or_(*OF_FATE.values())] if order == "newest" else [OF_FATE[fate] for fate in fates]
     found: list[tuple[int, Row[Any]]] = []
     for number, fits in enumerate(groups):
         if cursor is not None and number < cursor.group:
@@ -207,7 +174,7 @@ _CONFIGURATION = (
     _P.c.representation.label("representation"),
     _P.c.prompt_format.label("prompt_format"),
     case((_NAMED.is_(None), func.coalesce(_SELECTED, "first")), else_=None).label("selection"),
-    _num_demonstrations.label("num_demonstrations"),
+    num_demonstrations.label("num_demonstrations"),
     func.coalesce(func.json_array_length(_P.c.samples), 1).label("num_samples"),
 )
 

@@ -1,7 +1,7 @@
 """Queries on predictions, and on cases, which are kept to be asked again. Each runs on the caller's transaction."""
 
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any
 from uuid import uuid4
 
 from sqlalchemy import Connection, Row, delete, insert, select, update
@@ -10,13 +10,14 @@ from sqlalchemy.exc import IntegrityError
 from app.store import tables
 from app.store.database import lock
 from app.store.errors import NotFoundError
+from app.store.filters import PredictionFilter
 from app.store.records import Page, PredictionDraft, PredictionRecord
 from app.store.tables import fetch_page
-from app.store.visibility import of_visible_predictions, present
+from app.store.visibility import present
 
 _PREDICTIONS, _CASES = tables.predictions, tables.cases
 _INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
-_OUTCOMES = {"success": True, "failure": False, "unknown": None}
+EVERY = PredictionFilter()
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
@@ -38,21 +39,10 @@ def get(connection: Connection, prediction_id: str) -> PredictionRecord:
 
 
 def list_page(
-    connection: Connection,
-    task: str | None = None,
-    outcome: Literal["success", "failure", "unknown"] | None = None,
-    limit: int = 50,
-    cursor: int | None = None,
-    *,
-    cases: bool = False,
+    connection: Connection, chosen: PredictionFilter = EVERY, limit: int = 50, cursor: int | None = None
 ) -> Page[PredictionRecord]:
-    """Return visible predictions, newest first, of one task or of all, with any outcome or one; or only `cases`."""
-    query = of_visible_predictions(select(_PREDICTIONS), task)
-    if cases:
-        query = query.where(_PREDICTIONS.c.id.in_(select(_CASES.c.prediction_id)))
-    if outcome is not None:
-        query = query.where(_PREDICTIONS.c.outcome_success.is_(_OUTCOMES[outcome]))
-    return fetch_page(connection, _PREDICTIONS, query, limit, cursor, _record)
+    """The visible predictions that fit, newest first."""
+    return fetch_page(connection, _PREDICTIONS, chosen.narrow(select(_PREDICTIONS)), limit, cursor, _record)
 
 
 def record_outcome(connection: Connection, prediction_id: str, success: bool, note: str | None) -> PredictionRecord:

@@ -7,6 +7,7 @@ from typing import Generic, Literal, TypeVar
 from uuid import uuid4
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Demonstration
+from app.pipeline.findings.recording import COMMANDED
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -89,7 +90,22 @@ class EpisodeRecord(DemonstrationRecord):
     left_out: bool = False  # kept, but shown in no prompt
     note: str = ""  # what a person says of it
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
+    key_id: str | None = None  # of the API key that uploaded it; None where none was needed
+    trim: JsonObject | None = None  # what is kept of the recording, see `kept_frames`; None: all of it
+    findings: tuple[JsonObject, ...] | None = None  # `Finding.to_json`; None where 1.0 stored the episode
     films: Mapping[str, str] = field(default_factory=dict)  # digests by camera; lists do not read them
+
+    @property
+    def kept_extra(self) -> JsonObject | None:
+        """`extra` of the kept part: positions that were commanded belong to frames."""
+        if self.extra is None or self.trim is None or not isinstance(self.extra.get(COMMANDED), list):
+            return self.extra
+        return {**self.extra, COMMANDED: self.extra[COMMANDED][slice(*kept_frames(self.trim))]}
+
+
+def kept_frames(trim: JsonObject) -> tuple[int, int]:
+    """The first frame that is kept of a trimmed recording, and the first after it that is not."""
+    return trim["first_frame"], trim["end_frame"]
 
 
 @dataclass(frozen=True, kw_only=True)

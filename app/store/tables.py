@@ -58,9 +58,12 @@ episodes = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("prediction_id", String(32)),
     Column("corrects", String(32), index=True),
+    Column("key_id", String(16), index=True),
+    Column("trim", Json),
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),
+    Column("findings", Items()),
     Column("objects", Items(ObjectRecord), nullable=False),
     Column("keyframes", Items(KeyframeRecord), nullable=False),
     Column("cameras", Items(CameraRecord), nullable=False),
@@ -72,7 +75,7 @@ episodes = Table(
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
 )
 
-# What cameras took during the motion, by digest. SQLite would append a new column of `episodes` behind the trajectory.
+# What cameras took during the motion, by digest.
 films = Table(
     "films",
     metadata,
@@ -205,6 +208,17 @@ cases = Table(
     metadata,
     Column("prediction_id", String(32), ForeignKey("predictions.id"), primary_key=True),
     Column("created_at", UtcDateTime, nullable=False),
+)
+
+# Earlier settings of tasks. `version` is the last one of the task that had them.
+replaced_settings = Table(
+    "replaced_settings",
+    metadata,
+    Column("task", String(64), ForeignKey("tasks.name"), primary_key=True),
+    Column("version", Integer, primary_key=True, autoincrement=False),
+    Column("replaced_at", UtcDateTime, nullable=False),
+    Column("replaced_by", String(96), nullable=False),
+    Column("settings", Json, nullable=False),
 )
 
 # What a job has extracted; it takes the place of the old all at once when the job ends.

@@ -8,7 +8,7 @@ from sqlalchemy import Connection, bindparam, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
-from app.store import audit, tables
+from app.store import audit, replaced_settings, tables
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import TaskCounts, TaskRecord, TaskState
 from app.store.values import JsonObject
@@ -88,6 +88,8 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
 def update_settings(connection: Connection, name: str, settings: JsonObject, *, actor: str | None = None) -> TaskRecord:
     """Replace the task's settings; if they differ the version grows, and the audit log has what bounds motion.
 
+    The earlier ones are kept, see `replaced_settings`.
+
     Args:
         actor: in whose name, as in `audit.record`.
 
@@ -96,6 +98,7 @@ def update_settings(connection: Connection, name: str, settings: JsonObject, *, 
     """
     task = lock(connection, name)
     if task.settings != settings:
+        replaced_settings.keep(connection, task, settings, actor)
         change(connection, name, {"settings": settings})
         record_limits(connection, name, task.settings, settings, actor=actor)
     return get(connection, name)

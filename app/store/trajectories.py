@@ -18,6 +18,8 @@ from sqlalchemy import Connection, select
 
 from app.store import tables
 from app.store.errors import CorruptDataError, NotFoundError
+from app.store.records import kept_frames
+from app.store.values import JsonObject
 from app.store.visibility import of_visible_tasks
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -90,19 +92,32 @@ def _shape_of_frame(name: str, num_joints: int, num_objects: int) -> tuple[int, 
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
-    """The trajectories of several episodes, in the order of `ids`; raises NotFoundError, CorruptDataError."""
-    query = select(_EPISODES.c.id, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
-    found: dict[str, bytes] = {row.id: row.trajectory for row in connection.execute(query)}
+    """What is kept of the trajectories of several episodes, in the order of `ids`.
+
+    Raises:
+        NotFoundError, CorruptDataError: of one of them.
+    """
+    query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
+    found: dict[str, tuple[Any, ...]] = {row.id: tuple(row) for row in connection.execute(query)}
     for episode_id in ids:
         if episode_id not in found:
             raise NotFoundError("episode", episode_id)
-    return tuple(unpack(found[episode_id], episode_id) for episode_id in ids)
+    return tuple(_kept(*found[episode_id]) for episode_id in ids)
 
 
-def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
-    """The episode's trajectory, as it was stored; raises NotFoundError, CorruptDataError."""
-    query = select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
-    blob = connection.scalar(of_visible_tasks(query, _EPISODES.c.task))
-    if blob is None:
+def get_trajectory(connection: Connection, episode_id: str, *, whole: bool = False) -> Trajectory:
+    """The episode's trajectory; raises NotFoundError, CorruptDataError.
+
+    Args:
+        whole: with what was trimmed off.
+    """
+    query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
+    row = connection.execute(of_visible_tasks(query, _EPISODES.c.task)).first()
+    if row is None:
         raise NotFoundError("episode", episode_id)
-    return unpack(blob, episode_id)
+    return unpack(row.trajectory, episode_id) if whole else _kept(*row)
+
+
+def _kept(episode_id: str, trim: JsonObject | None, blob: bytes) -> Trajectory:
+    trajectory = unpack(blob, episode_id)
+    return trajectory if trim is None else trajectory.part(*kept_frames(trim))

@@ -19,7 +19,7 @@ from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError, model_validator
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
@@ -189,6 +189,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
 _ENVIRONMENT = Environment(
     loader=PackageLoader("app.web"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
+_ENVIRONMENT.policies["json.dumps_kwargs"] = {}  # members in their order: scripts compare settings as text
 _ENVIRONMENT.filters.update(FILTERS)
 _ENVIRONMENT.globals.update(
     navigation=NAVIGATION, interval=interval_text, pictured=pictured, scene_picture=scene_picture
@@ -207,6 +208,20 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
 def render_part(template: str, **shown: object) -> str:
     """A part of a page, for its scripts to put in place."""
     return _ENVIRONMENT.get_template(template).render(**shown)
+
+
+class FormQuery(BaseModel):
+    """The query of a page's form, which sends its empty fields, too."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _filled(cls, values: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if value not in ("", [""])}
+
+
+def query_of(request: Request) -> dict[str, str]:
+    """What the page's form asked for, for links to other pages of the same list."""
+    return {name: value for name, value in request.query_params.items() if value and name != "cursor"}
 
 
 class PageRoute(APIRoute):

@@ -16,7 +16,8 @@ from app.services.predict.evidence import Explanation, configuration, explanatio
 from app.services.predict.known import KnownReader
 from app.services.task_settings import TaskSettings
 from app.store import episodes, prediction_lists, predictions
-from app.store.prediction_lists import Configuration, Counts, Fate
+from app.store.filters import Fate
+from app.store.prediction_lists import Configuration, Counts
 from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
 from app.web.play import planned_motion

@@ -193,15 +193,23 @@ class RoboPromptClient:
         return self._send(ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key}))
 
     def edit_episode(
-        self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
+        self,
+        episode_id: str,
+        *,
+        instruction: str | None = None,
+        left_out: bool | None = None,
+        note: str | None = None,
+        trim_s: tuple[float, float] | None = None,
     ) -> dict[str, Any]:
         """Change an episode's members that are not None; return the episode.
 
         Args:
             left_out: True keeps the episode but shows it in no prompt.
             note: for people; "" removes it.
+            trim_s: beginning and end of the part that is kept, from the first recorded frame.
         """
-        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
+        trim = None if trim_s is None else {"start_s": trim_s[0], "end_s": trim_s[1]}
+        wanted = {"instruction": instruction, "left_out": left_out, "note": note, "trim": trim}
         changes = {name: value for name, value in wanted.items() if value is not None}
         return self._send(ask("PATCH", f"/episodes/{episode_id}", json=changes))
 

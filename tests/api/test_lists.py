@@ -6,6 +6,7 @@ from sqlalchemy import event
 
 from app.api.routes.episodes import list_episodes
 from app.api.routes.tasks import list_tasks
+from app.api.schemas.lists import EpisodesQuery
 from app.services.task_settings import TaskSettings
 from tests.services.conftest import scripted, store  # noqa: F401  # fixtures
 from tests.services.test_upload_episode import respond, upload
@@ -40,5 +41,5 @@ def test_a_page_of_episodes_reads_the_settings_of_its_tasks_alone(scripted, monk
     services.upload_episode(upload("cube"), respond)
     validated, validate = [], TaskSettings.model_validate
     monkeypatch.setattr(TaskSettings, "model_validate", lambda value: validated.append(value) or validate(value))
-    assert b'"task":"pick"' in list_episodes(services).body
+    assert b'"task":"pick"' in list_episodes(services, EpisodesQuery()).body
     assert len(validated) == 1

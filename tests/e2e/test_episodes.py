@@ -22,9 +22,7 @@ def test_upload_answers_with_keyframes_bins_and_texts(http):
     assert episode["keyframes"][1]["bins"] == [42, 57, 18, 0, 36, 36, 0]
     assert episode["observation_text"] == "{'cube': [42, 57, 18], 'pick up the cube'}>"
     assert episode["actions_text"].startswith("[[42, 57, 28, 0, 36, 36, 1], [42, 57, 18, 0, 36, 36, 0]")
-    assert http.get(f"/episodes/{episode['id']}").json() == {
-        name: value for name, value in episode.items() if name != "findings"
-    }
+    assert http.get(f"/episodes/{episode['id']}").json() == episode
 
 
 def test_trajectory_comes_back_bit_for_bit(http):

@@ -7,6 +7,7 @@ from app.api.documents import episode_document
 from app.llm.base import ModelProfile
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
+from app.store.filters import EpisodeFilter
 from roboprompt_client.errors import InvalidInputError
 from tests.services.conftest import written
 from tests.services.test_predict_actions import REQUEST
@@ -97,7 +98,7 @@ def test_episodes_are_shown_in_the_papers_representation_whatever_the_prompts_ar
     taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})
     with taught.store.read() as connection:
         task = tasks.get(connection, "pick")
-        (record,) = episodes.list_page(connection, "pick", 10, None).items
+        (record,) = episodes.list_page(connection, EpisodeFilter(task="pick")).items
     assert episode_document(record, TaskSettings.model_validate(task.settings))["observation_text"].startswith(
         "{'cube': ["
     )

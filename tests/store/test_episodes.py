@@ -6,6 +6,7 @@ from sqlalchemy import event, update
 
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError
+from app.store.filters import EpisodeFilter
 from app.store.records import Extraction
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
@@ -88,15 +89,15 @@ def test_instructions_are_searched_as_they_are_written(store):
     upload(store, episode_draft(instruction="fill it to 1000"))
     with store.read() as connection:
         for text in ("100%", "FILL IT TO 100%"):
-            found = episodes.list_page(connection, containing=text)
+            found = episodes.list_page(connection, EpisodeFilter(containing=text))
             assert [episode.id for episode in found.items] == [wanted.id]
-        assert not episodes.list_page(connection, "other", containing="fill").items
+        assert not episodes.list_page(connection, EpisodeFilter(task="other", containing="fill")).items
 
 
 def pages_of(store, limit, task):
     pages, cursor = [], None
     while True:
-        page = read(store, episodes.list_page, task, limit, cursor)
+        page = read(store, episodes.list_page, EpisodeFilter(task=task), limit, cursor)
         pages.append([episode.id for episode in page.items])
         if (cursor := page.next_cursor) is None:
             return pages
@@ -115,10 +116,10 @@ def test_pages_hold_everything_once_newest_first(store, limit):
 
 def test_pages_stay_in_step_while_episodes_come_and_go(store):
     ids = [upload(store, episode_draft(seed)).id for seed in range(4)]
-    page = read(store, episodes.list_page, TASK, limit=2)
+    page = read(store, episodes.list_page, EpisodeFilter(task=TASK), limit=2)
     write(store, episodes.remove, ids[3])
     newer = upload(store, episode_draft(9))
-    rest = read(store, episodes.list_page, TASK, limit=2, cursor=page.next_cursor)
+    rest = read(store, episodes.list_page, EpisodeFilter(task=TASK), limit=2, cursor=page.next_cursor)
     assert [episode.id for episode in rest.items] == [ids[1], ids[0]]
     assert newer.sequence == 5
 
@@ -178,7 +179,10 @@ OF_TASK = "SEARCH episodes USING INDEX ix_episodes_task_sequence (task=?)"
     ("ask", "plan"),
     [
         (lambda connection: episodes.demonstrations(connection, TASK, 10), OF_TASK),
-        (lambda connection: episodes.list_page(connection, TASK, 10, 5), OF_TASK.replace("?", "? AND sequence<?")),
+        (
+            lambda connection: episodes.list_page(connection, EpisodeFilter(task=TASK), 10, 5),
+            OF_TASK.replace("?", "? AND sequence<?"),
+        ),
         (
             lambda connection: episodes.demonstrations_by_id(connection, TASK, episodes.list_ids(connection, TASK)),
             "SEARCH episodes USING INDEX sqlite_autoindex_episodes_1 (id=?)",
@@ -213,3 +217,9 @@ def test_extractions_of_a_task_that_changed_meanwhile_are_refused(store):
     with pytest.raises(ConflictError, match="at version 3, no longer 2"), store.write() as connection:
         episodes.replace_extractions(connection, TASK, version, [Extraction(episode.id, (), ())])
     assert read(store, episodes.get, episode.id) == episode
+
+
+def test_episodes_without_depth_are_counted(store):
+    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64),)))
+    upload(store, episode_draft(1, cameras=(camera_record(rgb_digest="a" * 64, depth_digest="b" * 64),)))
+    assert read(store, episodes.number_unseen, TASK) == 1

@@ -1,7 +1,8 @@
 import pytest
 
 from app.store import prediction_lists, predictions
-from app.store.prediction_lists import FATES, Configuration, Counts, PredictionFilter
+from app.store.filters import FATES, PredictionFilter
+from app.store.prediction_lists import Configuration, Counts
 
 from .drafts import TASK, predict, prediction_draft, read, write
 

@@ -4,6 +4,7 @@ import pytest
 
 from app.store import predictions
 from app.store.errors import NotFoundError
+from app.store.filters import PredictionFilter
 
 from .drafts import TASK, camera_record, object_record, predict, prediction_draft, read, write
 
@@ -51,16 +52,16 @@ def test_pages_by_task_and_outcome(store):
         predictions.record_outcome(connection, ids[1], True, None)
         predictions.record_outcome(connection, ids[2], False, None)
 
-        def listed(*arguments, **options):
-            return [record.id for record in predictions.list_page(connection, *arguments, **options).items]
+        def listed(**chosen):
+            return [record.id for record in predictions.list_page(connection, PredictionFilter(**chosen)).items]
 
         assert listed() == ids[::-1]
-        assert listed(TASK) == [ids[4], ids[2], ids[0]]
+        assert listed(task=TASK) == [ids[4], ids[2], ids[0]]
         assert listed(outcome="success") == [ids[1], ids[0]]
-        assert listed(TASK, "success") == [ids[0]]
+        assert listed(task=TASK, outcome="success") == [ids[0]]
         assert listed(outcome="failure") == [ids[2]]
         assert listed(outcome="unknown") == [ids[5], ids[4], ids[3]]
-        page = predictions.list_page(connection, outcome="unknown", limit=2)
+        page = predictions.list_page(connection, PredictionFilter(outcome="unknown"), limit=2)
         assert [record.id for record in page.items] == [ids[5], ids[4]]
-        rest = predictions.list_page(connection, outcome="unknown", limit=2, cursor=page.next_cursor)
+        rest = predictions.list_page(connection, PredictionFilter(outcome="unknown"), limit=2, cursor=page.next_cursor)
         assert ([record.id for record in rest.items], rest.next_cursor) == ([ids[3]], None)

@@ -46,7 +46,7 @@ def test_instructions_are_searched(page, many):
     expect(page.locator("tbody tr")).to_have_count(1)
     page.get_by_label("Instruction or note contains").fill("cotton <b>")
     page.keyboard.press("Enter")
-    expect(page.locator(".empty")).to_contain_text("Nothing of many contains “cotton <b>”")
+    expect(page.locator(".empty")).to_contain_text("No episode of many fits the filter")
 
 
 def test_deletion_asks_first(page, http):
@@ -115,8 +115,28 @@ def test_an_episode_is_corrected_left_out_and_found_again(page, http):
     expect(page.locator("#episodes")).to_contain_text("left out the cube slipped")
     page.get_by_label("In prompts").select_option("shown")
     page.get_by_role("button", name="Filter").click()
-    expect(page.get_by_text("No episode of corrected is shown in prompts.")).to_be_visible()
+    expect(page.get_by_text("No episode of corrected fits the filter.")).to_be_visible()
     page.get_by_role("link", name="1 left out of prompts").click()
     expect(page.locator("#episodes tbody tr")).to_have_count(1)
     until_pictures_are_there(page)
     http.delete(f"/episodes/{taught['id']}")
+
+
+def test_filters_go_along_from_page_to_page(page, http):
+    ids = [teach(http, "sifted", PLACES_M[k % 4])["id"] for k in range(2)]
+    http.patch(f"/episodes/{ids[1]}", json={"trim": {"end_s": 0.8}}).raise_for_status()
+    page.goto("/ui/episodes?task=sifted&limit=1&min_duration_s=0.5")
+    expect(page.get_by_label("At least, s")).to_have_value("0.5")
+    page.get_by_role("link", name="Older").click()
+    expect(page.locator("tbody tr")).to_have_count(1)
+    expect(page.get_by_label("At least, s")).to_have_value("0.5")
+    page.get_by_label("at most, s").fill("0.9")
+    page.get_by_label("Finding").fill("ends-in-motion")
+    page.get_by_label("From").fill("2026-01-01")
+    page.get_by_role("button", name="Filter").click()
+    expect(page.get_by_text("1 fits the filter")).to_be_visible()
+    page.get_by_label("to", exact=True).fill("2026-01-02")
+    page.get_by_role("button", name="Filter").click()
+    expect(page.get_by_text("No episode of sifted fits the filter.")).to_be_visible()
+    for id_ in ids:
+        http.delete(f"/episodes/{id_}")

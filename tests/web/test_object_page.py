@@ -113,7 +113,9 @@ def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, 
     expect(page.locator("#learned")).to_contain_text("every episode was extracted again")
     assert http.get(f"/episodes/{shelf[0]}").json()["objects"][0]["estimator"] == "registered"
     page.goto("/ui/tasks/shelf")
-    expect(page.get_by_role("row", name="carton")).to_contain_text("registered, learned from 1 view")
+    expect(page.get_by_role("table", name="How objects are found").get_by_role("row", name="carton")).to_contain_text(
+        "registered, learned from 1 view"
+    )
     page.get_by_role("row", name="jar").get_by_role("link").click()
     expect(page.get_by_label("Object", exact=True)).to_have_value("jar")
 

@@ -33,13 +33,17 @@ def test_what_changes_is_told_and_drawn_then_applied_and_undone(form, http):
     expect(form.locator("#space-view .keep-out")).to_have_count(1)
     form.get_by_role("button", name="Apply").click()
     expect(form.locator("#state")).to_have_text("Applied.")
+    expect(form.get_by_label("Arm")).to_have_value("fr3")
     settings = settings_of(http)
     assert settings["motion_limits"]["keep_out"] == PANEL["keep_out"]
     assert (settings["arm"], settings["aliases"]) == ("fr3", {"cube": ["block", "brick"]})
-    form.get_by_role("button", name="Undo").click()
-    form.wait_for_load_state()
+    form.get_by_role("button", name="Restore").click()
+    expect(form.get_by_role("dialog")).to_contain_text("aliases: {}; arm: null")
+    form.get_by_role("button", name="Restore", exact=True).click()
     expect(form.get_by_label("Arm")).to_have_value("")
     assert settings_of(http) == before
+    expect(form.locator("#history tbody tr")).to_have_count(6)
+    expect(form.locator("#history")).to_contain_text("as they are now")
 
 
 def test_what_somebody_else_set_meanwhile_is_not_overwritten(form, http):

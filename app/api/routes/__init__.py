@@ -2,14 +2,12 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Header, Query, Request
+from fastapi import Depends, Header, Request
 from pydantic import BaseModel
 
 from app.api.problems import CONTENT
 from app.services.container import Services
 
-Limit = Annotated[int, Query(ge=1, le=200, description="largest number of items in the answer")]
-Cursor = Annotated[int | None, Query(ge=1, le=2**63 - 1, description="`next_cursor` of the page before")]
 IdempotencyKey = Annotated[
     str | None,
     Header(

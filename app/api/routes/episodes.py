@@ -16,7 +16,8 @@ from app.api.body import FILM_PREFIX, Body, read_body
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import episode_document, metadata_document
 from app.api.image_work import decode_frames, image_work, split_images
-from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, body_of, problems
+from app.api.routes import IdempotencyKey, Wired, body_of, problems
+from app.api.schemas.lists import EpisodesQuery
 from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
 from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut, UploadOut
 from app.perception.films import checked_film
@@ -106,23 +107,12 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
 
 
 @router.get("/episodes", response_model=EpisodePage, responses=problems(_404="no such task"))
-def list_episodes(
-    services: Wired,
-    task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
-    left_out: Annotated[
-        bool | None, Query(description="true: only episodes that are left out of prompts; false: only the others")
-    ] = None,
-    containing: Annotated[
-        str, Query(alias="q", max_length=500, description="only with this text in the instruction or the note")
-    ] = "",
-    limit: Limit = 50,
-    cursor: Cursor = None,
-) -> Response:
+def list_episodes(services: Wired, query: Annotated[EpisodesQuery, Query()]) -> Response:
     """Episodes, newest first."""
     with services.store.read() as connection:
-        if task is not None:
-            tasks.get(connection, task)
-        page = episodes.list_page(connection, task, limit, cursor, containing, left_out)
+        if query.task is not None:
+            tasks.get(connection, query.task)
+        page = episodes.list_page(connection, query.filter(), query.limit, query.cursor)
         known = {name: TaskSettings.of(connection, name) for name in {record.task for record in page.items}}
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
@@ -154,16 +144,17 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     responses=problems(
         _404="no such episode",
         _409="the task changed meanwhile, or a job extracts its episodes again",
-        _422="a value is not valid, the instruction names no object, or the episode cannot be extracted again",
+        _422="a value is not valid, the instruction names no object, or the kept part cannot be extracted",
     ),
 )
 async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
-    """Correct the instruction, leave the episode out of prompts or show it again, or change its note.
+    """Correct the instruction, leave the episode out of prompts or show it again, change its note, or trim its ends.
 
     The first instruction is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
-    shown again is extracted with the task's present settings.
+    trimmed or shown again is extracted with the task's present settings; of a trimmed one every address and export has
+    the kept part. Its objects keep their poses, so it cannot begin after one was moved.
     """
-    change = partial(_edited, services.store, episode_id, body.model_dump(exclude_none=True))
+    change = partial(_edited, services.store, episode_id, body.changes())
     document = await anyio.to_thread.run_sync(change, limiter=services.teaching)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document)

@@ -11,7 +11,8 @@ from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import answer
-from app.api.routes import Cursor, Limit, Wired, problems
+from app.api.routes import Wired, problems
+from app.api.schemas.lists import JobsQuery
 from app.api.schemas.requests import RunBody
 from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, ModelOut, RunAnswer, RunList, RunOut
 from app.llm.base import LanguageModelError
@@ -23,15 +24,10 @@ RunId = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="32 hexadecima
 
 
 @router.get("/jobs", tags=["tasks"], response_model=JobPage)
-def list_jobs(
-    services: Wired,
-    task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
-    limit: Limit = 50,
-    cursor: Cursor = None,
-) -> Response:
+def list_jobs(services: Wired, query: Annotated[JobsQuery, Query()]) -> Response:
     """Jobs, newest first."""
     with services.store.read() as connection:
-        page = jobs.list_page(connection, task, limit, cursor)
+        page = jobs.list_page(connection, query.task, query.limit, query.cursor)
     return JSONResponse({"jobs": [answer(JobOut, record) for record in page.items], "next_cursor": page.next_cursor})
 
 

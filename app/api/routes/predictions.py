@@ -1,13 +1,14 @@
 """Recorded predictions, their outcomes and cases; and the steps of a sentence over several tasks."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Body, Query, Response
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import stored_prediction_document
-from app.api.routes import Cursor, Limit, Wired, problems
+from app.api.routes import Wired, problems
+from app.api.schemas.lists import PredictionsQuery
 from app.api.schemas.predictions import PlanOut, PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody, PlanBody
 from app.store import erasure, predictions
@@ -16,19 +17,10 @@ router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
 
 
 @router.get("/predictions", response_model=PredictionPage)
-def list_predictions(
-    services: Wired,
-    task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
-    outcome: Annotated[
-        Literal["success", "failure", "unknown"] | None, Query(description="only predictions with this outcome")
-    ] = None,
-    cases: Annotated[bool, Query(description="only predictions that are kept as cases")] = False,
-    limit: Limit = 50,
-    cursor: Cursor = None,
-) -> Response:
+def list_predictions(services: Wired, query: Annotated[PredictionsQuery, Query()]) -> Response:
     """Predictions, newest first, failed ones included."""
     with services.store.read() as connection:
-        page = predictions.list_page(connection, task, outcome, limit, cursor, cases=cases)
+        page = predictions.list_page(connection, query.filter(), query.limit, query.cursor)
     documents = [stored_prediction_document(record) for record in page.items]
     return JSONResponse({"predictions": documents, "next_cursor": page.next_cursor})
 

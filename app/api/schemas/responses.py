@@ -62,6 +62,15 @@ class ObjectOut(ObservedObjectOut):
     ]
 
 
+class TrimOut(BaseModel):
+    """The part of a recording that is kept: seconds and frames count from its first frame, `end_frame` is cut off."""
+
+    start_s: float
+    end_s: float
+    first_frame: int
+    end_frame: int
+
+
 class ListedEpisode(BaseModel):
     """A stored episode, its keyframes and object poses; the texts have the paper's representation."""
 
@@ -82,16 +91,21 @@ class ListedEpisode(BaseModel):
     uploaded_instruction: Annotated[
         str | None, Field(description="instruction of the upload, if it was corrected since; else null")
     ]
+    trim: Annotated[TrimOut | None, Field(description="the part of the recording that is kept; null: all of it")]
+    key_id: Annotated[str | None, Field(description="id of the API key that uploaded it; null where none was needed")]
     observation_text: str
     actions_text: str
     created_at: datetime
 
 
 class EpisodeOut(ListedEpisode):
-    """An episode with the `extra` of its upload, and the cameras that took pictures during the motion."""
+    """An episode with its findings, the `extra` of its upload, and the cameras that took pictures during the motion."""
 
     extra: dict[str, Any]
     films: list[str]
+    findings: Annotated[
+        list[FindingOut] | None, Field(description="doubts about the recording; null where version 1.0 stored it")
+    ]
 
 
 class UploadedEpisodeOut(EpisodeOut):
@@ -123,6 +137,35 @@ class TaskOut(TaskSettings):
     note: Annotated[
         str, Field(description="which episodes the settings do not apply to; empty if all, and in lists")
     ] = ""
+
+
+class SettingChange(BaseModel):
+    """The values of a setting before and after a change; of an object the members that differ."""
+
+    before: Any
+    after: Any
+
+
+class SettingsChangeOut(BaseModel):
+    """A change of a task's settings."""
+
+    version: Annotated[int, Field(description="the last version of the task before the change")]
+    changed_at: datetime
+    changed_by: Annotated[str, Field(description="the API key by its name and id, `local`, or a job")]
+    changes: Annotated[dict[str, SettingChange], Field(description="by setting")]
+    restore: Annotated[
+        dict[str, Any],
+        Field(
+            description="what to send to PUT /tasks/{name} to have the settings as they were before the change;"
+            " empty if they are"
+        ),
+    ]
+
+
+class SettingsHistory(BaseModel):
+    """The latest changes of a task's settings, newest first, at most 100; bounds that follow from episodes aside."""
+
+    history: list[SettingsChangeOut]
 
 
 class TaskList(BaseModel):

@@ -25,6 +25,7 @@ from app.services.vision import PoseServers, check_colors, with_models, with_tem
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
+from app.store.filters import EpisodeFilter
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.motion.limits import MotionLimits
@@ -152,7 +153,7 @@ class KnownReader:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""
         with timed("read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
-            newest = episodes.list_page(connection, request.task, limit=1).items
+            newest = episodes.list_page(connection, EpisodeFilter(task=request.task), 1).items
         settings, blobs = TaskSettings.model_validate(task.settings), self._store.blobs
         self._pose_servers.check(settings.object_models)
         with timed("poses"):

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.errors import UnfamiliarInstructionError
+from app.pipeline.findings import Finding
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
@@ -16,21 +18,23 @@ from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job
 from app.services.teach.extract import NUM_FIRST, extract_again, remaining, uploaded
+from app.services.teach.trim import trimmed
 from app.store import episodes, tasks
-from app.store.records import EpisodeRecord, TaskRecord
+from app.store.records import EpisodeRecord, Extraction, TaskRecord
 from app.store.store import Store
 from roboprompt_client.types.names import checked_instruction
 
 
 def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> EpisodeRecord:
-    """Change `instruction`, `left_out` or `note` of an episode.
+    """Change `instruction`, `left_out`, `note` or `trim` of an episode.
 
-    An episode that prompts show again is extracted again, as the task's settings may have changed, and a workspace
-    `auto` is what the shown ones span.
+    A trimmed episode, and one that prompts show again, is extracted again, as the task's settings may have changed, and
+    a workspace `auto` is what the shown ones span.
 
     Raises:
         NotFoundError: if there is no such episode.
-        InvalidInputError: if the instruction names no object of the task, or the episode cannot be extracted again.
+        InvalidInputError: if the instruction names no object of the task, or the episode cannot be trimmed so or
+            extracted again.
         ConflictError: if the task changed meanwhile, or a job extracts its episodes again.
     """
     with store.read() as connection:
@@ -42,21 +46,41 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
         changes = {**changes, "instruction": checked_instruction("instruction", changes["instruction"])}
         _check_objects(changes["instruction"], record, settings, taught)
     left_out = changes.get("left_out", record.left_out)
-    again = [extract_again(store, record, settings)] if record.left_out and not left_out else []
+    again = None
+    if "trim" in changes:
+        corrected = replace(record, instruction=changes.get("instruction", record.instruction))
+        again, fields = trimmed(store, corrected, settings, changes["trim"])
+        changes = {**changes, **fields}
+    elif record.left_out and not left_out:
+        again = extract_again(store, record, settings)
     with store.write() as connection:
-        if left_out == record.left_out:
+        if again is None and left_out == record.left_out:
             return episodes.edit(connection, record, changes)
         tasks.require_version(connection, task.name, task.version)
-        if again:
+        if again is not None:
             require_no_job(connection, task.name)
-            episodes.replace_extractions(connection, task.name, task.version, again)
-            first = episodes.demonstrations(connection, task.name, NUM_FIRST)
-        episodes.edit(connection, record, changes)
-        if again:
-            _set_workspace(connection, task, uploaded(settings.workspace, again[0], first)[0])
-        else:
-            _narrow_workspace(connection, task)
+            episodes.replace_extractions(connection, task.name, task.version, [again])
+        edited = episodes.edit(connection, record, changes)
+        doubts = _follow(connection, task, None if left_out else again)
+        if "trim" in changes and doubts:
+            found = (*(doubt.to_json() for doubt in doubts), *(edited.findings or ()))
+            episodes.edit(connection, edited, {"findings": found})
         return episodes.get(connection, record.id)
+
+
+def _follow(connection: Connection, task: TaskRecord, shown: Extraction | None) -> list[Finding]:
+    """Let a workspace `auto` be what the demonstrations span, and make room for the one that is shown anew, if any.
+
+    Returns:
+        The findings about episodes that lie outside of it.
+    """
+    _narrow_workspace(connection, task)
+    if shown is None:
+        return []
+    others = [item for item in episodes.demonstrations(connection, task.name) if item.id != shown.episode_id]
+    box, doubts = uploaded(TaskSettings.of(connection, task.name).workspace, shown, others[:NUM_FIRST])
+    _set_workspace(connection, task, box)
+    return doubts
 
 
 def remove_episode(store: Store, episode_id: str) -> str:

@@ -29,6 +29,7 @@ from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.trajectory import Trajectory
 
 NUM_FIRST = 3  # demonstrations that say how large the task is; fewer say little
 MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span
@@ -66,16 +67,22 @@ def extract(
     return keyframes, tuple(map(ObjectRecord.of, sorted(poses, key=lambda pose: names.index(pose.name))))
 
 
-def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
+def extract_again(
+    store: Store, record: EpisodeRecord, settings: TaskSettings, trajectory: Trajectory | None = None
+) -> Extraction:
     """A stored episode's keyframes and poses as `settings` want them.
+
+    Args:
+        trajectory: None: the stored one.
 
     Raises:
         InvalidInputError: naming the episode and why it cannot be extracted so.
         CorruptDataError: if what is stored of it is damaged.
         NotFoundError: if it was deleted since.
     """
-    with store.read() as connection:
-        trajectory = get_trajectory(connection, record.id)
+    if trajectory is None:
+        with store.read() as connection:
+            trajectory = get_trajectory(connection, record.id)
     try:
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
         given, names = map(ObjectQuery.from_json, record.given_objects), [item.name for item in record.objects]

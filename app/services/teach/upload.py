@@ -17,6 +17,7 @@ from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord
 from app.store.store import Store
 from app.store.values import JsonObject
+from app.store.visibility import present
 from roboprompt_client.errors import InvalidInputError
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
@@ -75,6 +76,7 @@ class UploadEpisode:
             extra=dict(episode.extra),
             prediction_id=upload.prediction_id,
             corrects=upload.corrects,
+            key_id=present().key_id or None,
             left_out=upload.left_out,
             note=upload.note,
             uploaded_instruction=upload.uploaded_instruction
@@ -107,7 +109,7 @@ class UploadEpisode:
                 return None
             if now is not task:
                 settings, answer = _outcome(now, extracted, respond)
-            episodes.add(connection, extracted.draft)
+            episodes.add(connection, replace(extracted.draft, findings=tuple(answer["findings"])))
             if upload.idempotency_key is not None:
                 idempotency.save(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest, answer)
             tasks.update_settings(connection, task.name, settings)

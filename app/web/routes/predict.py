@@ -25,6 +25,7 @@ from app.services.predict.question import Question
 from app.services.predict.request import PredictOptions, Selection
 from app.services.task_settings import PromptFormat, Representation, TaskSettings
 from app.store import episodes, predictions, tasks
+from app.store.filters import EpisodeFilter
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from app.store.visibility import present
@@ -107,7 +108,7 @@ def form_of_task(connection: Connection, name: str, episode_id: str | None) -> P
         NotFoundError: if there is no such task or episode.
     """
     task = tasks.get(connection, name)
-    listed = episodes.list_page(connection, name, NUM_EPISODES).items
+    listed = episodes.list_page(connection, EpisodeFilter(task=name), NUM_EPISODES).items
     chosen = episodes.get(connection, episode_id) if episode_id else next(iter(listed), None)
     objects = [ObjectField(each, None) for each in task.object_names or ()]
     if chosen is not None:

@@ -1,19 +1,21 @@
 """What was predicted and how it went: the list, one prediction, several side by side, configurations."""
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, Field
+from pydantic import Field
 from starlette.responses import Response
 
 from app.api.routes import Wired
+from app.api.schemas.lists import Filtered
 from app.llm.computed import YARDSTICKS
 from app.services.predict.evidence import task_stats
-from app.store import episodes, prediction_lists, predictions, tasks
-from app.store.prediction_lists import FATES, ListCursor, ListOrder, PredictionFilter
-from app.web.page import HEADERS, PageRoute, render, render_part
+from app.store import episodes, prediction_lists, predictions, tables, tasks
+from app.store.filters import FATES, Fate, PredictionFilter, authors
+from app.store.prediction_lists import ListCursor, ListOrder
+from app.web.page import HEADERS, FormQuery, PageRoute, query_of, render, render_part
 from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
 
@@ -26,30 +28,23 @@ router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
 
 
-class _Listed(BaseModel):
-    """What the list is asked for in its address; empty is any."""
+class _Listed(FormQuery, Filtered):
+    """What the list is asked for in its address."""
 
-    task: Text = ""
-    model: Text = ""
-    representation: Text = ""
-    prompt_format: Text = ""
-    demonstrations: Annotated[str, Field(pattern=r"^\d{0,3}$")] = ""
-    outcome: Literal["", "failure", "refused", "unknown", "success"] = ""
+    model: Text | None = None
+    representation: Text | None = None
+    prompt_format: Text | None = None
+    num_demonstrations: Annotated[int | None, Field(alias="demonstrations", ge=0, le=999)] = None
+    fate: Annotated[Fate | None, Field(alias="outcome")] = None
     yardsticks: bool = False
     order: ListOrder = "successes"
     cursor: Annotated[str, Field(max_length=32)] = ""
 
     def filter(self, *, yardsticks: bool) -> PredictionFilter:
         """Without yardsticks, but for the one that is asked for by name."""
-        return PredictionFilter(
-            task=self.task or None,
-            model=self.model or None,
-            representation=self.representation or None,
-            prompt_format=self.prompt_format or None,
-            num_demonstrations=int(self.demonstrations) if self.demonstrations else None,
-            fate=self.outcome or None,
-            without_models=() if self.model or yardsticks else tuple(YARDSTICKS),
-        )
+        without = () if self.model or yardsticks else tuple(YARDSTICKS)
+        asked = self.model_dump(exclude={"yardsticks", "order", "cursor"})
+        return PredictionFilter(**asked, without_models=without)
 
 
 @router.get("/ui/predictions")
@@ -61,14 +56,16 @@ def predictions_page(request: Request, services: Wired, listed: Annotated[_Liste
         chosen = listed.filter(yardsticks=yardsticks)
         page = prediction_lists.list_page(connection, chosen, listed.order, PAGE_SIZE, _cursor(listed.cursor))
         names = list(tasks.counts(connection))
+        senders = authors(connection, tables.predictions)
     return render(
         request,
         "predictions.html",
         page=page,
+        authors=senders,
         chosen=chosen,
         order=listed.order,
         first=not listed.cursor,
-        query={k: v for k, v in request.query_params.items() if v and k != "cursor"},
+        query=query_of(request),
         names=names,
         models=[name for name in models if name not in YARDSTICKS],
         measures=[name for name in models if name in YARDSTICKS],

@@ -6,26 +6,27 @@ drop; the scripts of that page send what they find to POST /episodes.
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 from starlette.responses import FileResponse, Response
 
 from app.api.image_work import image_work
-from app.api.routes import Cursor, Wired
+from app.api.routes import Wired
 from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
+from app.api.schemas.lists import EpisodesQuery
 from app.llm.computed import YARDSTICKS
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
-from app.store import episodes, prediction_lists, tasks
+from app.services.teach.history import settings_history
+from app.store import episodes, prediction_lists, tables, tasks
 from app.store.errors import NotFoundError
-from app.store.prediction_lists import PredictionFilter
+from app.store.filters import EpisodeFilter, PredictionFilter, authors
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.page import PageRoute, is_evaluated, render, thumbnail
+from app.web.page import FormQuery, PageRoute, is_evaluated, query_of, render, thumbnail
 from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
-PAGE_SIZE = 50
 MAX_DRAWN = 200  # demonstrations, and predictions, the newest
 HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # an episode's images never change
 documents = APIRouter()
@@ -72,11 +73,12 @@ def _contains(record: TaskRecord, text: str) -> bool:
 
 
 @router.get("/ui/tasks/{name}")
-def task_page(request: Request, services: Wired, name: str) -> Response:
+def task_page(request: Request, services: Wired, name: str, applied: bool = False) -> Response:
     """Where the task was shown and asked, and its settings as a form."""
     with services.store.read() as connection:
         task = tasks.get(connection, name)
-        newer = episodes.list_page(connection, name, MAX_DRAWN).items
+        history = settings_history(connection, name)
+        newer = episodes.list_page(connection, EpisodeFilter(task=name), MAX_DRAWN).items
         others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
         of_task = PredictionFilter(task=name, without_models=others)
         asked = prediction_lists.list_page(connection, of_task, "newest", MAX_DRAWN).items
@@ -98,6 +100,8 @@ def task_page(request: Request, services: Wired, name: str) -> Response:
         newest=newest,
         pictured=pictured,
         stored=stored,
+        history=history,
+        applied=applied,
         num_shown=len(newer),
         fates=Counter(item.fate for item in asked),
         scene=scene(workspace, () if newest is None else newest.objects, (), shown=shown, asked=asked),
@@ -110,37 +114,36 @@ async def check_page(request: Request, services: Wired, name: str) -> Response:
     return render(request, "check.html", checked=await services.check_task(name))
 
 
+class _Listed(FormQuery, EpisodesQuery):
+    """What the list of episodes is asked for in its address."""
+
+
 @router.get("/ui/episodes")
-def episodes_page(
-    request: Request,
-    services: Wired,
-    task: Annotated[str, Query(max_length=64)] = "",
-    containing: Annotated[str, Query(alias="q", max_length=500)] = "",
-    prompts: Literal["", "shown", "left-out"] = "",
-    cursor: Cursor = None,
-) -> Response:
+def episodes_page(request: Request, services: Wired, query: Annotated[_Listed, Query()]) -> Response:
     """Episodes, newest first, of a task or of all."""
+    task = query.task or ""
     with services.store.read() as connection:
         counts = tasks.counts(connection)
         of_models = tasks.counts(connection, YARDSTICKS)
         chosen = tasks.get(connection, task) if task else None
-        left_out = None if not prompts else prompts == "left-out"
-        page = episodes.list_page(connection, task or None, PAGE_SIZE, cursor, containing, left_out)
+        page = episodes.list_page(connection, query.filter(), query.limit, query.cursor)
+        names = authors(connection, tables.episodes)
         num_left_out = episodes.number_of(connection, task, left_out=True) if task else 0
     return render(
         request,
         "episodes.html",
         page=page,
         names=list(counts),
+        listed=query.filter(),
+        authors=names,
+        query=query_of(request),
         chosen=chosen,
         settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),
         counts=counts[task] if task else TaskCounts(sum(item.episodes for item in counts.values())),
         of_models=of_models[task] if task else TaskCounts(),
         task=task,
-        containing=containing,
-        prompts=prompts,
         num_left_out=num_left_out,
-        first=cursor is None,
+        first=query.cursor is None,
     )
 
 

@@ -7,6 +7,7 @@ import { mountFilm } from "./film.js";
 import { drawMotion } from "./motion_plot.js";
 import { mountPlayer } from "./player.js";
 import { drawScene } from "./scene3d.js";
+import { mountTrim } from "./trim.js";
 
 const PAUSE_MS = 60;
 const section = byId("keyframes");
@@ -145,3 +146,4 @@ followNumber();
 arrange();
 drawSpeed();
 drawSpace();
+attempt(byId("trim-state"), async () => mountTrim(byId("trim"), byId("space-view"), (await motion).times_s.at(-1)));

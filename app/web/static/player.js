@@ -21,6 +21,9 @@ export function link(views) {
   for (const player of linked) player.partners = linked.filter((other) => other !== player);
 }
 
+/** Show the moment `time_s` of the motion that `view` plays. */
+export const seekTo = (view, time_s) => players.get(view).seek(time_s);
+
 /** Play another motion in the same view, faintly, from mark to mark as the first goes; null: no more. */
 export function playBeside(view, motion) {
   const player = players.get(view);

@@ -1,14 +1,13 @@
-// A task's settings: what would change is listed and drawn before it is applied, and can be undone.
+// A task's settings: what would change is listed and drawn before it is applied; what was changed can be undone.
 
 import { call, root } from "./api.js";
-import { byId, data, element, say, sayProblem } from "./dom.js";
+import { attempt, byId, confirmed, data, element, say } from "./dom.js";
 import { numbers } from "./fields.js";
 import { drawScene } from "./scene3d.js";
 
 const form = byId("settings");
 const scene = data("scene");
-let stored = data("stored");
-let undone = null; // what brings back the settings before the last change
+const stored = data("stored");
 
 const CLICK_PX = 4; // a longer way of the pointer turns the view
 
@@ -45,10 +44,10 @@ const text = (value) => JSON.stringify(value).replaceAll('"', "").replaceAll(","
 function look() {
   const { preset, min, max } = form.elements;
   for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
-  byId("state").replaceChildren();
   try {
     const after = wanted();
     const names = changes(after);
+    if (names.length) byId("state").replaceChildren();
     const items = names.map((name) =>
       element("li", {}, element("strong", {}, name), ` ${text(stored[name])} → ${text(after[name])}`),
     );
@@ -64,34 +63,27 @@ function look() {
   }
 }
 
-async function put(json, said) {
+async function put(json) {
   say(byId("state"), "busy", "Applying…");
-  try {
+  await attempt(byId("state"), async () => {
     const seen = byId("version").textContent; // another change since, e.g. of boxes, must not be overwritten unseen
     const task = await call(`/tasks/${encodeURIComponent(form.dataset.task)}?version=${seen}`, { method: "PUT", json });
-    stored = { ...stored, ...json };
-    if (task.version) byId("version").textContent = task.version;
-    look();
-    say(byId("state"), "good", said);
-    return true;
-  } catch (error) {
-    sayProblem(byId("state"), error);
-    return false;
-  }
+    if (task.version) location.assign(`${location.pathname}?applied=true`);
+    else say(byId("state"), "good", "A job extracts the episodes again; then the settings hold.");
+  });
 }
 
-form.addEventListener("submit", async (event) => {
+form.addEventListener("submit", (event) => {
   event.preventDefault();
   const after = wanted();
-  const names = changes(after);
-  const of = (settings) => Object.fromEntries(names.map((name) => [name, settings[name]]));
-  const before = of(stored);
-  if (!(await put(of(after), "Applied."))) return;
-  undone = before;
-  byId("undo").hidden = false;
+  put(Object.fromEntries(changes(after).map((name) => [name, after[name]])));
 });
-byId("undo").addEventListener("click", async () => {
-  if (await put(undone, "Undone.")) location.reload();
+byId("history")?.addEventListener("click", async ({ target }) => {
+  const { restore } = target.closest("button")?.dataset ?? {};
+  if (!restore) return;
+  const json = JSON.parse(restore);
+  const what = Object.entries(json).map(([name, value]) => `${name}: ${text(value)}`);
+  if (await confirmed("Restore these settings?", what.join("; "), "Restore")) put(json);
 });
 byId("add").addEventListener("click", () => {
   byId("boxes").append(byId("box").content.cloneNode(true));

@@ -38,7 +38,7 @@ export function drawTimeline(motion, marks_s, seek) {
   const readings = curves.map(([name, values, unit, digits]) => [{ className: name }, (k) => `${name} ${values[k].toFixed(digits)} ${unit}`]);
   readings.push([{ className: "band" }, (k) => `gripper ${motion.open[k] ? "open" : "closed"}`]);
   for (const [joint, angles] of (joints ?? []).entries())
-    readings.push([{ style: `border-color: ${COLORS[joint % COLORS.length]}` }, (k) => `${joint ? "" : "joint "}${joint + 1}: ${(DEGREES * angles[k]).toFixed(0).padStart(4)}°`]);
+    readings.push([{ style: `border-color: ${COLORS[joint % COLORS.length]}` }, (k) => `${joint ? "" : "joint "}${joint + 1}: ${String(Math.round(DEGREES * angles[k]) + 0).padStart(4)}°`]);
   const written = readings.map(([look, read]) => [element("span", look), read]);
   const legend = element("p", { className: "note row mono" }, ...written.map(([place]) => place));
   const place = element("div", { className: "timeline" }, element("div", { className: "lanes" }, drawing, now), legend);

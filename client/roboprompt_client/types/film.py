@@ -57,6 +57,14 @@ class Film:
         """Return the film with one of `every` pictures, the first among them."""
         return self if every == 1 else Film(self.camera, self.times_s[::every], self.pictures[::every])
 
+    def part(self, start_s: float, end_s: float) -> "Film":
+        """Return the pictures of that time; if there are none, the last one before it, as if taken at its start."""
+        chosen = np.flatnonzero((self.times_s >= start_s) & (self.times_s <= end_s))
+        if not chosen.size:
+            chosen = np.array([max(0, int(np.searchsorted(self.times_s, start_s)) - 1)])
+        times_s = np.clip(self.times_s[chosen], start_s, end_s)
+        return Film(self.camera, times_s, tuple(self.pictures[k] for k in chosen))
+
 
 def npz_from_film(film: Film) -> bytes:
     """Return the .npz file of a film; the same film gives the same bytes."""

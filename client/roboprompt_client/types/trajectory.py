@@ -160,6 +160,11 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.joint_velocities_rad_s)
 
+    def part(self, first: int, end: int) -> "Trajectory":
+        """Return the frames from `first` on, up to `end` and without it."""
+        arrays = {name: array for name, array in vars(self).items() if array is not None}
+        return replace(self, **{name: array[first:end] for name, array in arrays.items()})
+
     def with_gripper_open_above(self, width_m: float | None) -> "Trajectory":
         """Return a copy whose gripper is open where its measured width is larger; unchanged if either is None."""
         if width_m is None or self.gripper_width_m is None:

@@ -1,0 +1,135 @@
+"""Filters of episodes and predictions: the same conditions for the API's lists and those of the pages."""
+
+from dataclasses import dataclass, fields
+from datetime import datetime
+from typing import Any, Literal, get_args
+
+from sqlalchemy import ColumnElement, Connection, Select, Table, Text, and_, cast, func, or_, select
+
+from app.store import tables
+from app.store.visibility import of_visible_predictions, of_visible_tasks
+
+Fate = Literal["failure", "refused", "unknown", "success"]
+FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
+
+_E, _P, _KEYS = tables.episodes, tables.predictions, tables.api_keys
+_NO_OUTCOME = _P.c.outcome_success.is_(None)
+OF_FATE: dict[Fate, ColumnElement[bool]] = {
+    "failure": _P.c.outcome_success.is_(False),
+    "refused": and_(_NO_OUTCOME, _P.c.status != "ok"),
+    "unknown": and_(_NO_OUTCOME, _P.c.status == "ok"),
+    "success": _P.c.outcome_success.is_(True),
+}
+Outcome = Literal["success", "failure", "unknown"]
+_OUTCOMES: dict[Outcome, bool | None] = {"success": True, "failure": False, "unknown": None}
+num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
+_duration_s = (_E.c.num_frames - 1) / _E.c.control_frequency_hz
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filter:
+    """What episodes and predictions are filtered by; a field that is None filters nothing.
+
+    Attributes:
+        created_from, created_to: the earliest and the latest moment.
+        finding: code of a finding.
+        author: name of the API key that made the request.
+    """
+
+    task: str | None = None
+    created_from: datetime | None = None
+    created_to: datetime | None = None
+    finding: str | None = None
+    author: str | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether anything but the task is filtered by."""
+        return any(getattr(self, item.name) not in (None, ()) for item in fields(self) if item.name != "task")
+
+    def _common(self, table: Table) -> list[ColumnElement[bool]]:
+        conditions = []
+        if self.created_from is not None:
+            conditions.append(table.c.created_at >= self.created_from)
+        if self.created_to is not None:
+            conditions.append(table.c.created_at <= self.created_to)
+        if self.finding is not None:
+            conditions.append(cast(table.c.findings, Text).contains(f'"code":"{self.finding}"', autoescape=True))
+        if self.author is not None:
+            conditions.append(table.c.key_id.in_(select(_KEYS.c.id).where(_KEYS.c.name == self.author)))
+        return conditions
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeFilter(Filter):
+    """A filter of episodes.
+
+    Attributes:
+        containing: text of the instruction or the note, in any case.
+        left_out: only those that are left out of prompts, or are not.
+        min_duration_s, max_duration_s: of the recording, what is trimmed off aside.
+    """
+
+    containing: str | None = None
+    left_out: bool | None = None
+    min_duration_s: float | None = None
+    max_duration_s: float | None = None
+
+    def narrow(self, query: Select[Any]) -> Select[Any]:
+        """`query` on episodes, of those that fit and are seen; raises ForbiddenTaskError."""
+        conditions = self._common(_E)
+        if self.containing:
+            texts = (_E.c.instruction, _E.c.note)
+            conditions.append(or_(*(text.icontains(self.containing, autoescape=True) for text in texts)))
+        if self.left_out is not None:
+            conditions.append(_E.c.left_out.is_(self.left_out))
+        if self.min_duration_s is not None:
+            conditions.append(_duration_s >= self.min_duration_s)
+        if self.max_duration_s is not None:
+            conditions.append(_duration_s <= self.max_duration_s)
+        return of_visible_tasks(query.where(*conditions), _E.c.task, self.task)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionFilter(Filter):
+    """A filter of predictions.
+
+    Attributes:
+        outcome: what was reported; `unknown`: nothing.
+        fate: the same, where predictions without actions and without a report are `refused`.
+        without_models: whose predictions are left out.
+    """
+
+    model: str | None = None
+    representation: str | None = None
+    prompt_format: str | None = None
+    num_demonstrations: int | None = None
+    outcome: Outcome | None = None
+    fate: Fate | None = None
+    cases: bool | None = None
+    without_models: tuple[str, ...] = ()
+
+    def narrow(self, query: Select[Any]) -> Select[Any]:
+        """`query` on predictions, of those that fit and are seen; raises ForbiddenTaskError."""
+        conditions = self._common(_P)
+        for name in ("model", "representation", "prompt_format"):
+            if (value := getattr(self, name)) is not None:
+                conditions.append(_P.c[name] == value)
+        if self.num_demonstrations is not None:
+            conditions.append(num_demonstrations == self.num_demonstrations)
+        if self.outcome is not None:
+            conditions.append(_P.c.outcome_success.is_(_OUTCOMES[self.outcome]))
+        if self.fate is not None:
+            conditions.append(OF_FATE[self.fate])
+        if self.cases:
+            conditions.append(_P.c.id.in_(select(tables.cases.c.prediction_id)))
+        if self.without_models:
+            conditions.append(_P.c.model.not_in(self.without_models))
+        return of_visible_predictions(query.where(*conditions), self.task)
+
+
+def authors(connection: Connection, table: Table) -> tuple[str, ...]:
+    """The names of the API keys that made the visible rows of `table`, sorted: episodes or predictions."""
+    own = select(table.c.sequence).where(table.c.key_id == _KEYS.c.id)
+    own = of_visible_predictions(own) if table is _P else of_visible_tasks(own, table.c.task)
+    return tuple(connection.scalars(select(_KEYS.c.name).where(own.exists()).distinct().order_by(_KEYS.c.name)))
