@@ -121,14 +121,24 @@ def test_one_camera_gives_no_yaw_where_it_may_be_unknown():
     np.testing.assert_allclose(pose.position_m[:2], ALL["carton"][:2], atol=0.015)
 
 
-@pytest.mark.parametrize(("name", "fall_deg", "height_m"), [("carton", 90, 0.032), ("mug", 180, 0.095)])
+@pytest.mark.parametrize(
+    ("name", "fall_deg", "height_m"), [("carton", 90, 0.032), ("mug", 180, 0.095), ("brick", 90, 0.02)]
+)
 @pytest.mark.parametrize("yaw_deg", [0, 130])
 def test_an_object_that_lies_or_is_upside_down_is_refused(name, fall_deg, height_m, yaw_deg):
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("xz", [fall_deg, yaw_deg], degrees=True).as_matrix()
     pose[2, 3] = height_m
-    with pytest.raises((UncertainPoseError, ObjectNotVisibleError), match=r"lie|scores"):
+    with pytest.raises((UncertainPoseError, ObjectNotVisibleError), match=r"lie|lay|scores"):
         estimate(name, Layout({(name, 0): pose}))
+
+
+def test_an_object_that_fits_only_below_the_table_is_refused():
+    template = taught("brick").template
+    taller = replace(template, bottom_m=template.bottom_m - 0.006)
+    with pytest.raises(UncertainPoseError, match=r"best [5-7] mm below the table.* at most 3 mm") as caught:
+        RegisteredPoses().estimate([replace(query("brick"), template=taller)], frames(layout(**ALL)))
+    assert caught.value.name == "brick"
 
 
 @pytest.mark.parametrize("gain", [0.6, 1.15])
