@@ -8,9 +8,8 @@ from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, f
 
 from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
-from app.store.filters import EpisodeFilter
+from app.store.filters import EpisodeFilter, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page
-from app.store.tables import fetch_page
 from app.store.values import ObjectRecord
 from app.store.visibility import of_visible_tasks, present
 

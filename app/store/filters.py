@@ -1,12 +1,14 @@
-"""Filters of episodes and predictions: the same conditions for the API's lists and those of the pages."""
+"""Filters of episodes and predictions, the same for the API's lists and those of the pages; pages of lists."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any, Literal, get_args
 
-from sqlalchemy import ColumnElement, Connection, Select, Table, Text, and_, cast, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Row, Select, Table, Text, and_, cast, func, or_, select
 
 from app.store import tables
+from app.store.records import Page, T
 from app.store.visibility import of_visible_predictions, of_visible_tasks
 
 Fate = Literal["failure", "refused", "unknown", "success"]
@@ -133,3 +135,24 @@ def authors(connection: Connection, table: Table) -> tuple[str, ...]:
     own = select(table.c.sequence).where(table.c.key_id == _KEYS.c.id)
     own = of_visible_predictions(own) if table is _P else of_visible_tasks(own, table.c.task)
     return tuple(connection.scalars(select(_KEYS.c.name).where(own.exists()).distinct().order_by(_KEYS.c.name)))
+
+
+def fetch_page(
+    connection: Connection,
+    table: Table,
+    query: Select[Any],
+    limit: int,
+    cursor: int | None,
+    record_of: Callable[[Row[Any]], T],
+) -> Page[T]:
+    """At most `limit` rows of `query`, newest first, that are older than `cursor`.
+
+    By the last row's number and not by offset: rows that come do not shift a page.
+
+    Args:
+        query: selects `sequence` of `table` among others.
+    """
+    if cursor is not None:
+        query = query.where(table.c.sequence < cursor)
+    rows = list(connection.execute(query.order_by(table.c.sequence.desc()).limit(limit + 1)))
+    return Page(tuple(map(record_of, rows[:limit])), rows[limit - 1].sequence if len(rows) > limit else None)

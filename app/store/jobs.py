@@ -12,8 +12,8 @@ from sqlalchemy import Connection, delete, exists, func, insert, select, update
 
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, NotFoundError
+from app.store.filters import fetch_page
 from app.store.records import EpisodeRecord, Extraction, JobRecord, Page
-from app.store.tables import fetch_page
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_tasks, present
 

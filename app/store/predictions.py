@@ -10,9 +10,8 @@ from sqlalchemy.exc import IntegrityError
 from app.store import tables
 from app.store.database import lock
 from app.store.errors import NotFoundError
-from app.store.filters import PredictionFilter
+from app.store.filters import PredictionFilter, fetch_page
 from app.store.records import Page, PredictionDraft, PredictionRecord
-from app.store.tables import fetch_page
 from app.store.visibility import present
 
 _PREDICTIONS, _CASES = tables.predictions, tables.cases

@@ -1,26 +1,19 @@
-"""The tables, as `migrations/` makes them (a test compares the two), and pages of those that grow."""
-
-from collections.abc import Callable
-from typing import Any
+"""The tables, as `migrations/` makes them (a test compares the two)."""
 
 from sqlalchemy import (
     Boolean,
     Column,
-    Connection,
     Float,
     ForeignKey,
     Index,
     Integer,
     LargeBinary,
     MetaData,
-    Row,
-    Select,
     String,
     Table,
     Text,
 )
 
-from app.store.records import Page, T
 from app.store.values import CameraRecord, Items, Json, KeyframeRecord, ObjectRecord, SequenceNumber, UtcDateTime
 
 # Constraints that have names can be altered by a later migration on every database.
@@ -244,24 +237,3 @@ audit_log = Table(
     Column("previous", String(64), nullable=False),
     Column("digest", String(64), nullable=False),
 )
-
-
-def fetch_page(
-    connection: Connection,
-    table: Table,
-    query: Select[Any],
-    limit: int,
-    cursor: int | None,
-    record_of: Callable[[Row[Any]], T],
-) -> Page[T]:
-    """At most `limit` rows of `query`, newest first, that are older than `cursor`.
-
-    By the last row's number and not by offset: rows that come do not shift a page.
-
-    Args:
-        query: selects `sequence` of `table` among others.
-    """
-    if cursor is not None:
-        query = query.where(table.c.sequence < cursor)
-    rows = list(connection.execute(query.order_by(table.c.sequence.desc()).limit(limit + 1)))
-    return Page(tuple(map(record_of, rows[:limit])), rows[limit - 1].sequence if len(rows) > limit else None)

@@ -16,7 +16,8 @@ from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryModelBody
 from app.api.schemas.predictions import TaskCheckOut
-from app.api.schemas.responses import JobOut, SettingsHistory, TaskList, TaskOut, TaskStatsOut
+from app.api.schemas.responses import JobOut
+from app.api.schemas.tasks import SettingsHistory, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
 from app.services.container import Services
 from app.services.predict.evidence import task_stats

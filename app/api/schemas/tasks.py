@@ -1,0 +1,112 @@
+"""Answers about tasks: settings and their changes, statistics."""
+
+from datetime import datetime
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field
+
+from app.services.task_settings import TaskSettings
+
+
+class TaskOut(TaskSettings):
+    """A task: its settings, objects and number of episodes."""
+
+    name: str
+    version: int
+    object_names: list[str] | None
+    num_episodes: int
+    note: Annotated[
+        str, Field(description="which episodes the settings do not apply to; empty if all, and in lists")
+    ] = ""
+
+
+class SettingChange(BaseModel):
+    """The values of a setting before and after a change; of an object the members that differ."""
+
+    before: Any
+    after: Any
+
+
+class SettingsChangeOut(BaseModel):
+    """A change of a task's settings."""
+
+    version: Annotated[int, Field(description="the last version of the task before the change")]
+    changed_at: datetime
+    changed_by: Annotated[str, Field(description="the API key by its name and id, `local`, or a job")]
+    changes: Annotated[dict[str, SettingChange], Field(description="by setting")]
+    restore: Annotated[
+        dict[str, Any],
+        Field(
+            description="what to send to PUT /tasks/{name} to have the settings as they were before the change;"
+            " empty if they are"
+        ),
+    ]
+
+
+class SettingsHistory(BaseModel):
+    """The latest changes of a task's settings, newest first, at most 100; bounds that follow from episodes aside."""
+
+    history: list[SettingsChangeOut]
+
+
+class TaskList(BaseModel):
+    """Every task."""
+
+    tasks: list[TaskOut]
+
+
+class StandingOut(BaseModel):
+    """How predictions ended. Success rate and interval count only predictions with a reported outcome."""
+
+    predictions: int
+    errors: Annotated[int, Field(description="predictions without actions: the LLM failed, or its reply was not valid")]
+    successes: int
+    failures: int
+    success_rate: Annotated[float | None, Field(description="null if no outcome was reported")]
+    interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the success rate")]
+
+
+class ConfigurationOut(StandingOut):
+    """A configuration of model and prompt, and how its predictions ended."""
+
+    id: Annotated[str, Field(description="id for the query parameter `compare`")]
+    model: str
+    representation: str
+    prompt_format: str
+    selection: Annotated[str | None, Field(description="null if the request named its episodes")]
+    num_demonstrations: int
+    num_samples: int
+    is_yardstick: Annotated[bool, Field(description="true: a baseline that computes replies without an LLM")]
+    llm_ms: Annotated[float | None, Field(description="median duration of the latest replies")]
+    tokens: Annotated[
+        tuple[float, float] | None, Field(description="median numbers of tokens of the latest prompts and replies")
+    ]
+
+
+class ComparisonOut(BaseModel):
+    """Two configurations compared by pairs of outcomes: the k-th of one with the k-th of the other."""
+
+    one: str
+    other: str
+    one_alone: Annotated[int, Field(description="number of pairs in which only `one` succeeded")]
+    other_alone: int
+    alike: int
+    difference: Annotated[
+        tuple[float, float],
+        Field(description="95 % bounds of the rate of `one` minus that of `other`, valid at every number of pairs"),
+    ]
+    evidence: Annotated[
+        float, Field(description="evidence against equal rates; at 20 or more they differ with 95 % confidence")
+    ]
+    may_stop: bool
+    pairs_until_decided: Annotated[
+        int | None, Field(description="estimate of how many more pairs will decide it; null if they may never")
+    ]
+
+
+class TaskStatsOut(StandingOut):
+    """A task's predictions together and by configuration, most reliable success first."""
+
+    task: str
+    configurations: list[ConfigurationOut]
+    comparisons: list[ComparisonOut]
