@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import left_out_errors_m
+from app.pipeline.plans.agreement import left_out_errors_m, two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import MIN_TURNED, TURNED_SHARE, asked_anchor, much_less, scatters_m
@@ -143,6 +143,16 @@ class ActingRow:
                 causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
         return causes
 
+    def hands_in_two_deg(self) -> float:
+        """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""
+        row = self.row
+        only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
+        least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
+        clusters = None if self.is_round else two_ways(only_turns, least_m=least_m)
+        if clusters is None:
+            return 0.0
+        return math.degrees((row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()).magnitude())
+
     def on_a_circle_m(self) -> float:
         """Return the scatter of places on a circle about a round object's vertical axis; else 0."""
         if not self.is_round:
@@ -170,7 +180,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
     causes = [
         (rank, item, *cause)
         for item in acting
-        for rank, cause in enumerate((*_wrong_axes(item), *_no_common_center(item), *_held_or_round(item)))
+        for rank, cause in enumerate((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)))
     ]
     found = [cause for cause in causes if cause[2].severity(cause[3]) is not None]
     if found:  # the first cause, where it is worst
@@ -214,13 +224,19 @@ def _no_common_center(item: ActingRow) -> Iterator[Cause]:
     yield rules.SCATTER_EXPLAINED, explained_m, message
 
 
-def _held_or_round(item: ActingRow) -> Iterator[Cause]:
+def _turned_otherwise(item: ActingRow) -> Iterator[Cause]:
     turn_deg = 0.0 if item.touches else turn_off_deg(item.rows, item.index)
     message = (
         f"Where {item.text}, more than a third turn the held object by {turn_deg:.0f} degrees more, or less, than the"
         " others, as if only some of them poured. Delete the wrong ones."
     )
     yield rules.SCATTER_OF_TURN_OF_HELD, turn_deg, message
+    two_deg = item.hands_in_two_deg() if item.touches else 0.0
+    message = (
+        f"Where {item.text}, the hand is turned in two ways, {two_deg:.0f} degrees apart. Check whether some have"
+        " another model of the object, or other axes of the hand; delete the wrong ones."
+    )
+    yield rules.SCATTER_OF_HANDS_IN_TWO, two_deg, message
     message = (
         f"Where {item.text}, they act on several sides of it, at one distance. They follow its yaw, although the task's"
         " yaw_symmetry_deg declares it symmetric. Correct this setting."
