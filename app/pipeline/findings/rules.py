@@ -130,6 +130,7 @@ SCATTER_OF_HANDS_BY_AXES = Rule("scattered-demonstrations", "rms about the wrong
 SCATTER_OF_A_THIRD = Rule("scattered-demonstrations", "distance that a third exceed", "m", danger=BEYOND_NOISE_M)
 SCATTER_EXPLAINED = Rule("scattered-demonstrations", "distance that something explains", "m", danger=0.015)
 SCATTER_OF_TURN_OF_HELD = Rule("scattered-demonstrations", "turn that a third exceed", "degrees", danger=45.0)
+SCATTER_OF_HANDS_IN_TWO = Rule("scattered-demonstrations", "angle between two clusters", "degrees", danger=20.0)
 SCATTER_OF_HANDS = Rule("scattered-demonstrations", "angle that a third exceed at a grasp", "degrees", danger=15.0)
 SCATTER_OF_HANDS_AT_UNTURNED = Rule("scattered-demonstrations", "of what never turns", "degrees", warning=15.0)
 NOT_SHOWN = Rule("scattered-demonstrations", "between plans of the prompt and of the task", "m", danger=0.02)

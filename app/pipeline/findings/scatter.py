@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import left_out_errors_m
+from app.pipeline.plans.agreement import left_out_errors_m, two_ways
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
@@ -26,6 +26,9 @@ LEFT = 0.2  # the share of the scatter (leave one out) that is left where someth
 FEWEST_EXPLAINED = 5  # demonstrations
 FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
 VARIES_M = 0.005  # what varies by less explains nothing
+
+Cause = tuple[Rule, float, str]
+"""A rule, its value and the message: why a row scatters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +144,16 @@ class ActingRow:
                 causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
         return causes
 
+    def hands_in_two_deg(self) -> float:
+        """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""
+        row = self.row
+        only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
+        least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
+        clusters = None if self.is_round else two_ways(only_turns, least_m=least_m)
+        if clusters is None:
+            return 0.0
+        return math.degrees((row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()).magnitude())
+
     def on_a_circle_m(self) -> float:
         """Return the scatter of places on a circle about a round object's vertical axis; else 0."""
         if not self.is_round:
@@ -165,56 +178,71 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
-    found = [(order, finding) for item in acting for order, finding in _causes_of_scatter(item)]
-    if found:
-        yield min(found, key=lambda each: (each[0], -each[1].numbers["scatter_m"]))[1]
+    causes = [
+        (rank, item, *cause)
+        for item in acting
+        for rank, cause in enumerate((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)))
+    ]
+    found = [cause for cause in causes if cause[2].severity(cause[3]) is not None]
+    if found:  # the first cause, where it is worst
+        _, item, rule, value, message = min(found, key=lambda cause: (cause[0], -cause[3]))
+        yield from item.findings(rule, value, message)
     elif scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
         yield _scattered(scattered)
 
 
-def _causes_of_scatter(item: ActingRow) -> Iterator[tuple[int, Finding]]:
-    """Yield the findings about the causes of a row's scatter, each with its rank: the first one is reported."""
-    row = item.row
-    found: list[tuple[Finding, ...]] = []
+def _wrong_axes(item: ActingRow) -> Iterator[Cause]:
     place_m, hand_deg = item.by_other_axes() if item.touches else (0.0, 0.0)
-    turns = "does not turn" if row.anchors[0].place_turns else "turns"
+    turns = "does not turn" if item.row.anchors[0].place_turns else "turns"
     message = (
         f"The place where {item.text} probably {turns} with {item.seen_from}, unlike the hand: it may be"
         f" {200 * place_m:.1f} cm off. Record more demonstrations with {item.seen_from} at other angles, or send the"
         " place as an object of its own."
     )
-    found.append(item.findings(rules.SCATTER_OF_PLACES_BY_AXES, place_m, message))
-    turns = "does not turn" if row.anchors[0].hand_turns else "turns"
+    yield rules.SCATTER_OF_PLACES_BY_AXES, place_m, message
+    turns = "does not turn" if item.row.anchors[0].hand_turns else "turns"
     message = (
         f"Where {item.text}, the hand probably {turns} with {item.seen_from}, unlike the place: it may be turned"
         f" wrongly by {2 * hand_deg:.0f} degrees. Record more demonstrations with {item.seen_from} at other angles."
     )
-    found.append(item.findings(rules.SCATTER_OF_HANDS_BY_AXES, hand_deg, message))
+    yield rules.SCATTER_OF_HANDS_BY_AXES, hand_deg, message
+
+
+def _no_common_center(item: ActingRow) -> Iterator[Cause]:
+    off_m = item.row.way_off_m
     message = (
-        f"Where {item.text}, more than a third are {100 * row.way_off_m:.1f} cm or more from where the others act: too"
-        " far for noise. They do the task in several ways, were recorded in another frame, or follow an object that is"
-        " not in the scenes. Delete the wrong ones, or send that object."
+        f"Where {item.text}, more than a third are {100 * off_m:.1f} cm or more from where the others act: too far for"
+        " noise. They do the task in several ways, were recorded in another frame, or follow an object that is not in"
+        " the scenes. Delete the wrong ones, or send that object."
     )
-    found.append(item.findings(rules.SCATTER_OF_A_THIRD, row.way_off_m, message))
+    yield rules.SCATTER_OF_A_THIRD, off_m, message
     explained_m, cause = item.explained_m()
     message = (
         f"Where {item.text}, they are up to {100 * explained_m:.1f} cm from their center, and {cause} explains it: this"
         " is no noise, and the center is wrong. Check the point of the hand that is recorded, calibration, scale and"
         " base frame; delete the recordings made otherwise. Send a place between objects as an object of its own."
     )
-    found.append(item.findings(rules.SCATTER_EXPLAINED, explained_m, message))
+    yield rules.SCATTER_EXPLAINED, explained_m, message
+
+
+def _turned_otherwise(item: ActingRow) -> Iterator[Cause]:
     turn_deg = 0.0 if item.touches else turn_off_deg(item.rows, item.index)
     message = (
         f"Where {item.text}, more than a third turn the held object by {turn_deg:.0f} degrees more, or less, than the"
         " others, as if only some of them poured. Delete the wrong ones."
     )
-    found.append(item.findings(rules.SCATTER_OF_TURN_OF_HELD, turn_deg, message))
+    yield rules.SCATTER_OF_TURN_OF_HELD, turn_deg, message
+    two_deg = item.hands_in_two_deg() if item.touches else 0.0
+    message = (
+        f"Where {item.text}, the hand is turned in two ways, {two_deg:.0f} degrees apart. Check whether some have"
+        " another model of the object, or other axes of the hand; delete the wrong ones."
+    )
+    yield rules.SCATTER_OF_HANDS_IN_TWO, two_deg, message
     message = (
         f"Where {item.text}, they act on several sides of it, at one distance. They follow its yaw, although the task's"
         " yaw_symmetry_deg declares it symmetric. Correct this setting."
     )
-    found.append(item.findings(rules.SCATTER_ON_A_CIRCLE, item.on_a_circle_m(), message))
-    yield from ((rank, finding) for rank, findings in enumerate(found) for finding in findings)
+    yield rules.SCATTER_ON_A_CIRCLE, item.on_a_circle_m(), message
 
 
 def _scattered(scattered: Sequence[ActingRow]) -> Finding:

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.outliers import prompt_findings
 from app.pipeline.findings.scatter import scatter_findings
-from app.pipeline.findings.yaw import turning_findings
 from app.pipeline.plans import plan_rows
 from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
@@ -80,8 +79,7 @@ def test_two_turns_of_the_hand_are_not_averaged(between_deg, dangers):
         deg = yaw_deg + between_deg * (k % 2) + random.normal(0, 1.5)
         rows = [action((*cube_m[:2], z_m), (180, 0, deg), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
         group.append(demonstration(INSTRUCTION, (pose("cube", cube_m, yaw_deg),), rows))
-    findings = [*found(group), *turning_findings(Support.of([group]), group[0].order)]
-    assert sum(finding.severity == "danger" for finding in findings) == dangers
+    assert sum(finding.severity == "danger" for finding in found(group)) == dangers
 
 
 def test_what_is_let_go_may_come_down_anywhere():
