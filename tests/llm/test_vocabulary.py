@@ -93,7 +93,7 @@ def test_the_file_is_less_than_half_and_names_the_change_in_its_metadata(trimmed
     assert trimmed_path.stat().st_size < find_weights("gemma-3-270m", settings)().stat().st_size / 2
     description = gguf.read(trimmed_path.read_bytes()).values["general.description"]
     assert b"Modified by RoboPrompt" in description
-    assert b"ai.google.dev/gemma/terms" in description.item
+    assert b"ai.google.dev/gemma/terms" in description
 
 
 def test_the_whole_model_is_asked_where_the_operator_wants_it(settings):
