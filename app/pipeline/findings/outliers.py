@@ -103,8 +103,8 @@ def prompt_findings(
         (_answer_off_m(support, asked, [row.action for row in plan], round_objects) for plan in plans), default=0.0
     )
     message = (
-        f"A motion as the prompt's demonstrations show it {_difference(off_m)} all demonstrations of the task: they are"
-        " too few to show what the hand follows. Raise num_demonstrations."
+        f"The motion of the prompt's demonstrations {_difference(off_m)} all demonstrations of the task: the prompt has"
+        " too few demonstrations to show what the hand follows. Raise num_demonstrations."
     )
     yield from NOT_SHOWN.findings(off_m, message, "demonstrations", off_m=off_m)
 
