@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from app.api.schemas import examples, predictions, responses
+from app.api.schemas import examples, predictions, responses, tasks
 
 
 @pytest.fixture(autouse=True)
@@ -54,8 +54,8 @@ def test_answers_are_what_their_schemas_say(http):
     http.post("/episodes", json=examples.EPISODE)
     documents = {
         responses.EpisodePage: http.get("/episodes", params={"task": "press"}),
-        responses.TaskOut: http.get("/tasks/press"),
-        responses.TaskList: http.get("/tasks"),
+        tasks.TaskOut: http.get("/tasks/press"),
+        tasks.TaskList: http.get("/tasks"),
         predictions.PredictionOut: http.post("/predict", json=predict),
         predictions.DryRunOut: http.post("/predict", json={**predict, "dry_run": True}),
         predictions.PlanOut: http.post("/plans", json=examples.PLAN),

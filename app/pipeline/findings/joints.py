@@ -7,6 +7,7 @@ placed so that the hand's recorded positions follow from the joints, its recorde
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.quaternion_order import MISREADINGS
@@ -34,6 +35,7 @@ STEP_M, STEPS = 1e-4, 6
 MAX_ERROR_SHARE = 0.05
 MIN_WIDTH_M = 0.015  # a path nearer to a straight line does not tell how the base is turned
 MAX_TURN_DEG = 10.0  # of the tool on its flange; right recordings: at most 3.7
+MAX_DOUBT_M = 0.005
 POSITIONS, ROTATIONS = "trajectory.end_effector_positions", "trajectory.end_effector_quaternions_xyzw"
 
 
@@ -68,20 +70,37 @@ def _beyond_positions(motion: Motion) -> bool:
     return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)
 
 
+def flange_away_m(trajectory: Trajectory) -> float | None:
+    """Return how far a Franka's flange is from the recorded hand; None for other arms, or if the path hardly tells."""
+    frames, flanges = _flanges(trajectory)
+    if not len(frames):
+        return None
+    fitted = _fitted(flanges, trajectory.positions_m[frames], handedness=1)
+    return None if fitted is None or fitted.doubt_m > MAX_DOUBT_M else fitted.tip_away_m
+
+
+def _flanges(trajectory: Trajectory) -> tuple[npt.NDArray[np.intp], Array]:
+    """Return frames (N,) and a Franka's flanges (N, 4, 4) there; no frames if the joints are not a Franka's."""
+    angles_rad = trajectory.joint_positions_rad
+    none = np.zeros(0, np.intp), np.zeros((0, 4, 4))
+    if angles_rad is None or angles_rad.shape[1] != len(LOWEST_RAD) or len(trajectory) < FEW_FRAMES:
+        return none
+    if (angles_rad < LOWEST_RAD - LIMIT_MARGIN_RAD).any() or (angles_rad > HIGHEST_RAD + LIMIT_MARGIN_RAD).any():
+        return none
+    frames = np.unique(np.linspace(0, len(trajectory) - 1, COMPARED).round().astype(np.intp))
+    return frames, np.array([flange(angles)[0] for angles in angles_rad[frames]])
+
+
 def _check_hand(trajectory: Trajectory) -> None:
     """Refuse a left-handed frame, and rotations that do not turn with a Franka's joints."""
-    angles_rad = trajectory.joint_positions_rad
-    if angles_rad is None or angles_rad.shape[1] != len(LOWEST_RAD) or len(trajectory) < FEW_FRAMES:
+    frames, flanges = _flanges(trajectory)
+    if not len(frames):
         return
-    if (angles_rad < LOWEST_RAD - LIMIT_MARGIN_RAD).any() or (angles_rad > HIGHEST_RAD + LIMIT_MARGIN_RAD).any():
-        return
-    frames = np.unique(np.linspace(0, len(trajectory) - 1, COMPARED).round().astype(int))
-    flanges = np.array([flange(angles)[0] for angles in angles_rad[frames]])
     positions_m, quaternions = trajectory.positions_m[frames], trajectory.quaternions_xyzw[frames]
-    base = _base(flanges, positions_m, handedness=1)
-    if base is not None:
-        _check_turns(Rotation.from_matrix(base @ flanges[:, :3, :3]), quaternions)
-    elif _base(flanges, positions_m, handedness=-1) is not None:
+    fitted = _fitted(flanges, positions_m, handedness=1)
+    if fitted is not None:
+        _check_turns(Rotation.from_matrix(fitted.base @ flanges[:, :3, :3]), quaternions)
+    elif _fitted(flanges, positions_m, handedness=-1) is not None:
         message = "are where a Franka's joints put its hand only if one axis is reversed: a left-handed frame"
         raise InvalidInputError(POSITIONS, message, "a right-handed world frame, meters")
 
@@ -128,8 +147,22 @@ class _Placed(NamedTuple):
         return cls(tips_m @ base.T - wanted_m, base, widths_m)
 
 
-def _base(flanges: Array, positions_m: Array, *, handedness: int) -> Array | None:
-    """Return the base's axes (3, 3) in the world; None if no base and tool explain the positions, or many do.
+class _Fitted(NamedTuple):
+    """A base and a tool that explain the positions.
+
+    Attributes:
+        base: (3, 3) the base's axes in the world.
+        tip_away_m: distance of the tool's tip from the flange's origin.
+        doubt_m: standard error of the tip along the direction that the path shows least.
+    """
+
+    base: Array
+    tip_away_m: float
+    doubt_m: float
+
+
+def _fitted(flanges: Array, positions_m: Array, *, handedness: int) -> _Fitted | None:
+    """Return the fit; None if no base and tool explain the positions, or many do.
 
     Args:
         flanges: (N, 4, 4) in the base frame, as the joints say.
@@ -145,4 +178,5 @@ def _base(flanges: Array, positions_m: Array, *, handedness: int) -> Array | Non
     placed = _Placed.of(flanges, tip_m, positions_m, handedness)
     error_m = float(np.sqrt((placed.off_m**2).sum(axis=1).mean()))
     fits = placed.widths_m[1] > MIN_WIDTH_M and error_m < MAX_ERROR_SHARE * placed.widths_m[0]
-    return placed.base if fits else None
+    least = float(np.linalg.svd(slopes, compute_uv=False)[-1])
+    return _Fitted(placed.base, float(np.linalg.norm(tip_m)), error_m / max(least, 1e-9)) if fits else None

@@ -11,7 +11,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
-from app.pipeline.findings.units import unit_findings
+from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES
@@ -59,6 +59,7 @@ def upload_findings(
     return (
         *alike_findings(alike, new.instruction),
         *unit_findings(motion.trajectory, new.objects),
+        *flange_findings(motion),
         *compared_findings(compared),
         *recording_findings(motion, new.actions, rule),
         *contact_findings(motion, tracked, extra),

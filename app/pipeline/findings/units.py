@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.pipeline.findings import Finding
-from app.pipeline.findings.joints import check_joints
+from app.pipeline.findings.joints import check_joints, flange_away_m
 from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
@@ -25,6 +25,8 @@ MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # no recording has this many frames this far
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times an estimator's error
 MIN_OPENING_M = 0.003
 MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # a hand that moves less does nothing
+# From the flange to the recorded hand: at most 1.05 cm in recordings of flanges, at least 9.2 cm of fingertips
+AT_FLANGE_M = 0.0125
 UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
 
@@ -75,6 +77,17 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
             " of hand and objects in one frame, not one in the robot's base and the other in the world."
         )
         yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
+
+
+def flange_findings(motion: Motion) -> Iterator[Finding]:
+    """Yield a finding if the recorded hand is a Franka's flange although its gripper opens or closes."""
+    if not motion.switches or (away_m := flange_away_m(motion.trajectory)) is None or away_m > AT_FLANGE_M:
+        return
+    message = (
+        f"The hand's recorded position is {100 * away_m:.1f} cm from the arm's flange, so it is not between the"
+        " fingertips. Set the end effector in Desk, or make sure that all recordings and the run use the flange."
+    )
+    yield Finding("hand-is-the-flange", "warning", message, "trajectory.end_effector_positions", {"away_m": away_m})
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:

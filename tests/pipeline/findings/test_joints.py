@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.joints import check_joints
+from app.pipeline.findings.units import flange_findings
 from app.pipeline.keyframes import Motion
 from roboprompt_client.arms.panda import READY_RAD, flange
 from roboprompt_client.errors import InvalidInputError
@@ -72,3 +73,29 @@ def test_another_arm_of_seven_joints_is_not_judged():
         item = franka(seed)
         slower = np.array(READY_RAD) + (item.joint_positions_rad - READY_RAD)[:, ::-1] / 2
         check_joints(Motion.of(turned(lambda q: np.roll(q, 1, axis=1))(replace(item, joint_positions_rad=slower))))
+
+
+def gripping(item, tool_m, noise_m=0.0):
+    """The same motion with a tip at `tool_m` on the flange, and a gripper that closes half-way."""
+    at_flange = np.array([flange(angles)[0] for angles in item.joint_positions_rad])
+    tips_m = BASE.apply(at_flange[:, :3, 3] + at_flange[:, :3, :3] @ tool_m) + BASE_M
+    noisy_m = tips_m + np.random.default_rng(0).normal(0, noise_m, tips_m.shape)
+    return Motion.of(replace(item, positions_m=noisy_m, gripper_open=np.arange(len(item)) < len(item) / 2))
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("noise_m", [0.0, 0.0005])
+def test_a_flange_is_noticed_and_a_tool_is_not(seed, noise_m):
+    item = franka(seed)
+    codes = [
+        [finding.code for finding in flange_findings(gripping(item, np.array(tool_m), noise_m))]
+        for tool_m in ((0, 0, 0), (0, 0, 0.1034), TOOL_M)
+    ]
+    assert codes == [["hand-is-the-flange"], [], []]
+
+
+def test_a_hand_that_does_not_grip_or_hardly_turns_is_not_judged():
+    item = franka(0)
+    still = replace(gripping(item, np.zeros(3)).trajectory, gripper_open=np.ones(len(item)))
+    assert not list(flange_findings(Motion.of(still)))
+    assert not list(flange_findings(gripping(franka(0, turns_rad=0.002), np.array([0, 0, 0.1034]), 0.001)))
