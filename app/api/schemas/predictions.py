@@ -90,7 +90,8 @@ class AnchorOut(BaseModel):
     frame: Annotated[
         Literal["w", "o", "ow", "wo", "world", "start"],
         Field(
-            description="w: world axes at the object; o: the object's axes (only its yaw where it stands upright); "
+            description="w: world axes at the object; o: the object's axes (only its yaw where it stands upright; of a "
+            "symmetric object those of its equal rotation that demonstrations are nearest to); "
             "ow: the object's axes for the offset, the world's for the rotation; wo: the reverse; "
             "world: the world frame; start: world axes where the end effector was at first"
         ),
