@@ -139,3 +139,14 @@ def test_two_demonstrations_do_not_tell_what_may_be_missing(nearest):
         services.upload_episode(recorded(scene(random, "milk")), respond)
     with pytest.raises(ObjectSetError, match="missing: milk"):
         predicted(services, scene(random))
+
+
+def test_an_upload_that_prompts_leave_out_is_named(services):
+    objects = scene(np.random.default_rng(7), "milk", "tea")
+    item = recorded(objects)
+    is_open = item.episode.trajectory.gripper_open.copy()
+    held = np.flatnonzero(~is_open)
+    is_open[held[len(held) // 2] :][:12] = True
+    trajectory = replace(item.episode.trajectory, gripper_open=is_open)
+    answer = services.upload_episode(replace(item, episode=replace(item.episode, trajectory=trajectory)), respond)
+    assert "left-out" in [finding["code"] for finding in answer["findings"]]

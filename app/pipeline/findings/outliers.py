@@ -14,18 +14,19 @@ import numpy as np
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ACTS_ELSEWHERE, NOT_SHOWN
+from app.pipeline.findings.rules import ACTS_ELSEWHERE, LEFT_OUT, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
 from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import half_turned
-from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, WAY_SHARE
+from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, RARE_SHARE, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction
 
 SCATTERS = 2.0  # within so many times a row's median scatter, a demonstration acts at the same place
 MAX_LISTED = 3  # ids that a message names
+MIN_OTHERS = 3  # demonstrations from which the usual use of the gripper is known
 ALIKE_M = BEYOND_NOISE_M / 2  # within this of where the usual plan would act, a demonstration does the same
 
 
@@ -187,6 +188,26 @@ def _distances_by_role_m(shown: Demonstration) -> dict[str, float]:
     lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
     at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
     return {shown.order.placeholder(pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
+
+
+def gripper_outlier_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
+    """Yield a finding if a new demonstration's gripper switches differently than in most with the same instruction.
+
+    Args:
+        new, others: with the keyframes of their recordings.
+    """
+    ways = Counter(_way(shown) for shown in others if shown.order.form == new.order.form)
+    if ways.total() < MIN_OTHERS:
+        return
+    own, (usual, number) = _way(new), ways.most_common(1)[0]
+    ways[own] += 1
+    if own != usual and ways[own] <= RARE_SHARE * ways.total():
+        message = (
+            f"The gripper switches {len(own) - 1} times here, and {len(usual) - 1} times in {number} of the"
+            f" {ways.total() - 1} other demonstrations. Prompts leave this one out, unless more are like it or its"
+            " scene explains the difference. If something was dropped or grasped twice, delete it."
+        )
+        yield LEFT_OUT.finding(message, "trajectory.gripper_open", {"alike": ways[own], "demonstrations": ways.total()})
 
 
 def _way(shown: Demonstration) -> tuple[bool, ...]:

@@ -11,6 +11,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
+from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
@@ -43,6 +44,7 @@ def upload_findings(
     alike: Sequence[Alike],
     compared: Sequence[Compared],
     extra: Mapping[str, Any],
+    others: Sequence[Demonstration],
 ) -> tuple[Finding, ...]:
     """Return the findings about an uploaded demonstration, causes first.
 
@@ -52,6 +54,7 @@ def upload_findings(
         alike: the objects that came with one name.
         compared: the objects whose poses were given, and found in images as well.
         extra: of the upload.
+        others: the task's demonstrations.
 
     Raises:
         InvalidInputError: if `extra` has commanded positions of another shape.
@@ -63,6 +66,7 @@ def upload_findings(
         *compared_findings(compared),
         *recording_findings(motion, new.actions, rule),
         *contact_findings(motion, tracked, extra),
+        *gripper_outlier_findings(new, others),
     )
 
 

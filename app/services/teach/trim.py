@@ -15,7 +15,9 @@ from app.pipeline.keyframes import Motion
 from app.pipeline.thresholds import GRASPED_M
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract_again
+from app.services.teach.upload_checks import MAX_COMPARED
 from app.services.vision import compared
+from app.store import episodes
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
@@ -44,6 +46,7 @@ def trimmed(
     """
     with store.read() as connection:
         whole = get_trajectory(connection, record.id, whole=True)
+        stored = episodes.demonstrations(connection, record.task, MAX_COMPARED)
     recorded = settings.motion_of(whole, record.control_frequency_hz)
     queries = tuple(ObjectQuery.from_json(item) for item in record.given_objects)
     trim = None if ends is None else _kept(recorded, ends)
@@ -64,6 +67,7 @@ def trimmed(
         alike=(),
         compared=compared(queries, demonstration.objects, settings),
         extra=new.kept_extra or {},
+        others=[item.demonstration() for item in stored if item.id != record.id],
     )
     kept = [item for item in record.findings or () if item["code"] in KEPT_CODES]
     found = (*kept, *(finding.to_json() for finding in findings))

@@ -93,6 +93,7 @@ class UploadEpisode:
             alike=upload.alike,
             compared=compared(upload.objects, new.objects, settings),
             extra=episode.extra,
+            others=[record.demonstration() for record in task.demonstrations],
         )
         cameras = put_images(blobs, upload.cameras, upload.images)
         films = {camera: blobs.put(data) for camera, data in sorted(upload.films.items())}

@@ -7,6 +7,7 @@ import pytest
 
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.hand import Kept, kept, missed_m, path_findings
+from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import INSTRUCTION, picked, reached, recording, scene
@@ -194,6 +195,35 @@ def test_grasps_round_an_object_that_is_declared_round(round_objects):
 def test_like_instructions_may_name_different_objects():
     recordings = sides("press the left one beside the cube 1", 2) + sides("press the left one beside the cube 2", 3)
     assert dict(found(taught(recordings)))["acts-elsewhere"] == "danger"
+
+
+CUBE = pose("cube", (0.1, 0.0, 0.8))
+PICKS, SLIPS = (True, False, False), (True, False, True, False)
+
+
+def gripped(grippers, instruction="pick up the cube"):
+    return demonstration(instruction, [CUBE], [action((0.1, 0.0, 0.9), gripper_open=is_open) for is_open in grippers])
+
+
+@pytest.mark.parametrize(
+    ("new", "others", "named"),
+    [
+        (SLIPS, [PICKS] * 9, True),
+        (SLIPS, [PICKS] * 3, True),
+        (SLIPS, [PICKS] * 2, False),  # too few to tell
+        (SLIPS, [PICKS] * 3 + [SLIPS], False),  # two of five are no slip
+        (PICKS, [PICKS] * 9, False),
+        ((False, False), [PICKS] * 9, False),  # the hand comes without a pose before the grasp
+        ((), [PICKS] * 9, True),
+    ],
+)
+def test_an_upload_whose_gripper_does_something_else_is_named(new, others, named):
+    found = list(gripper_outlier_findings(gripped(new), [gripped(item) for item in others]))
+    assert [finding.code for finding in found] == ["left-out"] * named
+
+
+def test_other_instructions_are_not_compared():
+    assert not list(gripper_outlier_findings(gripped(SLIPS, "move the cube"), [gripped(PICKS)] * 9))
 
 
 @pytest.mark.parametrize(("returns", "severity"), [(True, None), (False, "danger")])
