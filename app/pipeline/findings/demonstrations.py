@@ -7,6 +7,7 @@ from functools import cached_property
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
 from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes, rigid_pairs
+from app.pipeline.findings.exchanged_names import exchanged_findings
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.gripper import dropping_findings, hand_findings
 from app.pipeline.findings.hand import RecordedHand, path_findings
@@ -217,6 +218,7 @@ class Taught:
             left_out = [id(item) not in self._off_plan_m for item in alike]
             hands = self._hands_of(alike)
             yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
+            yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             yield from path_findings([hand.kept for hand in hands])
             of_each = [tuple(hand_findings(group, self._hands_of(group))) for group in (alike, *_of_ways(alike))]
