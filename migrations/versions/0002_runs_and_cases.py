@@ -11,7 +11,7 @@ Columns go that nothing reads: the step of a prediction, and the status of an an
 import sqlalchemy as sa
 from alembic import op
 
-revision = "1.1"
+revision = "1.1.dev2"  # another with each change until 1.1 is released: folders of the one before are refused
 down_revision = "1.0"
 branch_labels = None
 depends_on = None
