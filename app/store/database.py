@@ -176,7 +176,7 @@ def is_newest(database: Database) -> bool:
     if unknown := revisions - {script.revision for script in scripts.walk_revisions()}:
         raise SchemaVersionError(
             f"database {database.name} is at revision {', '.join(sorted(unknown))}, which {this} does not know: a "
-            "newer version wrote it, or one before 1.0. Install that version, or use another folder"
+            "newer version wrote it, or one that was never released. Install that version, or use another folder"
         )
     if tables and not revisions:
         raise SchemaVersionError(
