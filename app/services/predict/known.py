@@ -31,7 +31,7 @@ from app.store.store import Store
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.poses import ObjectPose, Pose
 
-MAX_TASKS = 128  # whose present version is kept
+MAX_TASKS = 64  # whose present version is kept, each with a few choices of demonstrations
 
 
 @dataclass(frozen=True, eq=False)
