@@ -125,15 +125,15 @@ class Recorder:
 
     def _sample(self) -> None:
         began_s, state = self._read()
-        ahead_s = began_s - (state.time_s or 0.0)  # of our clock, to the arm's own
+        first_s = began_s if state.time_s is None else state.time_s  # by the arm's own clock, where it has one
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
         with files.create_private(self._journal) as file:
             file.write(files.journal_head(state, began_s))
             flushed_s = due_s = seen_s = began_s
             for frames in count(1):  # at least one sample
                 self._progress = Progress(frames, seen_s - began_s, state)
-                taken_s = seen_s if state.time_s is None else state.time_s + ahead_s
-                file.write(files.journal_row(taken_s - began_s, state, joints))
+                taken_s = seen_s if state.time_s is None else state.time_s
+                file.write(files.journal_row(taken_s - first_s, state, joints))
                 if seen_s - flushed_s > FLUSH_S:
                     file.flush()
                     flushed_s = seen_s
