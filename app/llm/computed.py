@@ -245,9 +245,9 @@ def _of_one_form(pairs: Sequence[Pair], observation: Pattern) -> list[Pair]:
 def _ridge(inputs: Numbers, outputs: Numbers, query: Numbers) -> Numbers:
     """The outputs (K,) at `query` (D,), from inputs (N, D) and outputs (N, K)."""
     input_mean, output_mean = inputs.mean(axis=0), outputs.mean(axis=0)
-    centerd = inputs - input_mean
-    gram = centerd.T @ centerd + RIDGE * np.eye(len(query))
-    coefficients = np.linalg.solve(gram, centerd.T @ (outputs - output_mean))
+    centered = inputs - input_mean
+    gram = centered.T @ centered + RIDGE * np.eye(len(query))
+    coefficients = np.linalg.solve(gram, centered.T @ (outputs - output_mean))
     predicted: Numbers = output_mean + (query - input_mean) @ coefficients
     return predicted
 

@@ -184,14 +184,14 @@ def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -
     preferred = np.zeros((number, poses)) if costs is None else costs
     squared = np.where(np.tri(poses, dtype=bool), np.inf, deviations**2)
     total = squared[0] + preferred[0]
-    befores = []
+    predecessors = []
     for k in range(1, number):
         reached = total[:, None] + squared
-        befores.append(np.argmin(reached, axis=0))
+        predecessors.append(np.argmin(reached, axis=0))
         total = reached.min(axis=0) + preferred[k]
     chosen = [poses - 1]
-    for before in reversed(befores):
-        chosen.append(int(before[chosen[-1]]))
+    for predecessor in reversed(predecessors):
+        chosen.append(int(predecessor[chosen[-1]]))
     return chosen[::-1]
 
 
