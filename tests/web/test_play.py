@@ -9,7 +9,7 @@ from app.services.task_settings import TaskSettings
 from app.sim.demonstrate import record_demonstration
 from app.sim.world import BASE_POSITION_M
 from app.web.play import HAND_M_S, MAX_MOMENTS, planned_motion, recorded_motion
-from roboprompt_client.arms.panda import HAND_M, READY_RAD, flange, skeleton
+from roboprompt_client.arms.panda import HAND_M
 from roboprompt_client.types.trajectory import Trajectory
 
 PANDA = TaskSettings(arm="panda", robot_base=BASE_POSITION_M)
@@ -22,11 +22,6 @@ def action(position, gripper_open=True):
 
 def asked(*actions, **request):
     return SimpleNamespace(actions=actions, request=request)
-
-
-def test_the_skeleton_ends_at_the_flange():
-    joints = np.array(READY_RAD)
-    assert skeleton(joints)[-1] == pytest.approx(flange(joints)[0][:3, 3])
 
 
 def test_the_recorded_arm_ends_where_the_recorded_hand_begins():
