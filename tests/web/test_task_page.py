@@ -65,11 +65,11 @@ def test_an_arm_is_given_by_its_file(form, http, tmp_path):
     form.get_by_label("URDF file").set_input_files(tmp_path / "arm.urdf")
     form.get_by_label("Link whose pose is recorded").fill("tool0")
     form.get_by_label("Base link").fill("base")
-    form.get_by_label("Joints to play").fill("0 -1.6 1.6 -1.6 -1.6 0")
+    form.get_by_label("Joints at the start").fill("0 -1.6 1.6 -1.6 -1.6 0")
     expect(form.locator("#changes li")).to_contain_text("characters")
     form.get_by_role("button", name="Apply").click()
     expect(form.locator("#state")).to_have_text("Applied.")
-    expect(form.get_by_label("Joints to play")).to_have_value("0 -1.6 1.6 -1.6 -1.6 0")
+    expect(form.get_by_label("Joints at the start")).to_have_value("0 -1.6 1.6 -1.6 -1.6 0")
     expect(form.get_by_role("button", name="Apply")).to_be_disabled()
     assert settings_of(http)["arm"]["frame"] == "tool0"
 
