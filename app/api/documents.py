@@ -129,7 +129,8 @@ def _standing(standing: Standing) -> JsonObject:
 
 def _counts(counts: Counts) -> JsonObject:
     rate = counts.rate
-    return {**vars(counts), "success_rate": rate.rate if rate.trials else None, "interval": list(rate.interval)}
+    own = {**vars(counts), "mean_cost_usd": counts.mean_cost_usd}
+    return {**own, "success_rate": rate.rate if rate.trials else None, "interval": list(rate.interval)}
 
 
 def _comparison(compared: StandingComparison) -> JsonObject:
@@ -178,6 +179,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         **_asked(prediction.question, reply.prompt),
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
+        "cost_usd": reply.cost_usd,
         "timings_ms": prediction.timings_ms,
         "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
@@ -217,7 +219,9 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "actions": None if record.actions is None else list(record.actions),
         "objects": [item.to_json() for item in record.objects],
         "cameras": [item.name for item in record.cameras],
-        **_fields(record, "usage", "timings_ms"),
+        "usage": record.tokens,
+        "cost_usd": record.cost_usd,
+        "timings_ms": record.timings_ms,
         "samples": _samples(record.samples),
         "findings": list(record.findings),
         "request": record.request,

@@ -24,8 +24,17 @@ from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_aliases_of, checked_aliases, spelling_variants
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation.base import check_style
-from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, Point, WorkspaceSettings
+from app.services.setting_parts import (
+    Arm,
+    KeyframeSettings,
+    MotionLimitsSettings,
+    Point,
+    UrdfArm,
+    WorkspaceSettings,
+)
 from app.store import tasks
+from roboprompt_client.arms.chain import Chain
+from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.names import checked_name
@@ -34,7 +43,6 @@ from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, 
 
 Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
 PromptFormat = Literal["paper", "authors", "kat", "sums"]
-ArmModel = Literal["panda", "fr3"]  # whose joints the client knows, with a Franka Hand
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 MERGED = ("workspace", "keyframes", "motion_limits")  # a change keeps what it does not name of them
 MIN_SYMMETRY_DEG = 1.0  # what is rounder is round
@@ -119,8 +127,11 @@ class TaskSettings(BaseModel):
         Point, Field(description="where the robot's base stands, meters, world frame; it looks along +x, left is +y")
     ] = (0.0, 0.0, 0.0)
     arm: Annotated[
-        ArmModel | None,
-        Field(description="the robot, for the preview of a prediction's path on its page; null: not known"),
+        Arm | None,
+        Field(
+            description="the robot, with a Franka Hand or by its URDF: pages draw it, and paths are checked for what"
+            " its joints reach; null: not known"
+        ),
     ] = None
     gripper_symmetry_deg: Annotated[
         Literal[180] | None,
@@ -158,6 +169,16 @@ class TaskSettings(BaseModel):
     @classmethod
     def of(cls, connection: Connection, name: str) -> Self:
         return cls.model_validate(tasks.get(connection, name).settings)
+
+    def geometry(self) -> Chain | None:
+        """Return the kinematics of the arm, if it is known."""
+        match self.arm:
+            case None:
+                return None
+            case UrdfArm():
+                return self.arm.geometry()
+            case _:
+                return PandaGeometry(self.arm)
 
     def limits_of_motion(self) -> MotionLimits:
         return self.motion_limits.limits(self.workspace)

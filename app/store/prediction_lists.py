@@ -141,12 +141,22 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Counts:
-    """How predictions ended; `errors` are those without actions, the outcomes those that were recorded."""
+    """How predictions ended, and what they cost.
+
+    `errors` are those without actions, the outcomes those that were recorded; `cost_usd` is the sum of the `priced`
+    ones, whose cost is known, None if there is none.
+    """
 
     predictions: int
     errors: int
     successes: int
     failures: int
+    cost_usd: float | None = None
+    priced: int = 0
+
+    @property
+    def mean_cost_usd(self) -> float | None:
+        return None if self.cost_usd is None else self.cost_usd / self.priced
 
     @property
     def rate(self) -> SuccessRate:
@@ -169,6 +179,7 @@ class Attempt:
 
 # What a request leaves out is the default, as it was asked; named episodes are no selection.
 _NAMED, _SELECTED = (_P.c.request[name].as_string() for name in ("episode_ids", "selection"))
+_COST_USD = _P.c.usage["cost_usd"].as_float()
 _CONFIGURATION = (
     _P.c.model.label("model"),
     _P.c.representation.label("representation"),
@@ -183,7 +194,9 @@ def counts_by_configuration(connection: Connection, task: str | None = None) -> 
     """Count the outcomes of the visible predictions, of one task or of all, most tried configuration first."""
     outcome = _P.c.outcome_success
     counted = (func.count().filter(item) for item in (_P.c.status != "ok", outcome.is_(True), outcome.is_(False)))
-    query = of_visible_predictions(select(*_CONFIGURATION, func.count(), *counted), task).group_by(*_CONFIGURATION)
+    costs = (func.sum(_COST_USD), func.count(_COST_USD))
+    columns = select(*_CONFIGURATION, func.count(), *counted, *costs)
+    query = of_visible_predictions(columns, task).group_by(*_CONFIGURATION)
     rows = connection.execute(query.order_by(func.count().desc(), *_CONFIGURATION[:2]))
     return {Configuration(*row[:6]): Counts(*row[6:]) for row in rows}
 

@@ -151,13 +151,22 @@ class PredictionDraft:
     reply_text: str | None
     actions: tuple[JsonObject, ...] | None
     error: str | None
-    usage: JsonObject
+    usage: JsonObject  # numbers of tokens, and `cost_usd`, null if no price was known
     timings_ms: JsonObject
     objects: tuple[ObjectRecord, ...]
     grounding: JsonObject
     findings: tuple[JsonObject, ...]
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
+
+    @property
+    def tokens(self) -> dict[str, int]:
+        return {name: number for name, number in self.usage.items() if name.endswith("_tokens")}
+
+    @property
+    def cost_usd(self) -> float | None:
+        cost: float | None = self.usage.get("cost_usd")
+        return cost
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject
-from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand, skeleton
+from roboprompt_client.arms.chain import Chain
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
@@ -24,7 +24,6 @@ from roboprompt_client.types.film import Film
 from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOMENTS = 1500  # of a recording: the page moves straight between them
-JOINTS = 7  # of the arms whose kinematics are known
 HAND_M_S, HAND_RAD_S = 0.25, 1.0  # how fast a prediction is played
 GRIPPER_S = 0.5  # how long the hand rests where its gripper opens or closes
 STEP_S = 0.1
@@ -40,14 +39,13 @@ def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettin
     """
     chosen = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), MAX_MOMENTS)).round().astype(int))
     joints = None if trajectory.joint_positions_rad is None else trajectory.joint_positions_rad[chosen]
-    known = joints is not None and settings.arm is not None and joints.shape[1] == JOINTS
     document = _document(
         times_s[chosen],
         trajectory.positions_m[chosen],
         trajectory.quaternions_xyzw[chosen],
         trajectory.gripper_open[chosen].tolist(),
         joints,
-        np.array(settings.robot_base) if known else None,
+        settings,
     )
     moved = {"objects": trajectory.object_positions_m, "turns": trajectory.object_quaternions_xyzw}
     return document | {name: array[chosen].round(4).tolist() for name, array in moved.items() if array is not None}
@@ -63,12 +61,12 @@ def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObje
     if not actions:
         return None
     poses = [(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"]) for item in actions]
-    geometry = None if settings.arm is None else PandaGeometry(settings.arm)
+    geometry = settings.geometry()
     base_m = np.array(settings.robot_base)
     if (hand := record.request.get("end_effector")) is not None:
         poses.insert(0, (np.array(hand["position"]), np.array(hand["quaternion_xyzw"]), True))
     elif geometry is not None:
-        ready = flange(geometry.ready_rad)[0] @ franka_hand()
+        ready = geometry.hand(geometry.ready_rad)
         poses.insert(0, (ready[:3, 3] + base_m, Rotation.from_matrix(ready[:3, :3]).as_quat(), True))
     times_s = _arrivals_s(poses)
     moments_s = np.unique(np.concatenate([np.arange(0, times_s[-1], STEP_S), times_s]))
@@ -80,7 +78,7 @@ def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObje
     reached = np.searchsorted(times_s, moments_s + 1e-9, side="right") - 1
     is_open = [bool(poses[index][2]) for index in reached]
     joints = None if geometry is None else _joints(geometry, positions - base_m, quaternions)
-    document = _document(moments_s, positions, quaternions, is_open, joints, base_m)
+    document = _document(moments_s, positions, quaternions, is_open, joints, settings)
     return {**document, "marks_s": times_s[len(poses) - len(actions) :].round(3).tolist()}
 
 
@@ -94,8 +92,8 @@ def _arrivals_s(poses: Sequence[tuple[Array, Array, bool]]) -> Array:
     return np.array(times_s)
 
 
-def _joints(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
-    """(M, 7) rad at the first M poses, base frame: up to where the arm gets; None if not even to the first."""
+def _joints(geometry: Chain, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
+    """(M, J) rad at the first M poses, base frame: up to where the arm gets; None if not even to the first."""
     found: list[Array] = []
     joints = geometry.ready_rad
     with suppress(MotionError):
@@ -111,13 +109,9 @@ def _document(
     quaternions_xyzw: Array,
     is_open: list[bool],
     joints_rad: Array | None,
-    base_m: Array | None,
+    settings: TaskSettings,
 ) -> JsonObject:
-    """`base_m` is that of an arm whose kinematics are known."""
     speeds = np.linalg.norm(np.diff(positions_m, axis=0), axis=1) / np.maximum(np.diff(times_s), 1e-6)
-    arm_m = None
-    if joints_rad is not None and base_m is not None:
-        arm_m = np.array([skeleton(each) for each in joints_rad]) + base_m
     return {
         "times_s": times_s.round(3).tolist(),
         "positions": positions_m.round(4).tolist(),
@@ -125,8 +119,27 @@ def _document(
         "open": is_open,
         "speeds_m_s": np.append(speeds, speeds[-1:]).round(4).tolist() if len(speeds) else [0.0],
         "joints": None if joints_rad is None else joints_rad.T.round(3).tolist(),
-        "arm": None if arm_m is None else arm_m.round(3).tolist(),
+        "arm": None if joints_rad is None else skeletons(joints_rad, settings),
     }
+
+
+def skeletons(joints_rad: Array, settings: TaskSettings) -> list[list[list[float]]] | None:
+    """Return for each moment of (T, J) joints the arm's points, world frame; None if no arm with J joints is known."""
+    geometry = settings.geometry()
+    if geometry is None or joints_rad.shape[1] != geometry.num_joints:
+        return None
+    points_m = np.array([geometry.skeleton(each) for each in joints_rad]) + settings.robot_base
+    points: list[list[list[float]]] = points_m.round(3).tolist()
+    return points
+
+
+def why_without_arm(trajectory: Trajectory, settings: TaskSettings) -> str:
+    """Why a recording plays without the task's arm; empty if it plays with it, or no arm is known."""
+    geometry, joints_rad = settings.geometry(), trajectory.joint_positions_rad
+    if geometry is None or (joints_rad is not None and joints_rad.shape[1] == geometry.num_joints):
+        return ""
+    recorded = "no joint positions" if joints_rad is None else f"{joints_rad.shape[1]} joints"
+    return f"The recording has {recorded}, the task's arm {geometry.num_joints} joints: the arm is not drawn."
 
 
 def point_cloud(frame: RgbdFrame, workspace: WorkspaceSettings) -> bytes:

@@ -20,6 +20,7 @@ from app.store.filters import Fate
 from app.store.prediction_lists import Configuration, Counts
 from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
+from app.web.page import usd
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
@@ -193,9 +194,10 @@ def _settings(record: PredictionRecord) -> JsonObject:
 
 
 def _costs(record: PredictionRecord) -> JsonObject:
-    tokens = {f"tokens: {name.removesuffix('_tokens')}": number for name, number in record.usage.items()}
+    tokens = {f"tokens: {name.removesuffix('_tokens')}": number for name, number in record.tokens.items()}
     llm_ms = record.timings_ms.get("llm")
-    return {**tokens, "time of the LLM": None if llm_ms is None else f"{llm_ms:.0f} ms"}
+    costs = {} if record.cost_usd is None else {"cost": usd(record.cost_usd)}
+    return {**tokens, **costs, "time of the LLM": None if llm_ms is None else f"{llm_ms:.0f} ms"}
 
 
 def _beside(poses: Sequence[JsonObject | None]) -> Sequence[Placed | None]:

@@ -26,8 +26,8 @@ from typing import Any
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Calibration, Driver
-from roboprompt_client.arms.geometry import UrdfGeometry
 from roboprompt_client.arms.safety import Tolerance
+from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
@@ -160,7 +160,7 @@ def _tolerance(document: object) -> Tolerance:
 def _geometry(folder: Path, document: object) -> UrdfGeometry:
     if not isinstance(document, Mapping) or not {"file", "frame"} == set(document):
         raise InvalidInputError("urdf", f"is {document!r:.80}", '{"file": "arm.urdf", "frame": "tool0"}')
-    return UrdfGeometry(folder / str(document["file"]), str(document["frame"]))
+    return UrdfGeometry.read(folder / str(document["file"]), str(document["frame"]))
 
 
 def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:

@@ -53,7 +53,7 @@ class Straight:
 
 @pytest.fixture
 def leader(monkeypatch):
-    monkeypatch.setattr(module, "UrdfGeometry", Straight)
+    monkeypatch.setattr(module.UrdfGeometry, "read", Straight)
     return SO101Leader()
 
 

@@ -137,3 +137,9 @@ def test_a_run_without_trials(evaluation, tmp_path):
     page = Page(write_report(replace(evaluation, tasks=(TaskEvaluation(TASK, ()),)), tmp_path))
     assert any("None in 0 trials" in text for text in page.texts)
     assert page.images == []
+
+
+def test_the_film_of_a_success_is_at_the_top(index):
+    above, _, _ = index.read_text().partition("<main>")
+    (film,) = re.findall(r'<img src="([^"]*)"', above)
+    assert "success-01-film" in film

@@ -6,6 +6,7 @@ from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import grown
+from tests.episodes import ur5e
 
 KEEP_OUT = {"min": (0, 0, 0), "max": (1, 1, 1)}
 BOX = {"min": (-1.0, -1.0, 0.0), "max": (1.0, 1.0, 2.0)}
@@ -92,3 +93,12 @@ def test_a_box_that_no_demonstration_shaped_is_not_kept():
     assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 1.0))
     further = grown(first, np.array([[1.5, 0.1, 0.02]]))
     assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 1.0))
+
+
+def test_of_an_arm_s_urdf_only_what_is_used_is_kept():
+    sent = ur5e()
+    kept = settings(arm=sent)["arm"]
+    assert len(kept["urdf"]) < len(sent["urdf"]) * 0.7
+    assert settings(arm=kept)["arm"] == kept
+    assert changed({"arm": sent}).geometry().num_joints == 6
+    assert TaskSettings().geometry() is None

@@ -61,7 +61,9 @@ def test_a_summary_has_the_outcome(store, mixed):
 
 def test_configurations_are_counted(store, mixed):
     predict(store, prediction_draft(model="regression", request={"episode_ids": ["e"]}, samples=({}, {})))
-    predict(store, prediction_draft(model="regression", request={"selection": "recent"}))
+    for cost_usd in (0.5, 0.25, None):
+        usage = {"prompt_tokens": 9, "cached_tokens": 0, "completion_tokens": 1, "cost_usd": cost_usd}
+        predict(store, prediction_draft(model="regression", request={"selection": "recent"}, usage=usage))
     with store.read() as connection:
         counted = prediction_lists.counts_by_configuration(connection, TASK)
         assert prediction_lists.counts_by_configuration(connection, "nothing") == {}
@@ -74,6 +76,9 @@ def test_configurations_are_counted(store, mixed):
     ]
     often = next(iter(counted))
     assert counted[often] == Counts(12, 3, 3, 3)
+    (priced,) = (counts for way, counts in counted.items() if way.selection == "recent")
+    assert (priced.cost_usd, priced.priced, priced.mean_cost_usd) == (0.75, 2, 0.375)
+    assert counted[often].mean_cost_usd is None
     assert counted.keys() == latest.keys() == {Configuration.of(record) for record in records}
     assert len({way.id for way in counted}) == 3
     assert [trial.success for trial in latest[often]] == [True, None, None, False] * 3

@@ -4,15 +4,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.services.task_settings import TaskSettings
 from app.sim.demonstrate import record_demonstration
 from app.sim.world import BASE_POSITION_M
-from app.web.play import HAND_M_S, MAX_MOMENTS, planned_motion, recorded_motion
-from roboprompt_client.arms.panda import HAND_M, READY_RAD, flange, skeleton
+from app.web.play import HAND_M_S, MAX_MOMENTS, planned_motion, recorded_motion, why_without_arm
+from roboprompt_client.arms.panda import HAND_M
 from roboprompt_client.types.trajectory import Trajectory
+from tests.episodes import ur5e
 
 PANDA = TaskSettings(arm="panda", robot_base=BASE_POSITION_M)
+UR5E = TaskSettings(arm=ur5e(), robot_base=(0.1, 0.2, 0.3))
 DOWN = [1.0, 0.0, 0.0, 0.0]
 
 
@@ -22,11 +25,6 @@ def action(position, gripper_open=True):
 
 def asked(*actions, **request):
     return SimpleNamespace(actions=actions, request=request)
-
-
-def test_the_skeleton_ends_at_the_flange():
-    joints = np.array(READY_RAD)
-    assert skeleton(joints)[-1] == pytest.approx(flange(joints)[0][:3, 3])
 
 
 def test_the_recorded_arm_ends_where_the_recorded_hand_begins():
@@ -67,3 +65,21 @@ def test_the_arm_is_shown_as_far_as_it_gets():
     part = planned_motion(asked(action(near), action(far)), PANDA)
     assert 0 < len(part["arm"]) < len(part["times_s"])
     assert planned_motion(asked(), PANDA) is None
+
+
+def test_an_arm_by_its_urdf_is_drawn_to_its_hand():
+    joints = np.linspace(UR5E.arm.ready, np.add(UR5E.arm.ready, 0.3), 5)
+    poses = np.array([UR5E.geometry().hand(each) for each in joints])
+    hands = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    positions_m = poses[:, :3, 3] + UR5E.robot_base
+    recorded = Trajectory(np.zeros((5, 6)), positions_m, hands, np.ones(5, bool), joint_positions_rad=joints)
+    motion = recorded_motion(recorded, np.arange(5) / 10, UR5E)
+    assert np.shape(motion["arm"]) == (5, 8, 3)
+    assert np.array(motion["arm"])[:, -1] == pytest.approx(positions_m, abs=1e-3)
+    assert why_without_arm(recorded, UR5E) == ""
+    assert recorded_motion(recorded, np.arange(5) / 10, PANDA)["arm"] is None
+    assert why_without_arm(recorded, PANDA).startswith("The recording has 6 joints, the task's arm 7 joints")
+    near = {**action((positions_m[0] + [0.1, 0.1, -0.1]).tolist()), "quaternion_xyzw": hands[0].tolist()}
+    planned = planned_motion(asked(near), UR5E)
+    assert planned["arm"][0][-1] == pytest.approx(positions_m[0], abs=1e-3)
+    assert planned["arm"][-1][-1] == pytest.approx(near["position"], abs=2e-3)

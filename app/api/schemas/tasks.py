@@ -64,6 +64,9 @@ class StandingOut(BaseModel):
     failures: int
     success_rate: Annotated[float | None, Field(description="null if no outcome was reported")]
     interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the success rate")]
+    cost_usd: Annotated[float | None, Field(description="sum of the known costs; null if none is known")]
+    mean_cost_usd: Annotated[float | None, Field(description="mean of the known costs")]
+    priced: Annotated[int, Field(description="number of predictions whose cost is known")]
 
 
 class ConfigurationOut(StandingOut):

@@ -1,7 +1,7 @@
 """What stored predictions show: against their demonstrations, the robot's path, and the success of configurations."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from statistics import median
 from typing import Any
@@ -167,6 +167,7 @@ def task_stats(connection: Connection, task: str | None) -> TaskStats:
     latest = prediction_lists.latest_by_configuration(connection, task)
     standings = [Standing(key, counts, latest.get(key, ())) for key, counts in counted.items()]
     surest = sorted(standings, key=lambda standing: standing.counts.rate.interval[0], reverse=True)
-    names = ("predictions", "errors", "successes", "failures")
-    total = Counts(*(sum(getattr(counts, name) for counts in counted.values()) for name in names))
-    return TaskStats(total, tuple(surest))
+    names = ("predictions", "errors", "successes", "failures", "priced")
+    total = Counts(**{name: sum(getattr(counts, name) for counts in counted.values()) for name in names})
+    costs = [counts.cost_usd for counts in counted.values() if counts.cost_usd is not None]
+    return TaskStats(replace(total, cost_usd=sum(costs) if costs else None), tuple(surest))

@@ -18,8 +18,8 @@ from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned_plan
 from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
+from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import Calibration
-from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard
@@ -153,13 +153,13 @@ def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand
         hand: its pose before the first action; None if unknown.
     """
     base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
-    geometry = None if settings.arm is None else PandaGeometry(settings.arm)
+    geometry = settings.geometry()
     joints = None if geometry is None else _joints_rad(geometry, base, hand)
     start_m, limits = None if hand is None else hand.position_m, settings.limits_of_motion()
     return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
 
 
-def _joints_rad(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Array:
+def _joints_rad(geometry: Chain, base: Calibration, hand: Pose | None) -> Array:
     if hand is None:
         return geometry.ready_rad
     position_m, quaternion = np.array(hand.position_m), np.array(hand.quaternion_xyzw)

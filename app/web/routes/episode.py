@@ -29,7 +29,7 @@ from app.store.values import JsonObject
 from app.untrusted_arrays import film_from_npz
 from app.web.episode_views import EpisodeText, Preview, episode_texts, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.play import film_bytes, point_cloud, recorded_motion
+from app.web.play import film_bytes, point_cloud, recorded_motion, why_without_arm
 from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
@@ -83,6 +83,7 @@ def episode_page(request: Request, services: Wired, episode_id: str, applied: bo
         episode=recording.record,
         document=episode_document(recording.record, recording.settings),
         settings=recording.settings,
+        without_arm=why_without_arm(recording.motion.trajectory, recording.settings),
         duration_s=float(recording.motion.times_s[-1]),
         preview=shown,
         rules=ABOUT_RULES,

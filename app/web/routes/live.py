@@ -18,9 +18,8 @@ from app.store.runs import RunRecord
 from app.store.values import JsonObject
 from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.play import JOINTS
+from app.web.play import skeletons
 from app.web.scene import scene
-from roboprompt_client.arms.panda import skeleton
 
 NUM_JOBS = 10  # the newest
 router = APIRouter(route_class=PageRoute)
@@ -60,10 +59,8 @@ def live_runs(services: Wired) -> Response:
 
 def _run(connection: Connection, record: RunRecord) -> JsonObject:
     settings = TaskSettings.of(connection, record.task)
-    state, joints = record.state, record.state.get("joint_positions", ())
-    arm = None
-    if settings.arm is not None and len(joints) == JOINTS:
-        arm = (skeleton(np.array(joints)) + settings.robot_base).round(3).tolist()
+    state = record.state
+    (arm,) = skeletons(np.array([state.get("joint_positions", ())]), settings) or (None,)
     return {
         "id": record.id,
         "task": record.task,

@@ -2,7 +2,7 @@
 
 import { call, root } from "./api.js";
 import { attempt, byId, confirmed, data, element, say } from "./dom.js";
-import { numbers } from "./fields.js";
+import { numbers, wrong } from "./fields.js";
 import { drawScene } from "./scene3d.js";
 
 const form = byId("settings");
@@ -11,11 +11,20 @@ const stored = data("stored");
 
 const CLICK_PX = 4; // a longer way of the pointer turns the view
 
+let urdf = stored.arm?.urdf ?? "";
+
 const point = (input, field) => numbers(input.value, field, 3);
+
+/** The arm that the form says, its members in the service's order. */
+function wantedArm({ arm, frame, base, ready }) {
+  if (arm.value !== "urdf") return arm.value || null;
+  if (!urdf) throw wrong("arm.urdf", "is missing", "a URDF file; xacro must be expanded");
+  return { frame: frame.value, base: base.value || null, urdf, ready: numbers(ready.value, "arm.ready") };
+}
 
 /** The settings that the form says, in the API's words. Throws ProblemError for what cannot be read. */
 function wanted() {
-  const { arm, robot_base, preset, min, max, num_demonstrations } = form.elements;
+  const { robot_base, preset, min, max, num_demonstrations } = form.elements;
   const box = preset.value ? { preset: preset.value } : { min: point(min, "workspace.min"), max: point(max, "workspace.max") };
   const boxes = [...form.querySelectorAll(".box")].map((group) => ({
     min: point(group.querySelector("[name=low]"), "keep_out.min"),
@@ -24,7 +33,7 @@ function wanted() {
   const words = (input) => input.value.split(",").map((word) => word.trim()).filter(Boolean);
   const named = [...form.querySelectorAll("[name=alias]")].map((input) => [input.dataset.object, words(input)]);
   return {
-    arm: arm.value || null,
+    arm: wantedArm(form.elements),
     robot_base: point(robot_base, "robot_base"),
     workspace: box,
     motion_limits: { keep_out: boxes },
@@ -38,11 +47,13 @@ function changes(after) {
   return Object.keys(after).filter((name) => JSON.stringify(stored[name]) !== JSON.stringify(after[name]));
 }
 
-const text = (value) => JSON.stringify(value).replaceAll('"', "").replaceAll(",", ", ");
+const short = (name, value) => (name === "urdf" ? `${value.length} characters` : value);
+const text = (value) => JSON.stringify(value, short).replaceAll('"', "").replaceAll(",", ", ");
 
 /** List what would change, and draw it. */
 function look() {
-  const { preset, min, max } = form.elements;
+  const { preset, min, max, arm } = form.elements;
+  byId("own-arm").hidden = arm.value !== "urdf";
   for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
   try {
     const after = wanted();
@@ -97,6 +108,10 @@ byId("boxes").addEventListener("click", (event) => {
   look();
 });
 form.addEventListener("input", look);
+byId("urdf").addEventListener("change", async ({ target }) => {
+  urdf = (await target.files[0]?.text()) ?? stored.arm?.urdf ?? "";
+  look();
+});
 const view = byId("space-view");
 let pressed = { clientX: 0, clientY: 0 };
 view.addEventListener("pointerdown", (event) => (pressed = event));

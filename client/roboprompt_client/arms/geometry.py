@@ -1,14 +1,12 @@
 """Whether an arm can follow a straight line within its joints' limits, and its joints at the end of the line."""
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from roboprompt_client.arms.driver import ArmState, pose_matrix, straight_way
-from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.extras import import_extra
+from roboprompt_client.errors import MotionError
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 
@@ -99,55 +97,3 @@ def _check_limits(joints_rad: Array, low_rad: Array, high_rad: Array, part: floa
             bound = f"{low:.3f} to {high:.3f} rad"
             where = f"after {100 * part:.0f} % of the way"
             raise MotionError(f"joint {number} would come to {angle:.3f} rad {where} (allowed: {bound})")
-
-
-class UrdfGeometry:
-    """A `Geometry` that reads the arm's joints from its URDF.
-
-    Args:
-        frame: the name of the link whose pose the arm's driver reports.
-
-    Raises:
-        InvalidInputError: if pinocchio is not installed, the file is not a URDF or lacks it, or a joint rotates
-            without limits or has several coordinates.
-    """
-
-    def __init__(self, path: Path, frame: str) -> None:
-        self._pin = pin = import_extra("pinocchio", "pinocchio", "urdf")
-        try:
-            self._model = pin.buildModelFromUrdf(str(path))
-        except ValueError as error:
-            raise InvalidInputError("urdf", f"{path}: {error}", "a URDF file") from error
-        if not self._model.existFrame(frame):
-            valid = ", ".join(item.name for item in self._model.frames)
-            raise InvalidInputError("urdf_frame", f"{frame!r:.80} is not in {path}", valid)
-        if self._model.nq != self._model.nv:
-            raise InvalidInputError("urdf", f"{path} has a joint without limits", "joints with limits")
-        self._data, self._frame = self._model.createData(), self._model.getFrameId(frame)
-
-    def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
-        if len(joints_rad) != self._model.nq:
-            raise MotionError(f"the arm reports {len(joints_rad)} joints, its URDF has {self._model.nq}")
-        goal = pose_matrix(position_m, quaternion_xyzw)
-        return follow_line(self._forward, joints_rad, goal, *self._limits_rad)
-
-    def nearest_limit(self, joints_rad: Array) -> Nearest:
-        return nearest_limit(joints_rad, *self._limits_rad)
-
-    def frame(self, angles_rad: Mapping[str, float]) -> Array:
-        """Return the frame's pose (4, 4) for angles by the joints' names; raises MotionError if one is missing."""
-        names = list(self._model.names)[1:]  # the first is the world
-        if missing := [name for name in names if name not in angles_rad]:
-            raise MotionError(f"the URDF's joints {', '.join(missing)} are not among {', '.join(angles_rad)}")
-        pose, _ = self._forward(np.array([angles_rad[name] for name in names]))
-        return pose
-
-    @property
-    def _limits_rad(self) -> tuple[Array, Array]:
-        return np.array(self._model.lowerPositionLimit), np.array(self._model.upperPositionLimit)
-
-    def _forward(self, joints_rad: Array) -> tuple[Array, Array]:
-        axes = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian = self._pin.computeFrameJacobian(self._model, self._data, joints_rad, self._frame, axes)
-        self._pin.updateFramePlacement(self._model, self._data, self._frame)
-        return np.array(self._data.oMf[self._frame].homogeneous), np.array(jacobian)

@@ -4,12 +4,10 @@ Geometry and limits: Franka Robotics, "Robot and interface specifications" (Dena
 Panda and the Research 3 share the geometry).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import pose_matrix
-from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types.arrays import Array
 
@@ -27,48 +25,23 @@ LIMITS_RAD = {
         (2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159),
     ),
 }
-READY_RAD = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
+READY_RAD = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)  # the maker's; the hand points down
 REACH_M = 0.855  # of the flange from the shoulder
 HAND_YAW_RAD, HAND_M = -np.pi / 4, 0.1034  # the Franka Hand on its flange, down to between the fingertips
 SHOULDER_M = np.array([0.0, 0.0, 0.333])
 
 
-def flange(joints_rad: Array) -> tuple[Array, Array]:
-    """Return the flange's pose (4, 4) in the base frame, and the Jacobian (6, 7) of its linear and angular velocity."""
-    frames = _frames(joints_rad)
-    axes, arms = frames[1:-1, :3, 2], frames[-1, :3, 3] - frames[1:-1, :3, 3]
-    return frames[-1], np.concatenate([np.cross(axes, arms), axes], axis=1).T
+def _link(a_m: float, d_m: float, alpha_rad: float) -> Array:
+    """Return a joint's frame (4, 4) at 0 rad in the frame of the joint before (Craig's convention)."""
+    cos, sin = np.cos(alpha_rad), np.sin(alpha_rad)
+    return np.array([[1, 0, 0, a_m], [0, cos, -sin, -d_m * sin], [0, sin, cos, d_m * cos], [0, 0, 0, 1]])
 
 
-def skeleton(joints_rad: Array) -> Array:
-    """Return (9, 3) positions of base, seven joints and flange in the base frame, to be drawn as lines."""
-    return _frames(joints_rad)[:, :3, 3]
+_LINKS = np.array([*map(_link, _A_M, _D_M, _ALPHA_RAD), _link(0.0, _FLANGE_M, 0.0)])
 
 
-def _frames(joints_rad: Array) -> Array:
-    """Return (9, 4, 4) poses of base, seven joints and flange in the base frame."""
-    frames = [np.eye(4)]
-    for a, d, alpha, angle in zip(_A_M, _D_M, _ALPHA_RAD, joints_rad, strict=True):
-        frames.append(frames[-1] @ _link(a, d, alpha, float(angle)))
-    return np.array([*frames, frames[-1] @ _link(0.0, _FLANGE_M, 0.0, 0.0)])
-
-
-def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
-    """Return one joint's frame (4, 4) in the frame of the joint before (Craig's convention)."""
-    ca, sa, ct, st = np.cos(alpha_rad), np.sin(alpha_rad), np.cos(angle_rad), np.sin(angle_rad)
-    return np.array(
-        [
-            [ct, -st, 0.0, a_m],
-            [st * ca, ct * ca, -sa, -d_m * sa],
-            [st * sa, ct * sa, ca, d_m * ca],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class PandaGeometry:
-    """The `Geometry` of a Franka Panda or Research 3.
+class PandaGeometry(Chain):
+    """The geometry of a Franka Panda or Research 3.
 
     Args:
         model: `panda` or `fr3`, which have different joint limits.
@@ -78,36 +51,25 @@ class PandaGeometry:
         InvalidInputError: for another model.
     """
 
-    model: str = "fr3"
-    flange_to_tip: Array | None = None
-
-    def __post_init__(self) -> None:
-        if self.model not in LIMITS_RAD:
-            raise InvalidInputError("model", f"is {self.model!r:.40}", ", ".join(LIMITS_RAD))
+    def __init__(self, model: str = "fr3", flange_to_tip: Array | None = None) -> None:
+        if model not in LIMITS_RAD:
+            raise InvalidInputError("model", f"is {model!r:.40}", ", ".join(LIMITS_RAD))
+        low, high = map(np.array, LIMITS_RAD[model])
+        tip = franka_hand() if flange_to_tip is None else flange_to_tip
+        super().__init__(_LINKS, np.tile([0.0, 0.0, 1.0], (len(low), 1)), low, high, np.array(READY_RAD), tip)
 
     def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
-        tip = franka_hand() if self.flange_to_tip is None else self.flange_to_tip
-        goal = pose_matrix(position_m, quaternion_xyzw) @ np.linalg.inv(tip)
+        goal = self.to_flange(pose_matrix(position_m, quaternion_xyzw))
         away_m = float(np.linalg.norm(goal[:3, 3] - SHOULDER_M))
         if away_m > REACH_M:
             raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the shoulder, at most {REACH_M} m")
-        return follow_line(flange, joints_rad, goal, *self._limits_rad)
-
-    def nearest_limit(self, joints_rad: Array) -> Nearest:
-        return nearest_limit(joints_rad, *self._limits_rad)
-
-    @property
-    def _limits_rad(self) -> tuple[Array, Array]:
-        low, high = LIMITS_RAD[self.model]
-        return np.array(low), np.array(high)
-
-    @property
-    def ready_rad(self) -> Array:
-        """(7,) joints of the maker's ready pose, in which the hand points down."""
-        return np.array(READY_RAD)
+        return super().way(joints_rad, position_m, quaternion_xyzw)
 
 
 def franka_hand() -> Array:
     """Return (4, 4) the pose of the point between the fingertips in the flange's frame."""
     cos, sin = np.cos(HAND_YAW_RAD), np.sin(HAND_YAW_RAD)
     return np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, HAND_M], [0, 0, 0, 1]])
+
+
+flange = PandaGeometry().flange  # the same for both models and whatever the hand

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.arms.driver import STEERED_S, MakersObject
-from roboprompt_client.arms.geometry import UrdfGeometry
+from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.recording.teleop import SPEED_M_S, TURN_RAD_S, PersonInput
 from roboprompt_client.types import quaternions as rotations
@@ -51,7 +51,7 @@ class Leader:
         if not getattr(getattr(teleoperator, "config", None), "use_degrees", True):
             raise InvalidInputError("--teleop", f"{NAME}: its joints are not in degrees", "use_degrees=True")
         self._made, self._calls = teleoperator, MakersObject(NAME, teleoperator)
-        self._geometry = UrdfGeometry(Path(urdf), frame)
+        self._geometry = UrdfGeometry.read(Path(urdf), frame)
         self._behind: Array = np.zeros(6)  # meters, radians that the hand still has to make up for
         self._direction: Array = np.zeros(6)
         self._tip, self._read_s, self._is_open = np.eye(4), 0.0, True

@@ -226,7 +226,7 @@ def test_configurations_are_counted(page):
 
 def test_several_configurations_are_compared(page, http, seeded):
     for success in (True, True, False):
-        ask(http, success=success, model="nearest")
+        priced = ask(http, success=success, model="nearest")
         ask(http, success=not success, model="nearest", num_demonstrations=3)
     page.goto("/ui/predictions/configurations?task=pick")
     for box in page.get_by_label("Compare nearest").all():
@@ -236,6 +236,13 @@ def test_several_configurations_are_compared(page, http, seeded):
     page.wait_for_url("**compare=**compare=**")
     rows = page.get_by_role("table", name="Configurations by pairs").locator("tbody tr")
     assert rows.count() == 3
+    usage, cost_usd = (http.get(f"/predictions/{priced}").json()[name] for name in ("usage", "cost_usd"))
+    assert cost_usd == pytest.approx((2 * usage["prompt_tokens"] + 10 * usage["completion_tokens"]) / 1e6)
+    assert http.get(f"/predictions/{seeded['success']}").json()["cost_usd"] is None
+    stats = http.get("/tasks/pick/stats").json()
+    assert stats["cost_usd"] == pytest.approx(stats["priced"] * stats["mean_cost_usd"])
+    costs = rows.locator("td[data-label^=Cost]").all_inner_texts()
+    assert sorted(text.count("$") for text in costs) == [1, 1, 2]
     among = rows.filter(has_text="first 4").filter(has_text="first 3").first.inner_text()
     assert "not yet" in among
     assert "about" in among or "no difference so far" in among
