@@ -97,7 +97,7 @@ class SumsCodec(Codec):
             if anchor.frame == "world" or len(steps) > 1:
                 continue
             turns = anchor.place_turns and any(rows[0].numbers[:2])
-            tilts = anchor.hand_turns and anchor.object_name in self.fitted.tilted
+            tilts = anchor.hand_turns and anchor.at_tilted
             apart = {self._differences(item, row)[:3] for item, row in zip(shown, rows, strict=True)}
             if turns or tilts or anchor.along or len(apart) > 1:
                 yield steps.pop()
@@ -107,7 +107,7 @@ class SumsCodec(Codec):
         """The rotation bins, by column, that are equal in all rows and follow no object."""
         placed = [self._placed(item, row) for item, row in self._rows]
         turning = [row.anchor for _, row in self._rows if row.anchor.hand_turns]
-        whole = not all(map(self._yaw_follows, turning))  # at a tilted object
+        whole = any(anchor.at_tilted for anchor in turning)
         fixed = () if whole else (3, 4) if turning else (3, 4, 5)
         return {k: placed[0][k] for k in fixed if len({bins[k] for bins in placed}) == 1}
 
@@ -134,7 +134,7 @@ class SumsCodec(Codec):
         texts = []
         for row, step in self._steps_at(query, name):
             numbers = [f"{by:+d}" for by in self._differences(query, row)[:3] if by is not None]
-            if row.anchor.object_name in self.fitted.tilted:
+            if row.anchor.at_tilted:
                 numbers += [str(self._placed(query, row)[k]) for k in self._shown[3:]]
             texts.append(f" {step}({' '.join(numbers)})")
         return "".join(texts)
@@ -188,7 +188,7 @@ class SumsCodec(Codec):
 
     def _placed(self, query: Query, row: TextRow) -> tuple[int, ...]:
         """The six bins of a row in a scene."""
-        pose = anchor_pose(row.anchor, query, self.fitted.tilted)
+        pose = anchor_pose(row.anchor, query)
         actions = actions_at([pose], np.array([row.numbers]), [row.gripper_open])
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
@@ -197,12 +197,9 @@ class SumsCodec(Codec):
         if row.anchor == WORLD:
             return (None,) * 6
         origin, placed = self._origin(query, row.anchor), self._placed(query, row)
-        turn = row.numbers[5] - NO_TURN if self._yaw_follows(row.anchor) else None
+        turn = row.numbers[5] - NO_TURN if row.anchor.hand_turns and not row.anchor.at_tilted else None
         fixed = {axis for axis, name in row.anchor.along if not name}
         return (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
-
-    def _yaw_follows(self, anchor: Anchor) -> bool:
-        return anchor.hand_turns and anchor.object_name not in self.fitted.tilted
 
     def grammar(self, query: Query, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.fitted.demonstrations, query.order, max_actions)

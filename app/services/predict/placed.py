@@ -4,6 +4,7 @@ The turn (0 or 180 degrees) is the same for all actions of an answer, so that no
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,7 +15,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import GRIPPER_TURNED
 from app.pipeline.plans.support import PlacedPlan, Support
-from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned_plan
+from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned
 from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
@@ -94,7 +95,7 @@ def _turned_plans(
     wrist = _wrist(taught, None if settings.arm is None else tuple(settings.robot_base))
     if not wrist.approaches:
         return plans, []
-    other = [half_turned_plan(plan) for plan in every]
+    other = list(map(_half_turned, every))
     beyond_deg, turned_deg = (wrist.beyond_deg(row.action for plan in item for row in plan) for item in (every, other))
     missed, turned_missed = (_out_of_reach(item, settings, hand) for item in (every, other))
     nearer = (turned_missed, turned_deg + CLEARLY_DEG) < (missed, beyond_deg)
@@ -107,8 +108,12 @@ def _turned_plans(
     )
     message = f"In all actions the gripper is turned by 180 degrees from what the reply says: {reason}."
     numbers = {"beyond_deg": beyond_deg, "turned_beyond_deg": turned_deg}
-    turned = {name: found and tuple(map(half_turned_plan, found)) for name, found in plans.items()}
+    turned = {name: found and tuple(map(_half_turned, found)) for name, found in plans.items()}
     return turned, [GRIPPER_TURNED.finding(message, "actions", numbers)]
+
+
+def _half_turned(plan: PlacedPlan) -> PlacedPlan:
+    return tuple(replace(row, action=half_turned(row.action)) for row in plan)
 
 
 @lru_cache(MAX_TASKS)
