@@ -10,10 +10,11 @@ from app.services.english import is_english
 from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.predict.ask import PredictActions
-from app.services.predict.instruction import ReadSteps
 from app.services.predict.known import KnownReader
-from app.services.predict.motion_check import CurrentLimits, RepeatedPredictions
+from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.record import PredictionRecorder
+from app.services.predict.repeated import RepeatedPredictions
+from app.services.predict.steps import ReadSteps
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask, RunJobs

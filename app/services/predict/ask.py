@@ -174,7 +174,7 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
     instruction = checked_instruction("instruction", request.instruction)
     known = read(request)
     with timed("prompt"):
-        prefix, why = choose_prefix(known)
+        prefix, why = choose_prefix(request, known)
     with timed("words"):
         order = understand(request, instruction, known, prefix.instructions)
     return write_question(request, known, prefix, why, order, limits)

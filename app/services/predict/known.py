@@ -13,13 +13,12 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.pipeline.plans.symmetry import Symmetries
-from app.pipeline.workspace import Workspace
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import KeptTasks, TaskReading
+from app.services.predict.task_reading import KeptTasks, TaskReading, TaskVersion
 from app.services.task_settings import TaskSettings
 from app.services.vision import PoseServers, check_colors, with_models, with_templates
 from app.store import episodes, tasks
@@ -28,8 +27,7 @@ from app.store.errors import ConflictError
 from app.store.filters import EpisodeFilter
 from app.store.records import TaskRecord
 from app.store.store import Store
-from roboprompt_client.motion.limits import MotionLimits
-from roboprompt_client.types.poses import ObjectPose, Pose
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_TASKS = 64  # whose present version is kept, each with a few choices of demonstrations
 
@@ -56,24 +54,18 @@ class Known:
     """A request's task and demonstrations as the store has them, with the observed scene.
 
     Attributes:
-        settings, workspace, limits: of the task.
-        end_effector: its pose before the first action; None if unknown.
+        task: settings and what follows from them.
         profile: of the model to ask.
         demonstrations: those that the request names, or that its selection finds.
-        chosen: whether the request names them.
         taught: all demonstrations of the task, with which an answer is compared.
         symmetries: those that the demonstrations show; scene and demonstrations have the objects folded.
     """
 
-    settings: TaskSettings
-    workspace: Workspace
-    limits: MotionLimits
-    end_effector: Pose | None
+    task: TaskVersion
     scene: ObservedScene
     profile: ModelProfile
     style: PromptStyle
     demonstrations: Demonstrations
-    chosen: bool
     taught: Taught
     symmetries: Symmetries
 
@@ -134,20 +126,7 @@ class KnownReader:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
             taught = taught.of_objects(present)
-        chosen = request.options.episode_ids is not None
-        return Known(
-            kept.settings,
-            kept.workspace,
-            kept.limits,
-            request.end_effector,
-            scene,
-            profile,
-            style,
-            demonstrations,
-            chosen,
-            taught,
-            task.symmetries,
-        )
+        return Known(kept, scene, profile, style, demonstrations, taught, task.symmetries)
 
     def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""

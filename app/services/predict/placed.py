@@ -18,6 +18,7 @@ from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned
 from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.request import PredictOptions
+from app.services.predict.task_reading import TaskVersion
 from app.services.task_settings import TaskSettings
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.panda import PandaGeometry
@@ -37,8 +38,7 @@ def place_plans(
     support: Support,
     parts: Sequence[Query],
     options: PredictOptions,
-    settings: TaskSettings,
-    limits: MotionLimits,
+    task: TaskVersion,
     taught: Taught,
     hand: Pose | None,
 ) -> tuple[Plans, list[Finding]]:
@@ -52,8 +52,8 @@ def place_plans(
     """
     placed = {part.instruction: support.placed(part) for part in parts}
     if options.unsupported == "refuse":
-        _require_within_workspace(placed.values(), limits)
-    return _turned_plans(placed, taught, settings, hand)
+        _require_within_workspace(placed.values(), task.limits)
+    return _turned_plans(placed, taught, task.settings, hand)
 
 
 def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limits: MotionLimits) -> None:
