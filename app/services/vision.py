@@ -153,6 +153,19 @@ def with_models(objects: Iterable[ObjectQuery], settings: TaskSettings) -> tuple
     )
 
 
+def poses_of(
+    objects: Iterable[ObjectQuery],
+    settings: TaskSettings,
+    frames: Sequence[RgbdFrame],
+    blobs: BlobStore,
+    *,
+    given_first: bool,
+) -> tuple[ObjectPose, ...]:
+    """The poses of a task's objects; raises as `with_templates` and `estimate_poses`."""
+    queries = with_templates(with_models(objects, settings), blobs)
+    return tuple(estimate_poses(settings.pose_estimator, queries, frames, given_first=given_first))
+
+
 def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:
     """The queries, those of registered objects with their templates.
 

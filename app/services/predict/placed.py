@@ -41,19 +41,21 @@ def place_plans(
     task: TaskVersion,
     taught: Taught,
     hand: Pose | None,
-) -> tuple[Plans, list[Finding]]:
-    """Return the demonstrated rows of each part of the instruction, and a finding if the hand is turned in them.
+) -> tuple[Plans, list[Finding], int]:
+    """Return the demonstrated rows of each part, a finding if the hand is turned in them, and how many actions may be.
 
     Args:
         hand: where it is before the first action; None if unknown.
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
+        InvalidInputError: if the parts take more actions than the request allows.
     """
     placed = {part.instruction: support.placed(part) for part in parts}
     if options.unsupported == "refuse":
         _require_within_workspace(placed.values(), task.limits)
-    return _turned_plans(placed, taught, task.settings, hand)
+    plans, turned = _turned_plans(placed, taught, task.settings, hand)
+    return plans, turned, _actions_allowed(support, parts, plans, options.max_actions)
 
 
 def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limits: MotionLimits) -> None:
@@ -129,7 +131,7 @@ def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pos
     return sum(not item.reachable for plan in plans for item in previewed([row.action for row in plan], settings, hand))
 
 
-def actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
+def _actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
     """Return how many actions the answer may have: as asked for, else what the plans of the parts need, 25 at least.
 
     Raises:

@@ -17,7 +17,7 @@ from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
 from app.services.predict.demonstrations import Prefix, write_prefix
 from app.services.predict.known import Known
-from app.services.predict.placed import Plans, actions_allowed, place_plans
+from app.services.predict.placed import Plans, place_plans
 from app.services.predict.request import PredictRequest
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
@@ -96,8 +96,9 @@ def write_question(
     start = _start(request.end_effector) if known.style.from_start else None
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned = place_plans(prefix.support, parts, request.options, known.task, known.taught, request.end_effector)
-    max_actions = actions_allowed(prefix.support, parts, plans, request.options.max_actions)
+    plans, turned, max_actions = place_plans(
+        prefix.support, parts, request.options, known.task, known.taught, request.end_effector
+    )
     prompt = template.ask(parts[0], max_actions)
     request = request.without_frames()
     question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
@@ -125,7 +126,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     followed = taught.followed(order)
     yield from other_objects(scene.absent, [pose.name for pose in scene.bystanders])
     yield from alike_findings(question.request.alike)
-    yield from symmetry_findings(known.symmetries)
+    yield from symmetry_findings(known.task.symmetries or {})
     yield from _words(order, question.prefix.instructions)
     yield from _parts(question)
     that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)

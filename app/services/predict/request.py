@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -142,8 +142,7 @@ class PredictRequest:
         return replace(self, options=PredictOptions.model_validate(kept | changes))
 
 
-@dataclass(frozen=True)
-class PromptStyle:
+class PromptStyle(NamedTuple):
     """How a prompt is written.
 
     Attributes:
