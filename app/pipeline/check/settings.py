@@ -10,7 +10,7 @@ from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.keyframes.resting import LEFT_M, leave_path
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.symmetry import ALIKE_DEG, TURNS_DEG, sides_of
 from app.pipeline.representation.anchors import Anchor, tilted_objects
 from roboprompt_client.types.arrays import Array

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 
 from sqlalchemy import Connection
 
@@ -14,9 +15,9 @@ from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.yaw import Rotations
 from app.pipeline.groups import by_plan, made_by_group
-from app.pipeline.plans import Recording, agreeing, demonstrated
+from app.pipeline.plans import agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
-from app.pipeline.plans.recording import alike_turned
+from app.pipeline.plans.recording import Recording, alike_turned
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
@@ -118,7 +119,7 @@ def recordings_of(
         recordings.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
     if not settings.gripper_symmetry_deg:
         return recordings
-    return made_by_group(recordings, lambda recording: recording.demonstration.order.form, alike_turned)
+    return made_by_group(recordings, attrgetter("demonstration.order.form"), alike_turned)
 
 
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:

@@ -100,7 +100,8 @@ def write_question(
         prefix.support, parts, request.options, known.task, known.taught, request.end_effector
     )
     prompt = template.ask(parts[0], max_actions)
-    request = request.without_frames()
+    if request.frames:
+        request = request.without_frames()
     question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
     question = replace(question, findings=(*why, *doubts_before(question), *turned))
     if request.options.num_samples == 1:

@@ -8,7 +8,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError

@@ -24,7 +24,7 @@ from app.pipeline.names import check_object_names
 from app.pipeline.order.numbered import with_numbers
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
 from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
