@@ -11,7 +11,6 @@ from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.predict.ask import PredictActions
 from app.services.predict.known import KnownReader
-from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeated import RepeatedPredictions
 from app.services.predict.steps import ReadSteps
@@ -55,8 +54,7 @@ class Services:
         self.metrics = Metrics()
         self.known = KnownReader(store, self._profile_of, self.pose_servers)
         self.prefix_warmer = PrefixWarmer(store, models, self.known, num_warm_tasks)
-        of_motion = CurrentLimits(store)
-        parts = (models, self.known, self.limits, of_motion, self.prefix_warmer, store.under_way)
+        parts = (store, models, self.known, self.limits, self.prefix_warmer)
         is_english("")  # reads its list now, so that no request waits for it
         self.upload_episode = UploadEpisode(store, self.pose_servers)
         self.configure_task = ConfigureTask(store, self.pose_servers, extract_at_once)
@@ -66,7 +64,7 @@ class Services:
         self.check_task = CheckTask(store, self._profile_of, PredictActions(*parts, None))
         self.keys = KeyRing(store)
         self.sessions = Sessions(store, self.keys)
-        self.repeated_predictions = RepeatedPredictions(store, of_motion)
+        self.repeated_predictions = RepeatedPredictions(store)
         self.run_jobs = RunJobs(store, on_done=self.prefix_warmer.changed)
         self.teaching = anyio.CapacityLimiter(TEACHING_AT_ONCE)
 

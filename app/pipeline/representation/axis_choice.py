@@ -5,7 +5,7 @@ What it lets go of at one object may stay turned as it was taken, and be held be
 the gripper switches half-way between two objects, the place follows both.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -38,7 +38,6 @@ EQUAL_M = 0.002  # scatters that differ by less are equal
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 MIN_BETWEEN = 4  # demonstrations of a place between two objects, as the tenth is fitted too
 TENTHS = range(1, 10)
-UNTURNED: Mapping[AnchorFrame, AnchorFrame] = {"o": "wo", "ow": "w"}
 
 
 def along_axes(group: Sequence[Demonstration], chosen: Sequence[Anchors], objects: Sequence[Anchors]) -> list[Anchors]:
@@ -221,14 +220,11 @@ def _turns_m(group: Sequence[Demonstration], origin: Anchors) -> Array:
 
 def _along(anchors: Anchors, followed: Sequence[Anchors]) -> Anchors:
     """Return the anchors with these origins along the world's axes."""
-    frame, own = anchors[0].frame, anchors
-    names = [names_of(origin) for origin in followed]
-    aside = names[0] != names_of(own) or names[1] != names_of(own)
-    tilts = any(anchor.at_tilted for anchor in anchors)
-    if not aside and (names[2] == names_of(own) or (anchors[0].place_turns and tilts)):
+    own, aside = anchors, any(names_of(origin) != names_of(anchors) for origin in followed[:2])
+    frame: AnchorFrame = "wo" if anchors[0].frame == "o" and aside else anchors[0].frame
+    tilts = anchors[0].place_turns and any(anchor.at_tilted for anchor in anchors)
+    if not aside and (tilts or names_of(followed[2]) == names_of(anchors)):
         return anchors
-    if anchors[0].place_turns and aside:
-        frame = UNTURNED[frame]
     if not anchors[0].hand_turns:  # the row then needs no rotation of the object that it names first
         objects = [origin for origin in followed if any(names_of(origin))]
         if not objects:

@@ -30,9 +30,8 @@ class RepeatedPredictions:
     An answer is given only while its actions are within the task's limits of motion.
     """
 
-    def __init__(self, store: Store, limits: CurrentLimits) -> None:
-        self._store = store
-        self._limits = limits
+    def __init__(self, store: Store) -> None:
+        self._store, self._limits = store, CurrentLimits(store)
 
     @asynccontextmanager
     async def alone(self, key: str) -> AsyncIterator[None]:
