@@ -141,8 +141,7 @@ def lone_way(group: Sequence[Demonstration]) -> int | None:
     """
     if len(group) < FEWEST_OF_A_LONE or not group[0].actions:
         return None
-    states = [[action.gripper_open for action in demonstration.actions] for demonstration in group]
-    acting = [k for k in range(1, len(states[0])) if any(shown[k] != shown[k - 1] for shown in states)]
+    acting = sorted({k for demonstration in group for k in demonstration.switches})
     candidates = {place for k in acting if (place := _odd(group, k)) is not None}
     return next((place for place in sorted(candidates) if _is_alone(group, place, acting)), None)
 
