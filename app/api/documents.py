@@ -12,9 +12,9 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
-from app.services.predict.evidence import Standing, StandingComparison, TaskStats
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
+from app.services.statistics import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
 from app.services.teach.history import SettingsChange
 from app.store.prediction_lists import Counts

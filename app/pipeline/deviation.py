@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import asked_anchor, relative_row, tilted_objects
+from app.pipeline.representation.anchors import asked_anchor, relative_row
 from roboprompt_client.types.poses import ObjectPose
 
 
@@ -63,17 +63,16 @@ def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonst
     group = [shown for shown in demonstrations if (shown.order.form, len(shown.actions)) == asked]
     if not group or not predicted.actions:
         return ()
-    tilted, rows = tilted_objects(group), plan_rows(group, beyond_objects=False)
-    return tuple(_deviation(predicted, group[0], k, row, tilted) for k, row in enumerate(rows))
+    return tuple(
+        _deviation(predicted, group[0], k, row) for k, row in enumerate(plan_rows(group, beyond_objects=False))
+    )
 
 
-def _deviation(
-    predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]
-) -> ActionDeviation:
+def _deviation(predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow) -> ActionDeviation:
     own = asked_anchor(row.anchors[0], shown.order, predicted.order)
     if predicted.object(own.object_name).quaternion_xyzw is None:
         own = own._replace(frame="w")
-    (offset_m,), rotation = relative_row([predicted], k, (own,), tilted)
+    (offset_m,), rotation = relative_row([predicted], k, (own,))
     center_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
         own.object_name,

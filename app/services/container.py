@@ -10,10 +10,10 @@ from app.services.english import is_english
 from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.predict.ask import PredictActions
-from app.services.predict.instruction import ReadSteps
 from app.services.predict.known import KnownReader
-from app.services.predict.motion_check import CurrentLimits, RepeatedPredictions
 from app.services.predict.record import PredictionRecorder
+from app.services.predict.repeated import RepeatedPredictions
+from app.services.predict.steps import ReadSteps
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask, RunJobs
@@ -54,8 +54,7 @@ class Services:
         self.metrics = Metrics()
         self.known = KnownReader(store, self._profile_of, self.pose_servers)
         self.prefix_warmer = PrefixWarmer(store, models, self.known, num_warm_tasks)
-        of_motion = CurrentLimits(store)
-        parts = (models, self.known, self.limits, of_motion, self.prefix_warmer, store.under_way)
+        parts = (store, models, self.known, self.limits, self.prefix_warmer)
         is_english("")  # reads its list now, so that no request waits for it
         self.upload_episode = UploadEpisode(store, self.pose_servers)
         self.configure_task = ConfigureTask(store, self.pose_servers, extract_at_once)
@@ -65,7 +64,7 @@ class Services:
         self.check_task = CheckTask(store, self._profile_of, PredictActions(*parts, None))
         self.keys = KeyRing(store)
         self.sessions = Sessions(store, self.keys)
-        self.repeated_predictions = RepeatedPredictions(store, of_motion)
+        self.repeated_predictions = RepeatedPredictions(store)
         self.run_jobs = RunJobs(store, on_done=self.prefix_warmer.changed)
         self.teaching = anyio.CapacityLimiter(TEACHING_AT_ONCE)
 

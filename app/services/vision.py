@@ -14,7 +14,7 @@ import httpx
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.base import GivenPoses, ObjectQuery
+from app.perception.base import ObjectQuery
 from app.perception.frame_checks import are_swapped
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
 from app.perception.models import RemoteModel, model_from_json
@@ -24,7 +24,6 @@ from app.perception.registered.estimator import TaughtQuery
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.perception.registry import estimate_poses
-from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.task_settings import TaskSettings
@@ -154,6 +153,19 @@ def with_models(objects: Iterable[ObjectQuery], settings: TaskSettings) -> tuple
     )
 
 
+def poses_of(
+    objects: Iterable[ObjectQuery],
+    settings: TaskSettings,
+    frames: Sequence[RgbdFrame],
+    blobs: BlobStore,
+    *,
+    given_first: bool,
+) -> tuple[ObjectPose, ...]:
+    """The poses of a task's objects; raises as `with_templates` and `estimate_poses`."""
+    queries = with_templates(with_models(objects, settings), blobs)
+    return tuple(estimate_poses(settings.pose_estimator, queries, frames, given_first=given_first))
+
+
 def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:
     """The queries, those of registered objects with their templates.
 
@@ -175,25 +187,6 @@ def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
         remedy = "what POST /tasks/{name}/labels/learn gives"
         raise ObjectModelError(query.name, message, remedy, within="template") from None
     return TaughtQuery(**vars(query), template=template)
-
-
-def compared(given: Iterable[ObjectQuery], found: Iterable[ObjectPose], settings: TaskSettings) -> tuple[Compared, ...]:
-    """The objects that came with a pose, and were found in images as well."""
-    said = {query.name: query for query in given if query.position_m is not None}
-    return tuple(
-        Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, _turn_deg(pose.name, settings))
-        for pose in found
-        if pose.name in said and pose.estimator != GIVEN
-    )
-
-
-def _turn_deg(name: str, settings: TaskSettings) -> float | None:
-    """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
-    if name in settings.yaw_symmetry_deg:
-        return settings.yaw_symmetry_deg[name]
-    model = settings.object_models.get(name)
-    turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
-    return turn_deg
 
 
 def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:

@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from typing import Generic, Literal, TypeVar
 from uuid import uuid4
 
-from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Demonstration
-from app.pipeline.findings.recording import COMMANDED
+from app.pipeline.episode import COMMANDED, CONTROL_FREQUENCY_HZ, Demonstration
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.poses import EndEffectorAction
 

@@ -20,7 +20,7 @@ from app.api.schemas.responses import JobOut
 from app.api.schemas.tasks import SettingsHistory, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
 from app.services.container import Services
-from app.services.predict.evidence import task_stats
+from app.services.statistics import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
 from app.services.teach.history import settings_history

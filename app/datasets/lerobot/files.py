@@ -69,8 +69,9 @@ def _folder(root: Path, index: int) -> Path:
 
 @dataclass(frozen=True)
 class Info:
-    """The contents of meta/info.json."""
+    """The contents of meta/info.json of the dataset in the folder `root`."""
 
+    root: Path
     version: str
     fps: float
     features: Mapping[str, Mapping[str, Any]]  # by name, with dtype, shape and names
@@ -103,6 +104,7 @@ def read_info(root: Path, budget: Budget) -> Info:
     try:
         document = json.loads(read_inside(root, INFO, budget))
         info = Info(
+            root,
             document["codebase_version"],
             float(document["fps"]),
             {str(name): dict(item) for name, item in document["features"].items()},
@@ -119,12 +121,12 @@ def read_info(root: Path, budget: Budget) -> Info:
     return info
 
 
-def read_places(root: Path, info: Info, budget: Budget) -> list[Place]:
+def read_places(info: Info, budget: Budget) -> list[Place]:
     """Return every episode; raises DatasetError if their list is damaged or names files elsewhere."""
     try:
-        return _places_3(root, info, budget) if info.version == "v3.0" else _places_2(root, info, budget)
+        return _places_3(info, budget) if info.version == "v3.0" else _places_2(info, budget)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise DatasetError(f"{root}: its list of episodes is not as it should be: {error!r}") from error
+        raise DatasetError(f"{info.root}: its list of episodes is not as it should be: {error!r}") from error
 
 
 def path_of(root: Path, template: str, **values: object) -> Path:
@@ -146,7 +148,8 @@ def path_of(root: Path, template: str, **values: object) -> Path:
     return inside(root, path)
 
 
-def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
+def _places_3(info: Info, budget: Budget) -> list[Place]:
+    root = info.root
     files = sorted(inside(root, path) for path in (root / "meta/episodes").glob("*/*.parquet"))
     if not files:
         raise DatasetError(f"{root / 'meta/episodes'}: has no parquet files")
@@ -166,11 +169,11 @@ def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
     return places
 
 
-def _places_2(root: Path, info: Info, budget: Budget) -> list[Place]:
+def _places_2(info: Info, budget: Budget) -> list[Place]:
     places = []
-    for row in _json_lines(root, "meta/episodes.jsonl", budget):
+    for row in _json_lines(info.root, "meta/episodes.jsonl", budget):
         index = row["episode_index"]
-        path = path_of(root, info.data_path, episode_chunk=index // info.chunks_size, episode_index=index)
+        path = path_of(info.root, info.data_path, episode_chunk=index // info.chunks_size, episode_index=index)
         tasks = row.get("tasks") or [None]
         places.append(Place(index, row["length"], tasks[0], path, None, row))
     return places

@@ -55,13 +55,13 @@ DEFAULTS = {
 FILES_IN_MEMORY = 2  # neighboring episodes share a file of up to 100 MB
 
 
-def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: str) -> bytes:
+def first_image(info: Info, place: Place, budget: Budget, feature: str) -> bytes:
     """Return the episode's encoded first image; raises DamagedError, or MissingPackageError for videos without av."""
     if feature not in info.features:
-        raise DamagedError(root, f"has no images {feature}")
+        raise DamagedError(info.root, f"has no images {feature}")
     if info.features[feature]["dtype"] == "image":
-        return _embedded(root, place, feature, budget)
-    return first_picture(root, info, place, feature, budget)
+        return _embedded(info.root, place, feature, budget)
+    return first_picture(info, place, feature, budget)
 
 
 def _embedded(root: Path, place: Place, feature: str, budget: Budget) -> bytes:
@@ -92,38 +92,38 @@ def open_lerobot(root: Path, options: ImportOptions) -> Dataset:
         return read_table(path, info.numeric, Budget(path, options.limits))
 
     entries = (
-        Entry(f"episode_{place.index:06d}", partial(_read, root, info, place, table, mapping, options))
-        for place in read_places(root, info, budget)
+        Entry(f"episode_{place.index:06d}", partial(_read, info, place, table, mapping, options))
+        for place in read_places(info, budget)
     )
     return Dataset(f"LeRobot {info.version}", tuple(entries))
 
 
 def _read(
-    root: Path, info: Info, place: Place, table_of: Callable[[Path], Any], mapping: FeatureMap, options: ImportOptions
+    info: Info, place: Place, table_of: Callable[[Path], Any], mapping: FeatureMap, options: ImportOptions
 ) -> Parcel:
-    budget = Budget(f"{root}: episode {place.index}", options.limits)
+    budget = Budget(f"{info.root}: episode {place.index}", options.limits)
     table = table_of(place.data_file)
     if place.first_row is not None:
         table = table.slice(place.first_row, place.length)
     columns = {name: numbers_of(table, name) for name in info.numeric}
     if (rows := table.num_rows) != place.length:
         raise DamagedError(place.data_file, f"has {rows} rows of episode {place.index}, expected {place.length}")
-    if (scene := read_scene(root, place.index, budget)) is not None:
+    if (scene := read_scene(info.root, place.index, budget)) is not None:
         return _exported(*scene, columns, mapping, options)
     parcel = ColumnEpisode(
         name=f"episode_{place.index:06d}",
         source=f"LeRobot {info.version}",
-        task=as_name(root.name),
+        task=as_name(info.root.name),
         instruction=place.instruction,
         columns=columns,
         frequency_hz=info.fps,
-        image=partial(first_image, root, info, place, budget),
+        image=partial(first_image, info, place, budget),
         image_columns=info.named("image", "video"),
     ).parcel(mapping, options)
-    return _with_films(parcel, root, info, place, options, budget)
+    return _with_films(parcel, info, place, options, budget)
 
 
-def _with_films(parcel: Parcel, root: Path, info: Info, place: Place, options: ImportOptions, budget: Budget) -> Parcel:
+def _with_films(parcel: Parcel, info: Info, place: Place, options: ImportOptions, budget: Budget) -> Parcel:
     """Return the parcel with the episode's videos; a note says why one is left out."""
     trajectory = trajectory_from_npz(parcel.files["trajectory"])
     times_s = np.arange(len(trajectory)) / info.fps if trajectory.timestamps_s is None else trajectory.timestamps_s
@@ -133,7 +133,7 @@ def _with_films(parcel: Parcel, root: Path, info: Info, place: Place, options: I
         camera = as_name(feature.removeprefix(KEY))
         if options.wants(camera):
             try:
-                film = film_from_video(root, info, place, feature, camera, times_s, budget)
+                film = film_from_video(info, place, feature, camera, times_s, budget)
                 films[film.field] = npz_from_film(film)
             except (DatasetError, InvalidInputError) as error:
                 notes.append(f"film of {feature}: {error}")

@@ -34,15 +34,13 @@ Shape = tuple[int, int, int]
 Samples = npt.NDArray[np.uint8]
 
 
-def first_picture(root: Path, info: Info, place: Place, feature: str, budget: Budget) -> bytes:
+def first_picture(info: Info, place: Place, feature: str, budget: Budget) -> bytes:
     """Return an episode's first picture as a PNG; raises DamagedError, or MissingPackageError without av."""
-    _, picture = next(_pictures(*_location(root, info, place, feature), info.fps, budget))
+    _, picture = next(_pictures(*_location(info, place, feature), info.fps, budget))
     return rgb_png(_rgb(picture))
 
 
-def film_from_video(
-    root: Path, info: Info, place: Place, feature: str, camera: str, times_s: Array, budget: Budget
-) -> Film:
+def film_from_video(info: Info, place: Place, feature: str, camera: str, times_s: Array, budget: Budget) -> Film:
     """Return an episode's video as a film.
 
     Args:
@@ -52,7 +50,7 @@ def film_from_video(
         DamagedError, MissingPackageError: as `first_picture`.
         InvalidInputError: if it is larger than a film may be.
     """
-    path, start_s = _location(root, info, place, feature)
+    path, start_s = _location(info, place, feature)
     kept: list[tuple[float, bytes]] = []
     due_s = -np.inf
     for time_s, picture in _pictures(path, start_s, info.fps, budget):
@@ -68,19 +66,19 @@ def film_from_video(
     return Film(camera, np.array([time_s for time_s, _ in kept]), tuple(data for _, data in kept))
 
 
-def _location(root: Path, info: Info, place: Place, feature: str) -> tuple[Path, float]:
+def _location(info: Info, place: Place, feature: str) -> tuple[Path, float]:
     """Return the video file, and when in it the episode begins, s."""
     if info.video_path is None:
-        raise DamagedError(root / "meta/info.json", f"names no video_path for {feature}")
+        raise DamagedError(info.root / "meta/info.json", f"names no video_path for {feature}")
     if info.version == "v3.0":
         try:
             numbers = {f"{name}_index": int(place.row[f"videos/{feature}/{name}_index"]) for name in ("chunk", "file")}
             start_s = float(place.row[f"videos/{feature}/from_timestamp"])
         except (KeyError, TypeError, ValueError) as error:
-            raise DamagedError(root / "meta/episodes", f"does not say where {feature} is: {error!r}") from error
-        return path_of(root, info.video_path, video_key=feature, **numbers), start_s
-    chunk = place.index // info.chunks_size
-    return path_of(root, info.video_path, video_key=feature, episode_chunk=chunk, episode_index=place.index), 0.0
+            raise DamagedError(info.root / "meta/episodes", f"does not say where {feature} is: {error!r}") from error
+        return path_of(info.root, info.video_path, video_key=feature, **numbers), start_s
+    numbers = {"episode_chunk": place.index // info.chunks_size, "episode_index": place.index}
+    return path_of(info.root, info.video_path, video_key=feature, **numbers), 0.0
 
 
 def _pictures(path: Path, start_s: float, fps: float, budget: Budget) -> Iterator[tuple[float, Any]]:

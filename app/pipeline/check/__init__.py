@@ -9,11 +9,13 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.check.causes import find_causes
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.check.settings import symmetry_findings
+from app.pipeline.episode import Demonstration
 from app.pipeline.groups import by_plan, shown_together
 from app.pipeline.keyframes import manner_of
 from app.pipeline.keyframes.resting import path_left_m, paths_left_m
-from app.pipeline.plans import Demonstration, PlanRow, Recording, demonstrated, plan_rows
-from app.pipeline.plans.rows import robust_center
+from app.pipeline.plans import demonstrated
+from app.pipeline.plans.recording import Recording
+from app.pipeline.plans.rows import PlanRow, plan_rows, robust_center
 from roboprompt_client.types.poses import EndEffectorAction
 
 

@@ -10,9 +10,9 @@ from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.keyframes.resting import LEFT_M, leave_path
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.symmetry import ALIKE_DEG, TURNS_DEG, sides_of
-from app.pipeline.representation.anchors import object_rotation, tilted_objects
+from app.pipeline.representation.anchors import Anchor, tilted_objects
 from roboprompt_client.types.arrays import Array
 
 MISSED_M = 0.02  # twice what the rules that follow a path allow
@@ -89,7 +89,7 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
         for name, hand in _grasps(recording):
             pose = recording.demonstration.object(name)
             if pose.quaternion_xyzw is not None and name not in tilted:
-                grasps[name].append(object_rotation(pose, "o", tilted).inv() * hand)
+                grasps[name].append(Anchor(name, "o").axes_of(pose).inv() * hand)
     for name, hands in grasps.items():
         found = (_of_symmetry(name, _turns_deg(Rotation.concatenate(hands)), each) for each in TURNS_DEG)
         yield from [finding for finding in found if finding is not None][:1]

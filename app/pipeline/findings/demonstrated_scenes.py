@@ -19,7 +19,7 @@ from app.pipeline.findings.rules import (
 )
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.order.words import phrase_of
-from app.pipeline.representation.anchors import OBJECT_FRAMES, AnchorFrame, object_rotation, tilted_objects
+from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchor, tilted_objects
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -35,23 +35,21 @@ class RigidPair:
 
     Attributes:
         one: the name, or the role in instructions, of the object whose position is constant relative to `other`.
-        frame: the frame of `other` in which it is.
+        anchor: `other` and its frame in which it is.
         seen_m: the range of this relative position (3,).
-        tilted: objects whose frames follow all of their rotation, not only the yaw.
     """
 
     one: str
     other: str
-    frame: AnchorFrame
+    anchor: Anchor
     seen_m: Range
-    tilted: frozenset[str]
 
     def off_m(self, scene: Query) -> float:
         """Return the distance of `one` from its place in the arrangement; 0 where the instruction has no such role."""
         poses = _by_role(scene)
         if not {self.one, self.other} <= poses.keys():
             return 0.0
-        seen_m = _seen_m(poses[self.one], poses[self.other], self.frame, self.tilted)
+        seen_m = _seen_m(poses[self.one], poses[self.other], self.anchor)
         return float(np.linalg.norm(self.seen_m.outside(seen_m)))
 
 
@@ -167,15 +165,16 @@ def _rigid(
         return None
     pairs = []
     for (seen, origin), frame in [(order, f) for order in permutations((one, other)) for f in OBJECT_FRAMES]:
-        seen_m = [_seen_m(poses[seen], poses[origin], frame, tilted) for poses in scenes]
-        pairs.append(RigidPair(seen, origin, frame, Range.of(seen_m), tilted))
+        anchor = Anchor(origin, frame, tilted=tilted)
+        seen_m = [_seen_m(poses[seen], poses[origin], anchor) for poses in scenes]
+        pairs.append(RigidPair(seen, origin, anchor, Range.of(seen_m)))
     pair = min(pairs, key=lambda pair: float(pair.seen_m.width.max()))
     return pair if pair.seen_m.width.max() < FIXED_M else None
 
 
-def _seen_m(one: ObjectPose, other: ObjectPose, frame: AnchorFrame, tilted: frozenset[str]) -> Array:
-    """Return (3,) the position of one object in the frame of the other."""
-    seen_m: Array = object_rotation(other, frame, tilted).inv().apply(one.position_m - other.position_m)
+def _seen_m(one: ObjectPose, other: ObjectPose, anchor: Anchor) -> Array:
+    """Return (3,) the position of one object in the anchor's frame at the other."""
+    seen_m: Array = anchor.axes_of(other).inv().apply(one.position_m - other.position_m)
     return seen_m
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.alike import Alike, alike_findings
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import COMMANDED, Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
@@ -25,7 +25,6 @@ COARSE_M = 0.05  # between two frames; poses in between are known to half of tha
 FAST_SWITCH_M_S = 0.15
 FINGERS_MOVE_M = 0.01
 
-COMMANDED = "commanded_positions"  # in `extra`: where the hand was sent, (T, 3) m, world frame
 PUSHED_M = 0.03  # an object that moves by more near a hand that does not hold it is pushed
 NEAR_M = 0.2  # from the object's origin to the hand that pushes it; a tool may be in between
 SHORT_M = 0.015  # from the commanded position: more than the error of a controller in free space

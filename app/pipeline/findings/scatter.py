@@ -48,7 +48,6 @@ class ActingRow:
     index: int
     touches: bool
     asked: Order
-    tilted: frozenset[str]
     round_objects: frozenset[str]
 
     @property
@@ -94,7 +93,7 @@ class ActingRow:
         poses = [item.object(a.object_name) for item, a in zip(self.shown, row.anchors, strict=True) if all(names)]
         if len(poses) < MIN_TURNED or names & self.round_objects or any(pose.quaternion_xyzw is None for pose in poses):
             return 0.0, 0.0
-        world_m, own_m = (scatter_m[:, self.index] for scatter_m in scatters_m(self.shown, row.anchors, self.tilted))
+        world_m, own_m = (scatter_m[:, self.index] for scatter_m in scatters_m(self.shown, row.anchors))
         turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
         off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
         place_m, hand_m = np.where(much_less(other_m, off_m, AXES_SHARES), off_m, 0.0).tolist()
@@ -174,7 +173,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         round_objects: objects with a declared yaw symmetry.
     """
     acting = [
-        ActingRow(shown, rows, k, k in touching_rows(rows), asked, support.tilted, round_objects)
+        ActingRow(shown, rows, k, k in touching_rows(rows), asked, round_objects)
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]

@@ -8,23 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
 
-from app.pipeline.episode import Demonstration
 from app.pipeline.groups import Group, made_by_group
 from app.pipeline.plans.agreement import agreed
 from app.pipeline.plans.alignment import aligned
 from app.pipeline.plans.recording import Recording
-from app.pipeline.plans.rows import PlanRow, plan_rows
-
-__all__ = [
-    "Demonstration",
-    "PlanRow",
-    "Recording",
-    "agreed",
-    "agreeing",
-    "aligned_by_plan",
-    "demonstrated",
-    "plan_rows",
-]
 
 
 def demonstrated(recordings: Sequence[Recording]) -> Group:
@@ -36,9 +23,9 @@ def demonstrated(recordings: Sequence[Recording]) -> Group:
 
 def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
     """The recordings' demonstrations, those of one plan with equally many actions."""
-    return made_by_group(recordings, lambda recording: recording.demonstration.order.form, aligned)
+    return made_by_group(recordings, attrgetter("demonstration.order.form"), aligned)
 
 
-def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
+def agreeing(demonstrations: Group) -> Group:
     """The demonstrations with each row at the robust mean of its plan, where the demonstrations agree on one."""
     return made_by_group(demonstrations, attrgetter("kind"), agreed)

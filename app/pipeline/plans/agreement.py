@@ -13,12 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import (
-    NOT_TURNED,
-    anchor_poses,
-    relative_row,
-    tilted_objects,
-)
+from app.pipeline.representation.anchors import NOT_TURNED, anchor_poses, relative_row
 from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -47,24 +42,22 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
     """
     if len(group) == 1 or not group[0].actions:
         return tuple(group)
-    tilted = tilted_objects(group)
-    columns = []
-    rows = plan_rows(group)
+    columns, rows = [], plan_rows(group)
     undecided = {k for k, row in enumerate(rows) if row.way_off_m > BEYOND_NOISE_M}
     if undecided.isdisjoint(acting_rows(rows)):
         undecided = set()
     for k, row in enumerate(rows):
         shown = [demonstration.actions[k] for demonstration in group]
-        columns.append(_at_center(group, row, tilted) if k not in undecided and agrees(group, row) else shown)
+        columns.append(_at_center(group, row) if k not in undecided and agrees(group, row) else shown)
     return tuple(
         replace(demonstration, actions=tuple(actions))
         for demonstration, actions in zip(group, zip(*columns, strict=True), strict=True)
     )
 
 
-def _at_center(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
+def _at_center(group: Sequence[Demonstration], row: PlanRow) -> list[EndEffectorAction]:
     """Return the center of a row, placed in each demonstration's scene."""
-    positions_m, hands = anchor_poses(row.anchors, group, tilted).placed(row.center_m, row.mean_rotation)
+    positions_m, hands = anchor_poses(row.anchors, group).placed(row.center_m, row.mean_rotation)
     return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), [row.gripper_open] * len(group))
 
 
@@ -119,7 +112,7 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
     if row.scatter_m < NEGLIGIBLE_M or len(group) < 6:
         return False
     constant_m = _left_out_m(np.zeros((len(group), 0)), row.offsets_m)
-    poses = anchor_poses(row.anchors, group, tilted_objects(group))
+    poses = anchor_poses(row.anchors, group)
     for place in range(len(group[0].objects)):
         places_m = np.array([demonstration.ordered_objects[place].position_m for demonstration in group])
         seen_m, _ = poses.seen(places_m, NOT_TURNED)
@@ -148,8 +141,7 @@ def lone_way(group: Sequence[Demonstration]) -> int | None:
     """
     if len(group) < FEWEST_OF_A_LONE or not group[0].actions:
         return None
-    states = [[action.gripper_open for action in demonstration.actions] for demonstration in group]
-    acting = [k for k in range(1, len(states[0])) if any(shown[k] != shown[k - 1] for shown in states)]
+    acting = sorted({k for demonstration in group for k in demonstration.switches})
     candidates = {place for k in acting if (place := _odd(group, k)) is not None}
     return next((place for place in sorted(candidates) if _is_alone(group, place, acting)), None)
 
@@ -166,14 +158,13 @@ def _odd(group: Sequence[Demonstration], k: int) -> int | None:
 def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int]) -> bool:
     """Return whether the others' rotations agree in an acting row and this demonstration's is far from their mean."""
     others = [demonstration for k, demonstration in enumerate(group) if k != place]
-    rows, tilted = plan_rows(others), tilted_objects(group)
+    rows = plan_rows(others)
     return any(
-        float(rows[k].off_deg.max()) <= AGREE_DEG and _turned_deg(group[place], k, rows[k], tilted) > LONE_DEG
-        for k in acting
+        float(rows[k].off_deg.max()) <= AGREE_DEG and _turned_deg(group[place], k, rows[k]) > LONE_DEG for k in acting
     )
 
 
-def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow, tilted: frozenset[str]) -> float:
+def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow) -> float:
     """Return the angle between its hand in row `k` and the mean rotation of the row."""
-    _, hands = relative_row([demonstration], k, row.anchors[:1], tilted)
+    _, hands = relative_row([demonstration], k, row.anchors[:1])
     return float(np.degrees((row.mean_rotation.inv() * hands[0]).magnitude()))

@@ -22,7 +22,6 @@ from app.pipeline.keyframes.rules import MAX_KEYFRAMES
 from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.recording import Recording, choose, off_one, off_rows
 from app.pipeline.plans.rows import PlanRow, plan_rows
-from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
@@ -233,10 +232,9 @@ def _settled(found: _Alignment, keep: Sequence[bool]) -> _Alignment:
     Args:
         keep: (N,) which recordings keep theirs.
     """
-    tilted = tilted_objects([member.demonstration for member in found.members])
     for _ in range(ROUNDS if len(keep) > 1 and not all(keep) else 0):
         chosen = [
-            own if keeps else choose(member, found.numbers, partial(off_rows, member, found.rows, place, tilted))
+            own if keeps else choose(member, found.numbers, partial(off_rows, member, found.rows, place))
             for place, (member, keeps, own) in enumerate(zip(found.members, keep, found.keyframes, strict=True))
         ]
         found = replace(found, keyframes=chosen)

@@ -14,8 +14,10 @@ from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.resting import path_left_m
 from app.pipeline.keyframes.rules import at_frames, at_tips, best_waypoints
 from app.pipeline.plans.rows import PlanRow
+from app.pipeline.plans.turn import HALF_TURN, half_turned, turned_from_most
 from app.pipeline.representation.anchors import anchor_pose
 from app.pipeline.thresholds import GRASPED_M, M_PER_RAD
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -127,6 +129,24 @@ class Recording:
         actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
         return replace(self.demonstration, actions=actions)
 
+    @property
+    def half_turned(self) -> "Recording":
+        """The recording with the hand turned by 180 degrees about its approach axis throughout."""
+        shown, trajectory = self.demonstration, self.motion.trajectory
+        quaternions_xyzw = np.array([quaternions.product(q, HALF_TURN) for q in trajectory.quaternions_xyzw])
+        start = None if shown.start is None else half_turned(shown.start)
+        return replace(
+            self,
+            demonstration=replace(shown, actions=tuple(map(half_turned, shown.actions)), start=start),
+            motion=replace(self.motion, trajectory=replace(trajectory, quaternions_xyzw=quaternions_xyzw)),
+        )
+
+
+def alike_turned(alike: Sequence[Recording]) -> list[Recording]:
+    """Return recordings of one form of instruction; those whose grasp is half a turn from most others' half turned."""
+    turned = turned_from_most([recording.demonstration for recording in alike])
+    return [one.half_turned if turns else one for one, turns in zip(alike, turned, strict=True)]
+
 
 def clearly_nearest(objects: Sequence[ObjectPose], position_m: Array) -> int | None:
     """Return the index of the object that a hand at a position (3,) grasps; None if it is not clear."""
@@ -160,13 +180,11 @@ def choose(recording: Recording, numbers: Sequence[int], distances: Distances | 
     return found
 
 
-def off_rows(
-    recording: Recording, rows: Sequence[PlanRow], place: int, tilted: frozenset[str], path: HandPath, k: int
-) -> Array:
+def off_rows(recording: Recording, rows: Sequence[PlanRow], place: int, path: HandPath, k: int) -> Array:
     """Return `Distances` from the centers of rows, in which the recording has index `place`."""
     row, trajectory = rows[k], recording.motion.trajectory
     hands = Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
-    origin = anchor_pose(row.anchors[place], recording.demonstration, tilted)
+    origin = anchor_pose(row.anchors[place], recording.demonstration)
     offsets_m, rotations = origin.seen(trajectory.positions_m[path.frames], hands)
     off_m = np.linalg.norm(offsets_m - row.center_m, axis=1)
     off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()

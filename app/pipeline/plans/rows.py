@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchors, relative_row, tilted_objects
+from app.pipeline.representation.anchors import Anchors, anchor_poses, hand_poses, tilted_objects
 from app.pipeline.thresholds import GRASPED_M, M_PER_RAD, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -120,18 +120,16 @@ def plan_rows(
     Args:
         written: the same as a prompt shows them, which then decide the anchors.
     """
-    tilted = tilted_objects(group)
-    chosen = choose_anchors(written or group, tilted, beyond_objects=beyond_objects)
-    return tuple(_row(group, k, anchors, tilted) for k, anchors in enumerate(chosen))
+    chosen = choose_anchors(written or group, tilted_objects(group), beyond_objects=beyond_objects)
+    return tuple(_row(group, k, anchors) for k, anchors in enumerate(chosen))
 
 
-def _row(group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]) -> PlanRow:
+def _row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> PlanRow:
     actions = [demonstration.actions[k] for demonstration in group]
-    offsets_m, rotations = relative_row(group, k, anchors, tilted)
+    positions_m, hands = hand_poses(actions)
+    offsets_m, rotations = anchor_poses(anchors, group).seen(positions_m, hands)
     center_m, mean = robust_center(offsets_m, rotations)
     states = [action.gripper_open for action in actions]
-    positions_m = np.array([action.position_m for action in actions])
-    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     is_open = 2 * sum(states) >= len(states)
     return PlanRow(anchors, offsets_m, rotations, center_m, mean, is_open, frozenset(states), positions_m, hands)
 

@@ -14,7 +14,7 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.groups import Group
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
-from app.pipeline.representation.anchors import Anchor, AnchorPose, anchor_pose, asked_anchor, tilted_objects
+from app.pipeline.representation.anchors import Anchor, AnchorPose, anchor_pose, asked_anchor
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -77,14 +77,9 @@ class DemonstratedPlan(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """The plans of one prompt's demonstrations, as they were recorded.
-
-    Attributes:
-        tilted: as the representation has them.
-    """
+    """The plans of one prompt's demonstrations, as they were recorded."""
 
     plans: tuple[DemonstratedPlan, ...]
-    tilted: frozenset[str]
 
     @classmethod
     def of(
@@ -96,10 +91,9 @@ class Support:
             written: the same groups as a prompt shows them, which decide the anchors: a reply's rows are relative to
                 the frames in the prompt, which may differ from those of the recorded actions where several fit.
         """
-        everything = [demonstration for group in groups for demonstration in group]
         pairs = zip(groups, written or groups, strict=True)
         plans = (DemonstratedPlan(tuple(group), plan_rows(group, shown)) for group, shown in pairs if group[0].actions)
-        return cls(tuple(plans), tilted_objects(everything))
+        return cls(tuple(plans))
 
     def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
         """Return the plans for the query (see `alike`), placed in its scene.
@@ -110,7 +104,7 @@ class Support:
         alike, clauses = self.alike(query.order), query.order.clauses
         number = len(alike[0].order.clauses) if alike else len(clauses)
         if number == len(clauses):
-            return tuple(_placed_plan(plan, query, self.tilted) for plan in alike)
+            return tuple(_placed_plan(plan, query) for plan in alike)
         if number > 1:
             return None
         each = [self.placed(replace(query, instruction=clause.text)) or () for clause in clauses]
@@ -125,11 +119,11 @@ class Support:
         return same or as_long or self.plans
 
 
-def _placed_plan(plan: DemonstratedPlan, query: Query, tilted: frozenset[str]) -> PlacedPlan:
+def _placed_plan(plan: DemonstratedPlan, query: Query) -> PlacedPlan:
     """Return a plan's rows placed in the query's scene; the pose of each anchor is computed once."""
     rows = plan.rows
     asked = {row.anchors[0]: asked_anchor(row.anchors[0], plan.order, query.order) for row in rows}
-    poses = {anchor: anchor_pose(anchor, query, tilted) for anchor in asked.values()}
+    poses = {anchor: anchor_pose(anchor, query) for anchor in asked.values()}
     anchors = [asked[row.anchors[0]] for row in rows]
     positions_m, hands = AnchorPose.stacked(poses[anchor] for anchor in anchors).placed(
         np.array([row.center_m for row in rows]), Rotation.concatenate([row.mean_rotation for row in rows])

@@ -1,8 +1,8 @@
 """The half turn of a parallel gripper: turned by 180 degrees about its approach axis, it grasps in the same way.
 
-The approach axis is the hand's z axis; the position of an action lies on it, between the fingers. `folded` makes the
-turns of demonstrations equal. `WristRange` measures how far actions leave the demonstrated wrist angles, by which the
-service chooses a turn for the observed scene. The paper leaves the turn as recorded.
+The approach axis is the hand's z axis; the position of an action lies on it, between the fingers. `turned_from_most`
+finds demonstrations that grasp the other way round. `WristRange` measures how far actions leave the demonstrated wrist
+angles, by which the service chooses a turn for the observed scene. The paper leaves the turn as recorded.
 """
 
 import math
@@ -12,9 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.groups import made_by_group
-from app.pipeline.plans.recording import Recording
-from app.pipeline.plans.support import PlacedPlan
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -29,11 +26,6 @@ CLEARLY_DEG = 1.0  # a turn must be better by this, so that rounding does not de
 def half_turned(action: EndEffectorAction) -> EndEffectorAction:
     """Return the action with the hand turned by 180 degrees about its approach axis."""
     return replace(action, quaternion_xyzw=quaternions.product(action.quaternion_xyzw, HALF_TURN))
-
-
-def half_turned_plan(plan: PlacedPlan) -> PlacedPlan:
-    """Return the plan with the hand turned by 180 degrees in every row."""
-    return tuple(replace(row, action=half_turned(row.action)) for row in plan)
 
 
 class WristRange:
@@ -90,33 +82,14 @@ def _along_approach(demonstration: Demonstration) -> list[float]:
     return found
 
 
-def folded(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings with the hand turned by 180 degrees throughout in those whose grasp differs so from most.
+def turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
+    """Return for each demonstration whether its first grasp is half a turn from that of most others.
 
-    The grasps are compared within one instruction, in the world frame or that of an object, where they differ least.
+    The grasps are compared in the world frame or that of an object, where they differ least.
+
+    Args:
+        demonstrations: of one form of instruction.
     """
-    return made_by_group(recordings, lambda recording: recording.demonstration.order.form, _folded)
-
-
-def _folded(alike: Sequence[Recording]) -> list[Recording]:
-    turned = _turned_from_most([recording.demonstration for recording in alike])
-    return [_half_turned_recording(one) if turns else one for one, turns in zip(alike, turned, strict=True)]
-
-
-def _half_turned_recording(recording: Recording) -> Recording:
-    demonstration, motion = recording.demonstration, recording.motion
-    quaternions_xyzw = np.array([quaternions.product(q, HALF_TURN) for q in motion.trajectory.quaternions_xyzw])
-    start = None if demonstration.start is None else half_turned(demonstration.start)
-    actions = tuple(map(half_turned, demonstration.actions))
-    return replace(
-        recording,
-        demonstration=replace(demonstration, actions=actions, start=start),
-        motion=replace(motion, trajectory=replace(motion.trajectory, quaternions_xyzw=quaternions_xyzw)),
-    )
-
-
-def _turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
-    """Return for each demonstration whether its first grasp is half a turn from that of most others."""
     unchanged = [False] * len(demonstrations)
     if not all(item.switches for item in demonstrations) or not grasps_along_approach(demonstrations):
         return unchanged

@@ -1,7 +1,7 @@
 """Chooses the anchor of each action: the frame relative to which demonstrations of one plan scatter least."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from app.pipeline.representation.anchors import (
     WORLD,
     Anchor,
     Anchors,
-    anchor_pose,
+    anchor_poses,
     in_frame,
     names_of,
 )
@@ -55,9 +55,9 @@ def choose_anchors(
         [action][demonstration]; in demonstrations that name other objects the anchor is the object that is mentioned in
         the same place.
     """
-    columns = _columns(group)
+    columns = [tuple(Anchor(name, "wo", tilted=tilted) for name in names) for names in _columns(group)]
     at_objects, beyond = _at_objects(group, columns), _beyond_objects(group) if beyond_objects else []
-    spreads_m = {anchors: farthest_m(group, anchors, tilted) for anchors in (*at_objects, *beyond)}
+    spreads_m = {anchors: farthest_m(group, anchors) for anchors in (*at_objects, *beyond)}
     chosen: list[Anchors] = []
     for k in range(len(group[0].actions)):
         best = min(spreads_m[anchors][k] for anchors in at_objects)
@@ -69,12 +69,12 @@ def choose_anchors(
         chosen.append(choice)
     _replace_bystanders(group, chosen, spreads_m)
     for own in [anchors for anchors in at_objects if anchors[0].frame == "o"]:
-        for anchors, rows in _mixed_frames(group, own, tilted).items():
-            spreads_m[anchors] = farthest_m(group, anchors, tilted)
+        for anchors, rows in _mixed_frames(group, own).items():
+            spreads_m[anchors] = farthest_m(group, anchors)
             for k in rows:
                 chosen[k] = min(chosen[k], anchors, key=lambda one: spreads_m[one][k])
-    _unite_approaches(group, chosen, spreads_m, tilted)
-    return along_axes(group, chosen, columns, tilted) if beyond_objects else chosen
+    _unite_approaches(group, chosen, spreads_m)
+    return along_axes(group, chosen, columns) if beyond_objects else chosen
 
 
 def _columns(group: Sequence[Demonstration]) -> list[tuple[str, ...]]:
@@ -84,7 +84,7 @@ def _columns(group: Sequence[Demonstration]) -> list[tuple[str, ...]]:
     return [*zip(*mentioned, strict=False), *((name,) * len(group) for name in never_mentioned)]
 
 
-def _at_objects(group: Sequence[Demonstration], columns: Sequence[Sequence[str]]) -> list[Anchors]:
+def _at_objects(group: Sequence[Demonstration], columns: Sequence[Anchors]) -> list[Anchors]:
     """Return candidate anchors at objects.
 
     The more likely frame comes first: the world's axes, or for a single demonstration the object's own.
@@ -92,10 +92,10 @@ def _at_objects(group: Sequence[Demonstration], columns: Sequence[Sequence[str]]
     frames = OBJECT_FRAMES[::-1] if len(group) == 1 else OBJECT_FRAMES
     without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
     return [
-        tuple(Anchor(name, frame) for name in column)
+        in_frame(column, frame)
         for column in columns
         for frame in frames
-        if frame == "w" or without_rotation.isdisjoint(column)
+        if frame == "w" or without_rotation.isdisjoint(names_of(column))
     ]
 
 
@@ -109,7 +109,7 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:
     return [(anchor,) * len(group) for anchor, can in usable if can]
 
 
-def _mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> dict[Anchors, list[int]]:
+def _mixed_frames(group: Sequence[Demonstration], own: Anchors) -> dict[Anchors, list[int]]:
     """Return the rows in which only the position or only the rotation of the hand turns with an object, by frame.
 
     At least three demonstrations must contradict both frames `w` and `o`, one by the position and the other by the
@@ -121,7 +121,7 @@ def _mixed_frames(group: Sequence[Demonstration], own: Anchors, tilted: frozense
     if len(group) < MIN_TURNED or not group[0].actions:
         return {}
     certain = certain_share(len(group), 2)
-    world_m, own_m = scatters_m(group, own, tilted)
+    world_m, own_m = scatters_m(group, own)
     by_world, by_own = much_less(world_m, own_m, certain), much_less(own_m, world_m, certain)
     rows = np.stack([by_own[0] & by_world[1], by_world[0] & by_own[1]])
     found = zip(MIXED_FRAMES, rows, strict=True)
@@ -147,12 +147,7 @@ def _replace_bystanders(group: Sequence[Demonstration], chosen: list[Anchors], s
                 chosen[k] = best
 
 
-def _unite_approaches(
-    group: Sequence[Demonstration],
-    chosen: list[Anchors],
-    spreads_m: Mapping[Anchors, list[float]],
-    tilted: frozenset[str],
-) -> None:
+def _unite_approaches(group: Sequence[Demonstration], chosen: list[Anchors], spreads_m: Spreads) -> None:
     """Give hover, grasp and lift of each object one frame.
 
     If all demonstrations show an object at one yaw, both of its frames fit, and noise decides which scatters less in a
@@ -168,7 +163,7 @@ def _unite_approaches(
             continue
         frames += dict.fromkeys(chosen[k] for k in rows if chosen[k] not in frames)
         best = min(frames, key=lambda frame: sum(spreads_m[frame][k] for k in rows))
-        if _at_one_yaw(group, own, tilted):
+        if _at_one_yaw(group, own):
             best = own
         elif len({chosen[k] for k in rows}) == 1:
             continue
@@ -193,10 +188,10 @@ def _stretch(place: int, belongs: Sequence[bool]) -> range:
     return range(first, last + 1)
 
 
-def _at_one_yaw(group: Sequence[Demonstration], own: Anchors, tilted: frozenset[str]) -> bool:
+def _at_one_yaw(group: Sequence[Demonstration], own: Anchors) -> bool:
     """Return whether the objects of these frames are turned alike in all demonstrations, but not exactly.
 
     One that is turned exactly alike has no yaw to follow: it is round, or nothing observes how it is turned.
     """
-    axes = [anchor_pose(anchor, shown, tilted).place_axes for anchor, shown in zip(own, group, strict=True)]
-    return NO_YAW_RAD < max(float((axes[0].inv() * other).magnitude()) for other in axes) <= ONE_YAW_RAD
+    axes = anchor_poses(own, group).place_axes
+    return NO_YAW_RAD < float((axes[0].inv() * axes).magnitude().max()) <= ONE_YAW_RAD

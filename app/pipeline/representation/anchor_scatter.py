@@ -53,23 +53,23 @@ def much_less(off_m: Array, than_m: Array, share: float | Array) -> np.ndarray:
     return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m) & (off_m < SERVES_M))
 
 
-def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:
+def scatters_m(group: Sequence[Demonstration], anchors: Anchors) -> tuple[Array, Array]:
     """Return the scatter of the hand relative to objects along the world's axes, and along the objects' own.
 
     Returns:
         Each (2, K) in meters: of positions, and of rotations (by `M_PER_RAD`).
     """
-    world_m, own_m = (poses_scatter_m(group, in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
+    world_m, own_m = (poses_scatter_m(group, in_frame(anchors, frame)) for frame in OBJECT_FRAMES)
     return world_m, own_m
 
 
-def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
+def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors) -> Array:
     """Return the scatter (2, K) of positions and rotations relative to the anchors: rms from the most central one.
 
     Heights do not count at upright objects, since a yaw does not change them.
     """
-    offsets_m, hands = _relative(group, anchors, tilted)
-    if tilted.isdisjoint(anchor.object_name for anchor in anchors):
+    offsets_m, hands = _relative(group, anchors)
+    if not any(anchor.at_tilted for anchor in anchors):
         offsets_m = offsets_m[..., :2]
     places_m = np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=3)
     turns_m = M_PER_RAD * quaternions.angles_rad(hands[:, None], hands)
@@ -77,9 +77,9 @@ def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: fr
     return scatter_m
 
 
-def axes_scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
+def axes_scatter_m(group: Sequence[Demonstration], anchors: Anchors) -> Array:
     """Return the scatter (K, 3) of places relative to the anchors; of axes that turn with an object the larger one."""
-    scatter_m = offsets_scatter_m(_relative(group, anchors, tilted)[0])
+    scatter_m = offsets_scatter_m(_relative(group, anchors)[0])
     if anchors[0].place_turns:
         scatter_m[:, :2] = scatter_m[:, :2].max(axis=1, keepdims=True)
     return scatter_m
@@ -90,13 +90,13 @@ def offsets_scatter_m(offsets_m: Array) -> Array:
     return _rms(np.abs(offsets_m - np.median(offsets_m, axis=0)), axis=0)
 
 
-def farthest_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> list[float]:
+def farthest_m(group: Sequence[Demonstration], anchors: Anchors) -> list[float]:
     """Return of each action how far the demonstrations are from their center; rotations count by `M_PER_RAD`.
 
     The farthest one counts, of many demonstrations the quantile `QUANTILE`. A single demonstration has its
     distance from the anchor instead, and more where the hand is not aligned with the anchor's axes.
     """
-    offsets_m, hands = _relative(group, anchors, tilted)
+    offsets_m, hands = _relative(group, anchors)
     if len(group) == 1:
         alone: list[float] = (np.linalg.norm(offsets_m[0], axis=1) + _oblique_m(Rotation.from_quat(hands[0]))).tolist()
         return alone
@@ -121,9 +121,9 @@ def around(hands_m: Array, k: int) -> list[bool]:
     return near
 
 
-def _relative(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:
+def _relative(group: Sequence[Demonstration], anchors: Anchors) -> tuple[Array, Array]:
     """Return every action relative to the anchors: offsets (N, K, 3) in meters, and rotations (N, K, 4)."""
-    relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    relative = list(map(relative_poses, group, anchors))
     return np.array([offsets_m for offsets_m, _ in relative]), np.array([hands.as_quat() for _, hands in relative])
 
 

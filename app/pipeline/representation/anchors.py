@@ -6,7 +6,7 @@ its position turns with the mug; one that turns with a valve but stays on the ro
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.order import Order
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
 OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
@@ -35,12 +35,14 @@ class Anchor(NamedTuple):
         along: axes of the world (0 to 2) along which the hand's place follows something else than the object: the name
             of another object, or empty for the world; where the place turns with the object the height or all.
         tenths: of the way from the object to the other one, along these axes.
+        tilted: objects whose own axes have their full rotation; of others they have the yaw alone.
     """
 
     object_name: str
     frame: AnchorFrame
     along: tuple[tuple[int, str], ...] = ()
     tenths: int = 10
+    tilted: frozenset[str] = frozenset()
 
     @property
     def names(self) -> frozenset[str]:
@@ -56,6 +58,24 @@ class Anchor(NamedTuple):
     def hand_turns(self) -> bool:
         """Whether the hand's rotation is relative to the object's own axes."""
         return self.frame in ("o", "wo")
+
+    @property
+    def at_tilted(self) -> bool:
+        """Whether its object is tilted."""
+        return self.object_name in self.tilted
+
+    def named(self, names: Mapping[str, str]) -> "Anchor":
+        """The anchor with objects under other names; those that are not in `names` keep theirs."""
+        along = tuple((axis, names.get(name, name)) for axis, name in self.along)
+        return self._replace(object_name=names.get(self.object_name, self.object_name), along=along)
+
+    def axes_of(self, pose: ObjectPose) -> Rotation:
+        """The axes of its object at a pose, in the world: for the frame `w` the world's."""
+        if self.frame == "w" or pose.quaternion_xyzw is None:
+            return NOT_TURNED
+        if pose.name in self.tilted:
+            return Rotation.from_quat(pose.quaternion_xyzw)
+        return Rotation.from_euler("z", quaternions.yaw_rad(pose.quaternion_xyzw))
 
 
 Anchors = tuple[Anchor, ...]
@@ -83,15 +103,6 @@ def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
         for pose in scene.objects
         if pose.quaternion_xyzw is not None and quaternions.tilt_rad(pose.quaternion_xyzw) > TILT_RAD
     )
-
-
-def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rotation:
-    """Return the axes of an object's frame in the world: the world's (`w`), its yaw, or a tilted object's rotation."""
-    if frame == "w" or pose.quaternion_xyzw is None:
-        return NOT_TURNED
-    if pose.name in tilted:
-        return Rotation.from_quat(pose.quaternion_xyzw)
-    return Rotation.from_euler("z", quaternions.yaw_rad(pose.quaternion_xyzw))
 
 
 class AnchorPose(NamedTuple):
@@ -127,7 +138,7 @@ class AnchorPose(NamedTuple):
         return positions_m, self.hand_axes * rotations
 
 
-def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorPose:
+def anchor_pose(anchor: Anchor, scene: Query) -> AnchorPose:
     """Return the pose of an anchor in a scene; a scene without `start` has none of the anchor `start`."""
     if anchor.frame == "world":
         return AnchorPose(np.zeros(3), NOT_TURNED, NOT_TURNED)
@@ -135,7 +146,7 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
         assert scene.start is not None
         return AnchorPose(scene.start.position_m, NOT_TURNED, NOT_TURNED)
     pose = scene.object(anchor.object_name)
-    own = object_rotation(pose, anchor.frame, tilted)
+    own = anchor.axes_of(pose)
     place_axes, hand_axes = (own if turns else NOT_TURNED for turns in (anchor.place_turns, anchor.hand_turns))
     origin_m = pose.position_m
     if anchor.along:
@@ -146,37 +157,29 @@ def anchor_pose(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> AnchorP
     return AnchorPose(origin_m, place_axes, hand_axes)
 
 
-def anchor_poses(anchors: Anchors, scenes: Sequence[Query], tilted: frozenset[str]) -> AnchorPose:
+def anchor_poses(anchors: Anchors, scenes: Sequence[Query]) -> AnchorPose:
     """Return the poses of anchors, each in its scene."""
-    return AnchorPose.stacked(anchor_pose(at, scene, tilted) for at, scene in zip(anchors, scenes, strict=True))
+    return AnchorPose.stacked(map(anchor_pose, anchors, scenes))
 
 
 def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
     """Return the anchor for another order: the objects that are mentioned in the same places."""
-    along = tuple((axis, _asked_name(name, shown, asked)) for axis, name in anchor.along)
-    return anchor._replace(object_name=_asked_name(anchor.object_name, shown, asked), along=along)
+    return anchor.named(dict(zip(shown.objects, asked.objects, strict=False)))
 
 
-def _asked_name(name: str, shown: Order, asked: Order) -> str:
-    place = shown.objects.index(name) if name in shown.objects else len(asked.objects)
-    return asked.objects[place] if place < len(asked.objects) else name
-
-
-def relative_row(
-    group: Sequence[Demonstration], k: int, anchors: Anchors, tilted: frozenset[str]
-) -> tuple[Array, Rotation]:
-    """Return action `k` of each demonstration relative to its anchor: offsets (N, 3) in meters, and N rotations."""
-    actions = [demonstration.actions[k] for demonstration in group]
-    positions_m = np.array([action.position_m for action in actions])
-    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
-    return anchor_poses(anchors, group, tilted).seen(positions_m, hands)
-
-
-def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
-    """Return every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
-    actions = demonstration.actions
+def hand_poses(actions: Sequence[EndEffectorAction]) -> tuple[Array, Rotation]:
+    """Return the hand's positions (K, 3) in the world frame, in meters, and its K rotations."""
     if not actions:
         return np.zeros((0, 3)), NOT_TURNED
     positions_m = np.array([action.position_m for action in actions])
-    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
-    return anchor_pose(anchor, demonstration, tilted).seen(positions_m, hands)
+    return positions_m, Rotation.from_quat([action.quaternion_xyzw for action in actions])
+
+
+def relative_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> tuple[Array, Rotation]:
+    """Return action `k` of each demonstration relative to its anchor: offsets (N, 3) in meters, and N rotations."""
+    return anchor_poses(anchors, group).seen(*hand_poses([demonstration.actions[k] for demonstration in group]))
+
+
+def relative_poses(demonstration: Demonstration, anchor: Anchor) -> tuple[Array, Rotation]:
+    """Return every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
+    return anchor_pose(anchor, demonstration).seen(*hand_poses(demonstration.actions))

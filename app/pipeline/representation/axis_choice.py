@@ -5,8 +5,7 @@ What it lets go of at one object may stay turned as it was taken, and be held be
 the gripper switches half-way between two objects, the place follows both.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -22,7 +21,15 @@ from app.pipeline.representation.anchor_scatter import (
     offsets_scatter_m,
     poses_scatter_m,
 )
-from app.pipeline.representation.anchors import START, WORLD, Anchor, AnchorFrame, Anchors, names_of, relative_row
+from app.pipeline.representation.anchors import (
+    START,
+    WORLD,
+    AnchorFrame,
+    Anchors,
+    anchor_poses,
+    names_of,
+    relative_row,
+)
 from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 
@@ -31,15 +38,9 @@ EQUAL_M = 0.002  # scatters that differ by less are equal
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 MIN_BETWEEN = 4  # demonstrations of a place between two objects, as the tenth is fitted too
 TENTHS = range(1, 10)
-UNTURNED: Mapping[AnchorFrame, AnchorFrame] = {"o": "wo", "ow": "w"}
 
 
-def along_axes(
-    group: Sequence[Demonstration],
-    chosen: Sequence[Anchors],
-    columns: Sequence[tuple[str, ...]],
-    tilted: frozenset[str],
-) -> list[Anchors]:
+def along_axes(group: Sequence[Demonstration], chosen: Sequence[Anchors], objects: Sequence[Anchors]) -> list[Anchors]:
     """Return the anchors, with several origins where demonstrations contradict that the hand follows the row's own.
 
     At least three demonstrations must scatter by `CONTRADICTED_M` or more seen from the row's own origin, and seen from
@@ -48,71 +49,61 @@ def along_axes(
     between two objects, or of what it holds beside its middle, follow the same place.
 
     Args:
-        columns: of each object its name in every demonstration.
+        objects: that rows may follow, each in the frame `wo`.
     """
     if len(group) < MIN_TURNED or not group[0].actions:
         return list(chosen)
-    rows = _Rows.of(group, columns, tilted)
+    rows = _Rows(group, objects)
     found = [rows.turned_with(k, rows.followed(k, anchors)) for k, anchors in enumerate(chosen)]
     for k in group[0].switches:
         if found[k][0].frame == "o" and len(found[k][0].along) == len("xyz"):
             for row in rows.around(k):
                 found[row] = found[k]
-    if len(group) >= MIN_BETWEEN and len(columns) > 1:
+    if len(group) >= MIN_BETWEEN and len(objects) > 1:
         rows.put_between(found)
     return found
 
 
-@dataclass(frozen=True, eq=False)
 class _Rows:
-    """The rows of demonstrations of one plan, with everything that they may follow.
+    """The rows of demonstrations of one plan, with everything that they may follow: their M origins.
 
     Attributes:
         hands_m: (N, K, 3) the hand's positions in the world frame.
-        origins: of each origin its name in every demonstration; the world, with empty names, comes first.
+        origins: the world and each object, in the frame `wo`.
         origins_m: (M, N, 3) their positions.
         scatters_m: (M, K, 3) of the hand's positions along the world's axes, seen from each origin.
-        turns_m: of each origin the scatter (K,) of the hand's rotations, seen from it.
+        turns_m: (M, K) of the hand's rotations.
         share: of a scatter that is small beyond chance along one axis.
-        own_m: the scatter (K, 3) relative to anchors, as far as it is known.
     """
 
-    group: Sequence[Demonstration]
-    tilted: frozenset[str]
-    hands_m: Array
-    origins: Sequence[tuple[str, ...]]
-    origins_m: Array
-    scatters_m: Array
-    turns_m: Mapping[tuple[str, ...], Array]
-    share: float
-    own_m: dict[Anchors, Array] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, group: Sequence[Demonstration], columns: Sequence[tuple[str, ...]], tilted: frozenset[str]) -> "_Rows":
-        """Measure how the rows scatter, seen from the world and from each object."""
-        hands_m, origins = hands_at(group), [("",) * len(group), *columns]
-        origins_m = np.array([[_place_m(d, name) for d, name in zip(group, names, strict=True)] for names in origins])
-        scatters_m = np.array([offsets_scatter_m(hands_m - origin_m[:, None]) for origin_m in origins_m])
-        if np.abs(hands_m).max() >= WORLD_REACH_M:
-            scatters_m[0] = np.inf
-        turns_m = {names: _turns_m(group, names, tilted) for names in origins}
-        share = certain_share(len(group), 1)
-        return cls(group, tilted, hands_m, origins, origins_m, scatters_m, turns_m, share)
+    def __init__(self, group: Sequence[Demonstration], objects: Sequence[Anchors]) -> None:
+        self.group, self.hands_m = group, hands_at(group)
+        self.origins = [(WORLD,) * len(group), *objects]
+        self.origins_m = np.array([anchor_poses(origin, group).origin_m for origin in self.origins])
+        self.scatters_m = np.array([offsets_scatter_m(self.hands_m - origin_m[:, None]) for origin_m in self.origins_m])
+        if np.abs(self.hands_m).max() >= WORLD_REACH_M:
+            self.scatters_m[0] = np.inf
+        self.turns_m = np.array([_turns_m(group, origin) for origin in self.origins])
+        self.share = certain_share(len(group), 1)
+        self._axes_m: dict[Anchors, Array] = {}  # the scatter (K, 3) relative to anchors, as far as it is known
 
     def around(self, k: int) -> list[int]:
         """Return the rows in which the hand comes to the place of row `k`, or goes from it, in all demonstrations."""
         return np.flatnonzero(around(self.hands_m, k)).tolist()
 
+    def _origin(self, anchors: Anchors) -> int:
+        return [names_of(origin) for origin in self.origins].index(names_of(anchors))
+
     def followed(self, k: int, anchors: Anchors) -> Anchors:
         """Return the anchors of row `k`, with other origins along the axes that contradict the row's own."""
-        own_m = self._axes_m(k, anchors)
+        own_m = self._scatter_m(k, anchors)
         if anchors[0] == START or (own_m < CONTRADICTED_M).all():
             return anchors
-        own = self.origins.index(names_of(anchors))
+        own = self._origin(anchors)
         places = self._origins_of_axes(k, own_m, own)
         if (k == 0 or k in self.group[0].switches) and not self.group[0].actions[k].gripper_open:
             places[2] = own
-        return _along(anchors, [self.origins[place] for place in places], self.tilted)
+        return _along(anchors, [self.origins[place] for place in places])
 
     def _origins_of_axes(self, k: int, own_m: Array, own: int) -> list[int]:
         """Return the origin of each axis of row `k`: as few different ones as explain the row.
@@ -142,49 +133,39 @@ class _Rows:
         What the hand lets go of at one object may so keep the rotation of the other one, at which it was taken.
         Demonstrations must contradict the row's own rotation.
         """
-        if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START:
+        if anchors[0].place_turns or anchors[0].tenths < 10 or anchors[0] == START or len(self.origins) == 1:
             return anchors
-        own = names_of(anchors)
-        own_m = self._turn_m(k, own if anchors[0].hand_turns else self.origins[0])
-        best = min(self.origins[1:], key=lambda names: self._turn_m(k, names), default=own)
-        best_m = self._turn_m(k, best)
-        if own_m < CONTRADICTED_M or best_m >= min(self.share * own_m, SERVES_M):
+        turns_m = self.turns_m[:, k]
+        own_m = turns_m[self._origin(anchors) if anchors[0].hand_turns else 0]
+        best = 1 + int(turns_m[1:].argmin())
+        if own_m < CONTRADICTED_M or turns_m[best] >= min(self.share * own_m, SERVES_M):
             return anchors
-        if best != own:
+        taken = self.origins[best]
+        if names_of(taken) != names_of(anchors):
             anchors = tuple(
-                Anchor(name, "wo", tuple((axis, dict(anchor.along).get(axis, anchor.object_name)) for axis in range(3)))
-                for name, anchor in zip(best, anchors, strict=True)
+                held._replace(along=tuple((axis, dict(at.along).get(axis, at.object_name)) for axis in range(3)))
+                for held, at in zip(taken, anchors, strict=True)
             )
-        return self._beside_middle(k, anchors, best) if best_m < TURNED_M else anchors
+        return self._beside_middle(k, anchors, taken) if turns_m[best] < TURNED_M else anchors
 
-    def _beside_middle(self, k: int, anchors: Anchors, taken: tuple[str, ...]) -> Anchors:
+    def _beside_middle(self, k: int, anchors: Anchors, taken: Anchors) -> Anchors:
         """Return the anchors of a hand that holds an object beside its middle, as by a handle.
 
         Its place then turns with the object at which it was taken, about a third one. Demonstrations must contradict
         the row's own place.
         """
-        off_m = self._off_m(k, anchors)
-        about = [
-            tuple(Anchor(name, "o", ((0, at), (1, at), (2, at))) for name, at in zip(taken, names, strict=True))
-            for names in self.origins[1:]
-            if names != taken
-        ]
-        aside = min(about, key=lambda each: self._off_m(k, each), default=anchors)
-        explains = off_m >= CONTRADICTED_M and self._off_m(k, aside) < min(self.share * off_m, TURNED_M)
+        off_m = self._scatter_m(k, anchors).max()
+        about = [_at(taken, "o", [origin] * 3) for origin in self.origins[1:] if origin != taken]
+        aside = min(about, key=lambda each: self._scatter_m(k, each).max(), default=anchors)
+        explains = off_m >= CONTRADICTED_M and self._scatter_m(k, aside).max() < min(self.share * off_m, TURNED_M)
         return aside if explains else anchors
 
-    def _turn_m(self, k: int, names: tuple[str, ...]) -> float:
-        return float(self.turns_m[names][k])
-
-    def _axes_m(self, k: int, anchors: Anchors) -> Array:
+    def _scatter_m(self, k: int, anchors: Anchors) -> Array:
         """Return the scatter (3,) of the hand's place in row `k` along the anchors' axes."""
-        if anchors not in self.own_m:
-            self.own_m[anchors] = axes_scatter_m(self.group, anchors, self.tilted)
-        scatter_m: Array = self.own_m[anchors][k]
+        if anchors not in self._axes_m:
+            self._axes_m[anchors] = axes_scatter_m(self.group, anchors)
+        scatter_m: Array = self._axes_m[anchors][k]
         return scatter_m
-
-    def _off_m(self, k: int, anchors: Anchors) -> float:
-        return float(self._axes_m(k, anchors).max())
 
     def put_between(self, found: list[Anchors]) -> None:
         """Anchor rows between two objects where the gripper switches there and follows no single origin.
@@ -193,14 +174,13 @@ class _Rows:
         between two objects by less and by a share of it that is small beyond chance. The rows around follow it, too.
         """
         share = certain_share(len(self.group) - 1, 1)
+        pairs = [(*pair, tenth) for pair in combinations(range(1, len(self.origins)), 2) for tenth in TENTHS]
         for k in self.group[0].switches:
-            own_m, _ = relative_row(self.group, k, found[k], self.tilted)
-            from_origins_m = np.moveaxis(self.hands_m[:, k] - self.origins_m, 1, 0)  # (N, M, 3)
-            single_m = float(np.linalg.norm(offsets_scatter_m(from_origins_m).min(axis=0)[:2]))
-            least_m = min(_plane_m(own_m), single_m)
+            own_m, _ = relative_row(self.group, k, found[k])
+            single_m = offsets_scatter_m(np.moveaxis(self.hands_m[:, k] - self.origins_m, 1, 0)).min(axis=0)[:2]
+            least_m = min(_plane_m(own_m), float(np.linalg.norm(single_m)))
             if least_m < CONTRADICTED_M:
                 continue
-            pairs = [(*pair, tenth) for pair in combinations(range(1, len(self.origins)), 2) for tenth in TENTHS]
             best = min(pairs, key=lambda pair: _plane_m(self._from_between_m(k, *pair)))
             if _plane_m(self._from_between_m(k, *best)) <= min(CONTRADICTED_M, share * least_m):
                 for row in self.around(k):
@@ -218,47 +198,47 @@ class _Rows:
         The height is that of the place between, or of the world where it scatters half as much.
         """
         names = names_of(own)
-        if own[0].hand_turns and names == self.origins[other]:
+        if own[0].hand_turns and names == names_of(self.origins[other]):
             one, other, tenths = other, one, 10 - tenths
-        frame: AnchorFrame = "wo" if own[0].hand_turns and names == self.origins[one] else "w"
+        frame: AnchorFrame = "wo" if own[0].hand_turns and names == names_of(self.origins[one]) else "w"
         if own[0].hand_turns and frame == "w":
             return own
         between_m = offsets_scatter_m(self._from_between_m(k, one, other, tenths))[2]
-        world = offsets_scatter_m(self.hands_m[:, k])[2] < between_m / 2
-        return tuple(
-            Anchor(name, frame, ((0, to), (1, to), (2, "" if world else to)), tenths)
-            for name, to in zip(self.origins[one], self.origins[other], strict=True)
-        )
+        height = 0 if offsets_scatter_m(self.hands_m[:, k])[2] < between_m / 2 else other
+        along = [self.origins[place] for place in (other, other, height)]
+        return tuple(anchor._replace(tenths=tenths) for anchor in _at(self.origins[one], frame, along))
 
 
-def _place_m(demonstration: Demonstration, name: str) -> Array:
-    return demonstration.object(name).position_m if name else np.zeros(3)
-
-
-def _turns_m(group: Sequence[Demonstration], names: Sequence[str], tilted: frozenset[str]) -> Array:
-    """Return the scatter (K,) of the hand's rotations seen from the objects, by `M_PER_RAD`; from "" in the world."""
-    if any(name and d.object(name).quaternion_xyzw is None for d, name in zip(group, names, strict=True)):
+def _turns_m(group: Sequence[Demonstration], origin: Anchors) -> Array:
+    """Return the scatter (K,) of the hand's rotations seen from an origin, by `M_PER_RAD`."""
+    objects = [d.object(at.object_name) for d, at in zip(group, origin, strict=True) if at.object_name]
+    if any(pose.quaternion_xyzw is None for pose in objects):
         return np.full(len(group[0].actions), np.inf)
-    anchors = tuple(Anchor(name, "wo") if name else WORLD for name in names)
-    turns_m: Array = poses_scatter_m(group, anchors, tilted)[1]
+    turns_m: Array = poses_scatter_m(group, origin)[1]
     return turns_m
 
 
-def _along(anchors: Anchors, followed: Sequence[tuple[str, ...]], tilted: frozenset[str]) -> Anchors:
-    """Return the anchors with these origins along the world's axes, each with its name in every demonstration."""
-    frame, own = anchors[0].frame, names_of(anchors)
-    aside = followed[0] != own or followed[1] != own
-    if not aside and (followed[2] == own or (anchors[0].place_turns and not tilted.isdisjoint(own))):
+def _along(anchors: Anchors, followed: Sequence[Anchors]) -> Anchors:
+    """Return the anchors with these origins along the world's axes."""
+    own, aside = anchors, any(names_of(origin) != names_of(anchors) for origin in followed[:2])
+    frame: AnchorFrame = "wo" if anchors[0].frame == "o" and aside else anchors[0].frame
+    tilts = anchors[0].place_turns and any(anchor.at_tilted for anchor in anchors)
+    if not aside and (tilts or names_of(followed[2]) == names_of(anchors)):
         return anchors
-    if anchors[0].place_turns and aside:
-        frame = UNTURNED[frame]
     if not anchors[0].hand_turns:  # the row then needs no rotation of the object that it names first
-        objects = [names for names in followed if any(names)]
-        own = max(objects, key=objects.count)
-        frame = "w"
+        objects = [origin for origin in followed if any(names_of(origin))]
+        if not objects:
+            return followed[0]  # the world
+        own, frame = max(objects, key=objects.count), "w"
+    return _at(own, frame, followed)
+
+
+def _at(own: Anchors, frame: AnchorFrame, followed: Sequence[Anchors]) -> Anchors:
+    """Return the anchors in a frame, with another origin along each axis that follows another one."""
+    others = [(axis, names_of(origin)) for axis, origin in enumerate(followed) if names_of(origin) != names_of(own)]
     return tuple(
-        Anchor(name, frame, tuple((axis, names[k]) for axis, names in enumerate(followed) if names != own))
-        for k, name in enumerate(own)
+        anchor._replace(frame=frame, along=tuple((axis, names[k]) for axis, names in others))
+        for k, anchor in enumerate(own)
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES, Anchor, relative_poses
+from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES, Anchor, relative_poses, tilted_objects
 from app.pipeline.representation.part import Part, Spot, SpotAction, kind_of, scenes_before
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -47,12 +47,9 @@ class CommonParts(NamedTuple):
     parts: tuple[Part, ...]
 
 
-def find_parts(demonstrations: Sequence[Demonstration], tilted: frozenset[str]) -> CommonParts:
-    """Return the parts of demonstrations.
-
-    Args:
-        tilted: objects whose frame `o` is their full rotation.
-    """
+def find_parts(demonstrations: Sequence[Demonstration]) -> CommonParts:
+    """Return the parts of demonstrations."""
+    tilted = tilted_objects(demonstrations)
     candidates = [_candidates(demonstration, tilted) for demonstration in demonstrations]
     _count(candidates)
     pieces = [
@@ -145,8 +142,9 @@ def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[li
         for pose, was, weight in _places(demonstration.objects, objects):
             for frame in (*OBJECT_FRAMES, *MIXED_FRAMES) if pose.quaternion_xyzw is not None else OBJECT_FRAMES[:1]:
                 at = replace(demonstration, objects=(pose,))
-                offsets_m, rotations = relative_poses(at, Anchor(pose.name, frame), tilted)
-                turned, spot = rotations.as_quat().reshape(-1, 4), Spot(pose.name, was, frame, keeps=False)
+                anchor = Anchor(pose.name, frame, tilted=tilted)
+                offsets_m, rotations = relative_poses(at, anchor)
+                turned, spot = rotations.as_quat().reshape(-1, 4), Spot(anchor, was, keeps=False)
                 for k in every:
                     seen = SpotAction(spot, offsets_m[k], turned[k], actions[k].gripper_open)
                     found[k].append(_Candidate(seen, weight * (MIXED if frame in MIXED_FRAMES else 1.0)))
@@ -205,7 +203,7 @@ def _described(demonstration: Demonstration, candidates: Sequence[Sequence[_Cand
 
 def _pieces(number: int, described: Sequence[SpotAction]) -> list[_Piece]:
     pieces: list[_Piece] = []
-    for _, actions in groupby(described, key=lambda action: action.spot[:2]):
+    for _, actions in groupby(described, key=lambda action: (action.spot.object_name, action.spot.was)):
         before = pieces[-1].actions[-1] if pieces else described[0]
         pieces.append(_Piece(number, tuple(actions), before.gripper_open))
     return pieces

@@ -172,7 +172,7 @@ class ObjectFrameCodec(Codec):
         """The pose of each anchor that a row may have, by its text in rows."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
-            f"{letter(place)} {frame}": Anchor(pose.name, frame)
+            f"{letter(place)} {frame}": Anchor(pose.name, frame, tilted=self.tilted)
             for place, pose in ordered
             for frame in self.frames
             if frame == "w" or pose.quaternion_xyzw is not None
@@ -183,4 +183,4 @@ class ObjectFrameCodec(Codec):
         for anchor in (WORLD, START):
             if anchor in self._shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor
-        return {text: anchor_pose(anchor, query, self.tilted) for text, anchor in anchors.items()}
+        return {text: anchor_pose(anchor, query) for text, anchor in anchors.items()}

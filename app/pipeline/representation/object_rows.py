@@ -13,7 +13,7 @@ from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import WORLD, Anchor, AnchorFrame, AnchorPose, relative_row
+from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, Anchors, relative_row
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -52,54 +52,38 @@ class Step(NamedTuple):
 
     Attributes:
         form: of the instruction.
-        role: place of the object in the instruction, or the name of one that it does not mention.
-        along: the same of what the row follows along other axes.
-        tenths: of the way there.
-        numbers: of the row, relative to the object in `frame`.
+        anchor: of the row, with the objects that the instruction mentions as roles, such as `<0>`.
+        numbers: of the row, relative to the anchor.
     """
 
     form: str
-    role: int | str
-    frame: AnchorFrame
-    along: tuple[tuple[int, int | str], ...]
-    tenths: int
+    anchor: Anchor
     numbers: tuple[int, ...]
 
     @classmethod
     def of(cls, demonstration: Demonstration, row: TextRow) -> "Step":
         """The step of a demonstration's row."""
-        order, anchor = demonstration.order, row.anchor
-        roles = {name: place for place, name in enumerate(order.objects)}
-        along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
-        role = roles.get(anchor.object_name, anchor.object_name)
-        return cls(order.form, role, anchor.frame, along, anchor.tenths, row.numbers)
+        order = demonstration.order
+        roles = {name: order.placeholder(name) for name in order.objects}
+        return cls(order.form, row.anchor.named(roles), row.numbers)
 
     def row(self, order: Order) -> TextRow:
         """The row, with the gripper open, where `order`, which has its form, is carried out."""
-        name, *others = (
-            order.objects[role] if isinstance(role, int) else role
-            for role in (self.role, *(role for _, role in self.along))
-        )
-        axes = (axis for axis, _ in self.along)
-        anchor = Anchor(name, self.frame, tuple(zip(axes, others, strict=True)), self.tenths)
-        return TextRow(anchor, self.numbers, gripper_open=True)
+        names = {order.placeholder(name): name for name in order.objects}
+        return TextRow(self.anchor.named(names), self.numbers, gripper_open=True)
 
 
 def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[TextRow, ...]]:
     """The rows of each demonstration of a group that asks for the same thing in the same number of actions."""
     planned = all(demonstration.plan is not None for demonstration in group)
-    rows = [
-        _fit_row(group, k, anchors, tilted)
-        for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned))
-    ]
+    chosen = choose_anchors(group, tilted, beyond_objects=planned)
+    rows = [_fit_row(group, k, anchors) for k, anchors in enumerate(chosen)]
     return [tuple(own[place] for own in rows) for place in range(len(group))]
 
 
-def _fit_row(
-    group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]
-) -> list[TextRow]:
+def _fit_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> list[TextRow]:
     """TextRow `k` of each demonstration, relative to these anchors."""
-    offsets_m, rotations = relative_row(group, k, tuple(anchors), tilted)
+    offsets_m, rotations = relative_row(group, k, anchors)
     offsets = np.rint(offsets_m / OFFSET_UNIT_M).astype(int)
     numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1)).tolist()
     states = [demonstration.actions[k].gripper_open for demonstration in group]

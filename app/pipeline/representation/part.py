@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.words import noun_of, phrase_of
-from app.pipeline.representation.anchors import Anchor, AnchorFrame, anchor_pose
+from app.pipeline.representation.anchors import Anchor, anchor_pose
 from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
@@ -78,10 +78,14 @@ class Spot(NamedTuple):
         keeps: the hand's rotation is relative to the one before: what it holds keeps its turn.
     """
 
-    object_name: str
+    anchor: Anchor
     was: bool
-    frame: AnchorFrame
     keeps: bool
+
+    @property
+    def object_name(self) -> str:
+        """The object's name."""
+        return self.anchor.object_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +100,8 @@ class SpotAction:
     @property
     def form(self) -> tuple[object, ...]:
         """Equal for actions that may be the same, at objects of one kind."""
-        return kind_of(self.spot.object_name), *self.spot[1:], self.gripper_open
+        spot = self.spot
+        return kind_of(spot.object_name), spot.was, spot.anchor.frame, spot.keeps, self.gripper_open
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,20 +126,17 @@ class Part:
         was = self.actions[0].spot.was
         return f"{self.words} where {object_name} was" if was else f"{self.words} {object_name}"
 
-    def placed(
-        self, object_name: str, scene: SceneState, observed: Query, tilted: frozenset[str]
-    ) -> Iterator[EndEffectorAction]:
+    def placed(self, object_name: str, scene: SceneState, observed: Query) -> Iterator[EndEffectorAction]:
         """Yield its actions at an object.
 
         Args:
             scene: as the actions before it leave it.
             observed: the scene before all actions.
-            tilted: objects whose frame `o` is their full rotation.
         """
         hand = scene.hand
         for action in self.actions:
             at = observed if action.spot.was else Query("", scene.objects)
-            pose = anchor_pose(Anchor(object_name, action.spot.frame), at, tilted)
+            pose = anchor_pose(action.spot.anchor._replace(object_name=object_name), at)
             if action.spot.keeps:
                 assert hand is not None
                 pose = pose._replace(hand_axes=Rotation.from_quat(hand.quaternion_xyzw))

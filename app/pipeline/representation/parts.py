@@ -26,7 +26,6 @@ import numpy as np
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order, mentions_in
-from app.pipeline.representation.anchors import tilted_objects
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.common_parts import CommonParts, find_parts
 from app.pipeline.representation.part import Part, SceneState, kind_of
@@ -40,15 +39,10 @@ _STEP = re.compile(r"(\d{1,3})\. (.+)", re.ASCII)
 
 @dataclass(frozen=True, eq=False)
 class PartsCodec(Codec):
-    """Demonstrations as steps, fitted to those of one prompt.
-
-    Attributes:
-        tilted: objects whose frame `o` is their full rotation.
-    """
+    """Demonstrations as steps, fitted to those of one prompt."""
 
     demonstrations: tuple[Demonstration, ...]
     common: CommonParts
-    tilted: frozenset[str]
     with_instruction: bool
     stop: tuple[str, ...] = ("\n\n",)
     separator: str = "\n\n"
@@ -62,8 +56,7 @@ class PartsCodec(Codec):
             InvalidInputError: if no demonstration consists of parts that others have, too, or if demonstrations that
                 read alike have different steps: then what decides between them is not in the text.
         """
-        tilted = tilted_objects(demonstrations)
-        codec = cls(tuple(demonstrations), find_parts(demonstrations, tilted), tilted, with_instruction)
+        codec = cls(tuple(demonstrations), find_parts(demonstrations), with_instruction)
         needed = codec.needed()
         if not needed:
             message = "is 'parts', but no demonstration consists of parts that others have at objects of the same kind"
@@ -111,7 +104,7 @@ class PartsCodec(Codec):
             for part in self.common.parts
             for pose in query.ordered_objects
             if kind_of(pose.name) == part.kind
-            and (pose.quaternion_xyzw is not None or all(action.spot.frame == "w" for action in part.actions))
+            and (pose.quaternion_xyzw is not None or all(action.spot.anchor.frame == "w" for action in part.actions))
         }
 
 
@@ -119,7 +112,7 @@ class _Placer:
     """Reads the steps of a reply in their order, and places each in the scene that the steps before it leave."""
 
     def __init__(self, codec: PartsCodec, query: Query) -> None:
-        self._tilted, self._observed, self._steps = codec.tilted, query, codec.steps(query)
+        self._observed, self._steps = query, codec.steps(query)
         self._scenes = [SceneState(query.objects)]  # before each step that was read, and after the last
 
     def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
@@ -129,7 +122,7 @@ class _Placer:
             (part, name), scene = self._read(index, row), self._scenes[-1]
             if scene.hand is None and part.actions[0].spot.keeps:
                 raise ReplyParseError(f"step {index} is {row[:80]!r}, but the hand holds nothing before", row)
-            placed = list(part.placed(name, scene, self._observed, self._tilted))
+            placed = list(part.placed(name, scene, self._observed))
             self._scenes.append(reduce(SceneState.after, placed, scene))
             actions += placed
         return actions

@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -30,13 +30,7 @@ from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pos
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.object_rows import AXES, Step, TextRow, actions_at, letter
-from app.pipeline.workspace import (
-    ROTATION_BINS,
-    Workspace,
-    discretize_actions,
-    object_bins,
-    undiscretize_actions,
-)
+from app.pipeline.workspace import ROTATION_BINS, Workspace, discretize_actions, object_bins, undiscretize_actions
 from roboprompt_client.types.poses import EndEffectorAction
 
 NO_TURN = ROTATION_BINS // 2  # the bin of an angle of 0
@@ -51,7 +45,29 @@ r ::= [0-9] | [1-6] [0-9] | "7" [01]
 t ::= "-"? ("1"? [0-9] [0-9] | [0-9])
 """
 
-Differences = tuple[int | None, ...]  # of six bins to those of what a row follows; None where a number does not follow
+
+class _Followed(NamedTuple):
+    """What a row follows in a scene, and how, in bins.
+
+    Attributes:
+        text: its name in rows: `drawer z=world`, `plate x=cup 5/10`.
+        step: the letter of the step that the row is; empty if it is none.
+        origin: the bins of what it follows, in a place between two objects of the first; none of the world.
+        differences: of the row's six bins to these; None where a number does not follow.
+    """
+
+    text: str
+    step: str
+    origin: Sequence[int]
+    differences: tuple[int | None, ...]
+
+    def before_results(self, columns: Sequence[int]) -> Iterator[str]:
+        """What the row says before the result in each of these columns: `drawer a +0 +11 +6: [60+0=`, `,51+11=`, ..."""
+        head = (self.text, self.step, *(f"{by:+d}" for by in self.differences[:3] if by is not None))
+        before = f"{' '.join(filter(None, head))}: ["
+        for k in columns:
+            yield before if (by := self.differences[k]) is None else f"{before}{self.origin[k]}{by:+d}="
+            before = ","
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +110,20 @@ class SumsCodec(Codec):
         shown = [self.fitted.demonstrations[place] for place in places]
         for rows in zip(*(self.fitted.table[place] for place in places), strict=True):
             anchor, steps = rows[0].anchor, set(map(Step.of, shown, rows))
-            if anchor.frame == "world" or len(steps) > 1:
+            if anchor == WORLD or len(steps) > 1:
                 continue
             turns = anchor.place_turns and any(rows[0].numbers[:2])
-            tilts = anchor.hand_turns and anchor.object_name in self.fitted.tilted
-            apart = {self._differences(item, row)[:3] for item, row in zip(shown, rows, strict=True)}
+            tilts = anchor.hand_turns and anchor.at_tilted
+            apart = {self._followed(item, row).differences[:3] for item, row in zip(shown, rows, strict=True)}
             if turns or tilts or anchor.along or len(apart) > 1:
                 yield steps.pop()
 
     @cached_property
     def _shared(self) -> dict[int, int]:
         """The rotation bins, by column, that are equal in all rows and follow no object."""
-        placed = [self._placed(item, row) for item, row in self._rows]
+        placed = [self._placed(*each) for each in self._rows]
         turning = [row.anchor for _, row in self._rows if row.anchor.hand_turns]
-        whole = not all(map(self._yaw_follows, turning))  # at a tilted object
+        whole = any(anchor.at_tilted for anchor in turning)
         fixed = () if whole else (3, 4) if turning else (3, 4, 5)
         return {k: placed[0][k] for k in fixed if len({bins[k] for bins in placed}) == 1}
 
@@ -133,8 +149,8 @@ class SumsCodec(Codec):
         """The steps at an object (or the start) as a scene's observation lists them."""
         texts = []
         for row, step in self._steps_at(query, name):
-            numbers = [f"{by:+d}" for by in self._differences(query, row)[:3] if by is not None]
-            if row.anchor.object_name in self.fitted.tilted:
+            numbers = [f"{by:+d}" for by in self._followed(query, row).differences[:3] if by is not None]
+            if row.anchor.at_tilted:
                 numbers += [str(self._placed(query, row)[k]) for k in self._shown[3:]]
             texts.append(f" {step}({' '.join(numbers)})")
         return "".join(texts)
@@ -151,21 +167,12 @@ class SumsCodec(Codec):
         return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
     def _row_text(self, demonstration: Demonstration, row: TextRow) -> str:
-        origin = self._origin(demonstration, row.anchor)
-        differences, placed = self._differences(demonstration, row), self._placed(demonstration, row)
-        step = self._letters.get(Step.of(demonstration, row), "")
-        said = self._before_results(_said(row.anchor), step, differences, origin)
-        results = (placed[k] if (by := differences[k]) is None else origin[k] + by for k in self._shown)
-        cells = "".join(f"{text}{result}" for text, result in zip(said, results, strict=True))
+        followed = self._followed(demonstration, row, self._letters.get(Step.of(demonstration, row), ""))
+        origin, by, placed = followed.origin, followed.differences, self._placed(demonstration, row)
+        results = (placed[k] if (off := by[k]) is None else origin[k] + off for k in self._shown)
+        before = followed.before_results(self._shown)
+        cells = "".join(f"{text}{result}" for text, result in zip(before, results, strict=True))
         return f"{'open' if row.gripper_open else 'closed'} {cells}]"
-
-    def _before_results(self, name: str, step: str, differences: Differences, origin: Sequence[int]) -> Iterator[str]:
-        """Yield what a row says before each of its results: `drawer a +0 +11 +6: [60+0=`, `,51+11=`, ..."""
-        head = (name, step, *(f"{by:+d}" for by in differences[:3] if by is not None))
-        before = f"{' '.join(filter(None, head))}: ["
-        for k in self._shown:
-            yield before if (by := differences[k]) is None else f"{before}{origin[k]}{by:+d}="
-            before = ","
 
     def _origins(self, query: Query) -> dict[str, tuple[int, ...]]:
         """The bins of everything that a row may follow, by name: of objects, and of the start where rows follow it."""
@@ -174,35 +181,26 @@ class SumsCodec(Codec):
             origins[START.frame] = discretize_actions([query.start], self.workspace)[0].bins[:6]
         return origins
 
-    def _origin(self, query: Query, anchor: Anchor) -> tuple[int, ...]:
-        """The bins of what a row follows; of an axis along which it follows the world any number, which is not used.
-
-        Of a place between two objects it is the first.
-        """
-        origins = self._origins(query)
-        bins = list(origins.get(_name(anchor), ()))
-        for axis, name in anchor.along:
-            if anchor.tenths == 10:
-                bins[axis] = origins[name][axis] if name else 0
-        return tuple(bins)
-
     def _placed(self, query: Query, row: TextRow) -> tuple[int, ...]:
         """The six bins of a row in a scene."""
-        pose = anchor_pose(row.anchor, query, self.fitted.tilted)
-        actions = actions_at([pose], np.array([row.numbers]), [row.gripper_open])
+        actions = actions_at([anchor_pose(row.anchor, query)], np.array([row.numbers]), [row.gripper_open])
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
-    def _differences(self, query: Query, row: TextRow) -> Differences:
-        """A row's bins minus those of what it follows."""
-        if row.anchor == WORLD:
-            return (None,) * 6
-        origin, placed = self._origin(query, row.anchor), self._placed(query, row)
-        turn = row.numbers[5] - NO_TURN if self._yaw_follows(row.anchor) else None
-        fixed = {axis for axis, name in row.anchor.along if not name}
-        return (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
-
-    def _yaw_follows(self, anchor: Anchor) -> bool:
-        return anchor.hand_turns and anchor.object_name not in self.fitted.tilted
+    def _followed(self, query: Query, row: TextRow, step: str = "") -> _Followed:
+        """What a row follows in a scene."""
+        anchor = row.anchor
+        if anchor == WORLD:
+            return _Followed(WORLD.frame, step, (), (None,) * 6)
+        origins, placed = self._origins(query), self._placed(query, row)
+        origin = list(origins[_name(anchor)])
+        turn = row.numbers[5] - NO_TURN if anchor.hand_turns and not anchor.at_tilted else None
+        along = "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)
+        share = f" {anchor.tenths}/10" if anchor.tenths < 10 else ""
+        for axis, name in anchor.along if anchor.tenths == 10 else ():
+            origin[axis] = origins[name][axis] if name else 0
+        fixed = {axis for axis, name in anchor.along if not name}
+        differences = (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
+        return _Followed(f"{_name(anchor)}{along}{share}", step, origin, differences)
 
     def grammar(self, query: Query, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.fitted.demonstrations, query.order, max_actions)
@@ -218,23 +216,22 @@ class SumsCodec(Codec):
     def _rows_offered(self, query: Query) -> Iterator[str]:
         """Yield in GBNF what a row may say after its gripper: each step at its object, any other difference at all."""
         for name, origin in (self._origins(query) | {WORLD.frame: ()}).items():
-            said = [
-                (_said(row.anchor), step, self._differences(query, row), self._origin(query, row.anchor))
-                for row, step in self._steps_at(query, name)
+            said = [self._followed(query, row, step) for row, step in self._steps_at(query, name)]
+            said += [
+                _Followed(name, "", origin, by) for by in self._without_step if (by[0] is None) == (name == WORLD.frame)
             ]
-            said += [(name, "", by, origin) for by in self._without_letter if (by[0] is None) == (name == WORLD.frame)]
-            for text, step, differences, bins in said:
-                turn = differences[5] if len(bins) == 6 else None
-                before = self._before_results(text, step, (*differences[:5], turn), bins)
+            for followed in said:
+                turn = followed.differences[5] if len(followed.origin) == 6 else None
+                before = followed._replace(differences=(*followed.differences[:5], turn)).before_results(self._shown)
                 rules = ("p" if k < 3 else "r" if turn is None or k < 5 else "t" for k in self._shown)
                 yield " ".join(f"{_literal(text)} {rule}" for text, rule in zip(before, rules, strict=True))
 
     @cached_property
-    def _without_letter(self) -> dict[Differences, None]:
+    def _without_step(self) -> dict[tuple[int | None, ...], None]:
         """The differences of the rows that are no steps; a row with several origins is one wherever all have it."""
         unlike = ((item, row) for item, row in self._rows if not row.anchor.along)
-        rows = ((item, row) for item, row in unlike if Step.of(item, row) not in self._letters)
-        return dict.fromkeys(self._differences(item, row) for item, row in rows)
+        rows = (each for each in unlike if Step.of(*each) not in self._letters)
+        return dict.fromkeys(self._followed(*each).differences for each in rows)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         """The rows; the first has what stands before it, so that `reply_text` gives it back."""
@@ -271,9 +268,3 @@ def _literal(text: str) -> str:
 
 def _name(anchor: Anchor) -> str:
     return anchor.object_name or anchor.frame
-
-
-def _said(anchor: Anchor) -> str:
-    """An anchor as rows name it: `drawer z=world`, `plate x=cup 5/10`."""
-    along = "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)
-    return f"{_name(anchor)}{along}" + (f" {anchor.tenths}/10" if anchor.tenths < 10 else "")

@@ -29,6 +29,7 @@ from app.services.predict.request import PredictRequest
 from app.services.predict.warm import PrefixWarmer
 from app.store.data_folder import UnderWay, UnderWayNotes
 from app.store.errors import StoreUnavailableError
+from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.types.names import checked_instruction
 
@@ -43,27 +44,20 @@ class PredictActions:
 
     Args:
         limits: of a request's size.
-        current: reads a task's present limits of motion.
         record: stores predictions; None: they are not stored, as those of `check`, which no robot carries out.
     """
 
     def __init__(
         self,
+        store: Store,
         models: ModelRegistry,
         known: KnownReader,
         limits: Limits,
-        current: CurrentLimits,
         warmer: PrefixWarmer,
-        under_way: UnderWayNotes,
         record: PredictionRecorder | None,
     ) -> None:
-        self._models = models
-        self._known = known
-        self._limits = limits
-        self._current = current
-        self._warmer = warmer
-        self._under_way = under_way
-        self._record = record
+        self._current, self._under_way = CurrentLimits(store), store.under_way
+        self._models, self._known, self._limits, self._warmer, self._record = models, known, limits, warmer, record
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Return the recorded prediction, with timings of its own.
@@ -174,7 +168,7 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
     instruction = checked_instruction("instruction", request.instruction)
     known = read(request)
     with timed("prompt"):
-        prefix, why = choose_prefix(known)
+        prefix, why = choose_prefix(request, known)
     with timed("words"):
         order = understand(request, instruction, known, prefix.instructions)
     return write_question(request, known, prefix, why, order, limits)

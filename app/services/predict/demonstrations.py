@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 
 from sqlalchemy import Connection
 
@@ -13,17 +14,17 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.yaw import Rotations
-from app.pipeline.groups import by_plan
-from app.pipeline.plans import Recording, agreeing, demonstrated
+from app.pipeline.groups import by_plan, made_by_group
+from app.pipeline.plans import agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
+from app.pipeline.plans.recording import Recording, alike_turned
 from app.pipeline.plans.support import Support
-from app.pipeline.plans.turn import folded
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace
+from app.services.compared import compared
 from app.services.predict.request import PromptStyle
 from app.services.task_settings import TaskSettings
-from app.services.vision import compared
 from app.store import episodes
 from app.store.records import DemonstrationRecord
 from app.store.trajectories import get_trajectories
@@ -116,7 +117,9 @@ def recordings_of(
     for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
         recordings.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
-    return folded(recordings) if settings.gripper_symmetry_deg else recordings
+    if not settings.gripper_symmetry_deg:
+        return recordings
+    return made_by_group(recordings, attrgetter("demonstration.order.form"), alike_turned)
 
 
 def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:

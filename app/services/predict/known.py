@@ -7,29 +7,25 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.perception.registry import estimate_poses
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
-from app.pipeline.plans.symmetry import Symmetries
-from app.pipeline.workspace import Workspace
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import KeptTasks, TaskReading
+from app.services.predict.task_reading import KeptTasks, TaskReading, TaskVersion
 from app.services.task_settings import TaskSettings
-from app.services.vision import PoseServers, check_colors, with_models, with_templates
+from app.services.vision import PoseServers, check_colors, poses_of
 from app.store import episodes, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.filters import EpisodeFilter
 from app.store.records import TaskRecord
 from app.store.store import Store
-from roboprompt_client.motion.limits import MotionLimits
-from roboprompt_client.types.poses import ObjectPose, Pose
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_TASKS = 64  # whose present version is kept, each with a few choices of demonstrations
 
@@ -56,26 +52,18 @@ class Known:
     """A request's task and demonstrations as the store has them, with the observed scene.
 
     Attributes:
-        settings, workspace, limits: of the task.
-        end_effector: its pose before the first action; None if unknown.
+        task: settings and what follows from them; scene and demonstrations have the symmetric objects folded.
         profile: of the model to ask.
         demonstrations: those that the request names, or that its selection finds.
-        chosen: whether the request names them.
         taught: all demonstrations of the task, with which an answer is compared.
-        symmetries: those that the demonstrations show; scene and demonstrations have the objects folded.
     """
 
-    settings: TaskSettings
-    workspace: Workspace
-    limits: MotionLimits
-    end_effector: Pose | None
+    task: TaskVersion
     scene: ObservedScene
     profile: ModelProfile
     style: PromptStyle
     demonstrations: Demonstrations
-    chosen: bool
     taught: Taught
-    symmetries: Symmetries
 
 
 class KnownReader:
@@ -119,7 +107,7 @@ class KnownReader:
                 check_meters("end_effector.position", place_m, kept.workspace)
             if scene is None:
                 with timed("poses"):
-                    scene = observed(request, record, kept.settings, self._store.blobs)
+                    scene = observed(request, record, kept, self._store.blobs)
             elif looked_with != (record.settings, record.object_names):
                 message = f"task {record.name!r} changed while its images were looked at: send the request again"
                 raise ConflictError(message)
@@ -134,31 +122,18 @@ class KnownReader:
             present = [pose.name for pose in scene.objects]
             check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
             taught = taught.of_objects(present)
-        chosen = request.options.episode_ids is not None
-        return Known(
-            kept.settings,
-            kept.workspace,
-            kept.limits,
-            request.end_effector,
-            scene,
-            profile,
-            style,
-            demonstrations,
-            chosen,
-            taught,
-            task.symmetries,
-        )
+        return Known(kept, scene, profile, style, demonstrations, taught)
 
     def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
         """Return the scene that the request's images show, and the settings and object names that it was seen with."""
         with timed("read"), self._store.read() as connection:
-            task = tasks.get(connection, request.task)
+            record = tasks.get(connection, request.task)
             newest = episodes.list_page(connection, EpisodeFilter(task=request.task), 1).items
-        settings, blobs = TaskSettings.model_validate(task.settings), self._store.blobs
-        self._pose_servers.check(settings.object_models)
+        task, blobs = TaskVersion(record), self._store.blobs
+        self._pose_servers.check(task.settings.object_models)
         with timed("poses"):
             check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
-            return (task.settings, task.object_names), observed(request, task, settings, blobs)
+            return (record.settings, record.object_names), observed(request, record, task, blobs)
 
     def task(self, connection: Connection, name: str) -> TaskReading:
         """Return a task in the transaction of `connection`; raises NotFoundError."""
@@ -178,25 +153,24 @@ class KnownReader:
             return demonstrations, task.kept.settings, style
 
 
-def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> ObservedScene:
+def observed(request: PredictRequest, record: TaskRecord, task: TaskVersion, blobs: BlobStore) -> ObservedScene:
     """Return the observed scene, its `objects` not turned yet; some of the task's may be absent.
 
     Raises:
         NoDemonstrationsError: if the task has no demonstrations.
         ObjectSetError: if names are given twice or are spelled otherwise; as `estimate_poses` and `check_scene_units`.
     """
-    sent, names = [query.name for query in request.objects], task.object_names
+    sent, names = [query.name for query in request.objects], record.object_names
     if names is None:
-        raise NoDemonstrationsError(task.name)
+        raise NoDemonstrationsError(record.name)
     check_object_names(sent, names, needed=())
     if called := next((alike.called for alike in request.alike if alike.called in names), None):
         message = f"given twice: {called}, of which demonstrations have one"
         raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
-    queries = with_templates(with_models(request.objects, settings), blobs)
-    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
-    check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
+    poses = poses_of(request.objects, task.settings, request.frames, blobs, given_first=True)
+    check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
     by_name = {pose.name: pose for pose in poses}
     of_task = tuple(by_name[name] for name in names if name in by_name)
     others = tuple(pose for name, pose in by_name.items() if name not in names)
     absent = tuple(name for name in names if name not in by_name)
-    return ObservedScene(of_task, of_task, absent, settings.canonical(others))
+    return ObservedScene(of_task, of_task, absent, task.settings.canonical(others) if others else ())

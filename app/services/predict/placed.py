@@ -4,6 +4,7 @@ The turn (0 or 180 degrees) is the same for all actions of an answer, so that no
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,9 +15,10 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import GRIPPER_TURNED
 from app.pipeline.plans.support import PlacedPlan, Support
-from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned_plan
+from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned
 from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.request import PredictOptions
+from app.services.predict.task_reading import TaskVersion
 from app.services.task_settings import TaskSettings
 from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import Calibration
@@ -36,23 +38,24 @@ def place_plans(
     support: Support,
     parts: Sequence[Query],
     options: PredictOptions,
-    settings: TaskSettings,
-    limits: MotionLimits,
+    task: TaskVersion,
     taught: Taught,
     hand: Pose | None,
-) -> tuple[Plans, list[Finding]]:
-    """Return the demonstrated rows of each part of the instruction, and a finding if the hand is turned in them.
+) -> tuple[Plans, list[Finding], int]:
+    """Return the demonstrated rows of each part, a finding if the hand is turned in them, and how many actions may be.
 
     Args:
         hand: where it is before the first action; None if unknown.
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
+        InvalidInputError: if the parts take more actions than the request allows.
     """
     placed = {part.instruction: support.placed(part) for part in parts}
     if options.unsupported == "refuse":
-        _require_within_workspace(placed.values(), limits)
-    return _turned_plans(placed, taught, settings, hand)
+        _require_within_workspace(placed.values(), task.limits)
+    plans, turned = _turned_plans(placed, taught, task.settings, hand)
+    return plans, turned, _actions_allowed(support, parts, plans, options.max_actions)
 
 
 def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limits: MotionLimits) -> None:
@@ -94,7 +97,7 @@ def _turned_plans(
     wrist = _wrist(taught, None if settings.arm is None else tuple(settings.robot_base))
     if not wrist.approaches:
         return plans, []
-    other = [half_turned_plan(plan) for plan in every]
+    other = list(map(_half_turned, every))
     beyond_deg, turned_deg = (wrist.beyond_deg(row.action for plan in item for row in plan) for item in (every, other))
     missed, turned_missed = (_out_of_reach(item, settings, hand) for item in (every, other))
     nearer = (turned_missed, turned_deg + CLEARLY_DEG) < (missed, beyond_deg)
@@ -107,8 +110,12 @@ def _turned_plans(
     )
     message = f"In all actions the gripper is turned by 180 degrees from what the reply says: {reason}."
     numbers = {"beyond_deg": beyond_deg, "turned_beyond_deg": turned_deg}
-    turned = {name: found and tuple(map(half_turned_plan, found)) for name, found in plans.items()}
+    turned = {name: found and tuple(map(_half_turned, found)) for name, found in plans.items()}
     return turned, [GRIPPER_TURNED.finding(message, "actions", numbers)]
+
+
+def _half_turned(plan: PlacedPlan) -> PlacedPlan:
+    return tuple(replace(row, action=half_turned(row.action)) for row in plan)
 
 
 @lru_cache(MAX_TASKS)
@@ -124,7 +131,7 @@ def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pos
     return sum(not item.reachable for plan in plans for item in previewed([row.action for row in plan], settings, hand))
 
 
-def actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
+def _actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
     """Return how many actions the answer may have: as asked for, else what the plans of the parts need, 25 at least.
 
     Raises:

@@ -17,7 +17,7 @@ from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
 from app.services.predict.demonstrations import Prefix, write_prefix
 from app.services.predict.known import Known
-from app.services.predict.placed import Plans, actions_allowed, place_plans
+from app.services.predict.placed import Plans, place_plans
 from app.services.predict.request import PredictRequest
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
@@ -62,7 +62,7 @@ class Question:
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
 
 
-def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
+def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
     """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
 
     Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
@@ -71,9 +71,10 @@ def choose_prefix(known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
         as `write_prefix`.
     """
     plans = known.demonstrations.plans
-    choice = None if known.chosen or plans is None else plans(known.scene.objects)
+    named = request.options.episode_ids is not None
+    choice = None if named or plans is None else plans(known.scene.objects)
     shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
-    return write_prefix(known.demonstrations, known.workspace, known.style, shown, known.scene.absent), findings
+    return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.scene.absent), findings
 
 
 def write_question(
@@ -92,15 +93,15 @@ def write_question(
     """
     template = prefix.template
     limits.check_prompt(len(template.system) + len(template.prefix))
-    start = _start(known.end_effector) if known.style.from_start else None
+    start = _start(request.end_effector) if known.style.from_start else None
     seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned = place_plans(
-        prefix.support, parts, request.options, known.settings, known.limits, known.taught, known.end_effector
+    plans, turned, max_actions = place_plans(
+        prefix.support, parts, request.options, known.task, known.taught, request.end_effector
     )
-    max_actions = actions_allowed(prefix.support, parts, plans, request.options.max_actions)
     prompt = template.ask(parts[0], max_actions)
-    request = request.without_frames()
+    if request.frames:
+        request = request.without_frames()
     question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
     question = replace(question, findings=(*why, *doubts_before(question), *turned))
     if request.options.num_samples == 1:
@@ -121,12 +122,12 @@ def _sample(question: Question, number: int) -> Question:
 
 def doubts_before(question: Question) -> Iterator[Finding]:
     """Yield the findings before the LLM is asked, causes first: objects, words, demonstrations, scene."""
-    known, order, seen = question.known, question.grounded, question.seen
+    known, order, seen, hand = question.known, question.grounded, question.seen, question.request.end_effector
     scene, taught = known.scene, known.taught
     followed = taught.followed(order)
     yield from other_objects(scene.absent, [pose.name for pose in scene.bystanders])
     yield from alike_findings(question.request.alike)
-    yield from symmetry_findings(known.symmetries)
+    yield from symmetry_findings(known.task.symmetries or {})
     yield from _words(order, question.prefix.instructions)
     yield from _parts(question)
     that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)
@@ -135,9 +136,9 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     yield from taught.of_prompt(question.parts, question.plans, question.prefix.demonstration_ids)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
     if taught.follows_start(order):
-        yield from start_findings(known.end_effector, taught.scenes)
-    yield from frame_findings(known.end_effector, taught.demonstrations, taught.hands)
-    yield from held_findings(known.end_effector, seen, taught.hands)
+        yield from start_findings(hand, taught.scenes)
+    yield from frame_findings(hand, taught.demonstrations, taught.hands)
+    yield from held_findings(hand, seen, taught.hands)
 
 
 def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:

@@ -138,7 +138,7 @@ class Reply:
         return PartReply(
             ReplyReader(question.prefix.template.codec, asked, question.max_actions - num_before),
             question.plans.get(asked.instruction),
-            question.known.workspace,
+            question.known.task.workspace,
             num_before,
             turned=question.turned,
             allows=self._options.unsupported == "allow",

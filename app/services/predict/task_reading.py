@@ -8,7 +8,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
@@ -81,7 +81,7 @@ class Scenes:
         return tuple(self.ids[index] for index in sorted(chosen))
 
 
-class Kept:
+class TaskVersion:
     """What is known of one version of a task whatever a request asks; made when it is needed, shared by requests.
 
     Attributes:
@@ -99,7 +99,7 @@ class Kept:
         self.taught: dict[bool, Taught] = {}
 
 
-KeptTasks = Cache[TaskState, Kept]
+KeptTasks = Cache[TaskState, TaskVersion]
 
 
 class TaskReading:
@@ -115,7 +115,7 @@ class TaskReading:
 
     def __init__(self, connection: Connection, name: str, kept: KeptTasks) -> None:
         self.record = task = tasks.get(connection, name)
-        self.kept = kept.get_or_make(task.state, lambda: Kept(task))
+        self.kept = kept.get_or_make(task.state, lambda: TaskVersion(task))
         self._connection = connection
         self._read: dict[Ids, Sequence[Recording]] = {}
 

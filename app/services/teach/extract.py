@@ -12,14 +12,13 @@ from typing import Protocol
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from app.perception.registry import estimate_poses
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import GIVEN
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
-from app.services.vision import read_frame, with_models, with_templates
+from app.services.vision import poses_of, read_frame
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeRecord, Extraction
@@ -61,9 +60,8 @@ def extract(
     if not keyframes:
         message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    queries = with_templates(with_models(objects, settings), blobs)
     has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
-    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
+    poses = poses_of(objects, settings, frames, blobs, given_first=not has_rgbd)
     return keyframes, tuple(map(ObjectRecord.of, sorted(poses, key=lambda pose: names.index(pose.name))))
 
 

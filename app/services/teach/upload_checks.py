@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 
 from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
-from app.pipeline.alike import Alike, with_numbers
+from app.pipeline.alike import Alike
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
@@ -21,9 +21,10 @@ from app.pipeline.findings.scene import other_objects
 from app.pipeline.findings.units import check_recording
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_object_names
+from app.pipeline.order.numbered import with_numbers
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
 from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of

@@ -192,5 +192,5 @@ def _prompt_part(request: Request, services: Wired, question: Question) -> Respo
     )
     observed = [ObjectRecord.of(pose) for pose in question.known.scene.observed]
     demonstrated = [item for record in shown.values() for item in record.objects]
-    drawn = scene(question.known.settings.workspace, observed, (), shown=demonstrated)
+    drawn = scene(question.known.task.settings.workspace, observed, (), shown=demonstrated)
     return JSONResponse({"html": html, "scene": drawn}, headers=HEADERS)

@@ -11,7 +11,7 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.api.schemas.lists import Filtered
 from app.llm.computed import YARDSTICKS
-from app.services.predict.evidence import task_stats
+from app.services.statistics import task_stats
 from app.store import episodes, prediction_lists, predictions, tables, tasks
 from app.store.filters import FATES, Fate, PredictionFilter, authors
 from app.store.prediction_lists import ListCursor, ListOrder

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 from roboprompt_client.types.poses import ObjectPose
 
 from ..recordings import DOWN, arrival_s, flowing, resting

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import KeyframeRule, Motion
-from app.pipeline.plans import Recording
+from app.pipeline.plans.recording import Recording
 
 from ..recordings import flowing, pick_and_place
 from ..scenes import action, demonstration, pose

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.pipeline.plans import agreed, plan_rows
+from app.pipeline.plans.agreement import agreed
+from app.pipeline.plans.rows import plan_rows
 from app.pipeline.representation.anchors import START, WORLD
 
 from ..scenes import action, angle_deg, same_actions

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.groups import by_plan, shown_together
 from app.pipeline.keyframes import Motion
-from app.pipeline.plans import agreeing, aligned_by_plan, plan_rows
-from app.pipeline.plans.rows import robust_center
+from app.pipeline.plans import agreeing, aligned_by_plan
+from app.pipeline.plans.rows import plan_rows, robust_center
 
 from ..recordings import flowing, pick_and_place, resting
 from ..scenes import pose, same_actions

@@ -9,7 +9,8 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.groups import by_plan
 from app.pipeline.keyframes import KeyframeRule, Motion
 from app.pipeline.keyframes.resting import LEFT_M, leave_path, path_left_m
-from app.pipeline.plans import Recording, agreeing, aligned_by_plan
+from app.pipeline.plans import agreeing, aligned_by_plan
+from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.support import Support
 
 from ..recordings import servoed
