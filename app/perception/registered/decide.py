@@ -8,8 +8,8 @@ import numpy as np
 
 from app.perception.registered.candidates import candidates, of_its_colors_within
 from app.perception.registered.depth_view import Index
-from app.perception.registered.hypotheses import MOST, Hypothesis, hypotheses
-from app.perception.registered.icp import Poses, angle_deg
+from app.perception.registered.hypotheses import HEADINGS, MOST, Hypothesis, hypotheses, moved, slid
+from app.perception.registered.icp import angle_deg
 from app.perception.registered.image_faults import image_faults
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import score, shares_seen
@@ -18,7 +18,8 @@ from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
-SAME_YAW_DEG, SAME_PLACE_M, ASIDE_M = 14.0, 0.02, 0.015
+SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
+ASIDE_M, ASIDE_PX = 0.015, 7.0  # an end that is not hidden contradicts a pose that is off by both
 EXPLAINED_M = 0.015  # points closer than this to the object in its pose belong to it
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
 OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found object: two objects cannot
@@ -88,8 +89,9 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
         message = f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"
         within = "" if elsewhere is None else " within its masks"
         raise ObjectNotVisibleError(name, message + within + image_faults(template, lit), HELP_SEE)
-    first, part = places[0]
-    best = _with_all_within(template, lit, first[0], part, elsewhere)
+    (start, *other_yaws), part = places[0]
+    first = slid(template, lit, part, start)
+    best = _with_all_within(template, lit, first, part, elsewhere)
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
     _check_height(name, template, lit, best)
@@ -97,7 +99,7 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
     rivals = [place[0] for place, _ in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
-    turned = yaw_rivals(template, first)
+    turned = yaw_rivals(template, [first, *other_yaws])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
     return FoundPose(best, shares, len(turned), spread_m)
 
@@ -169,17 +171,15 @@ def _check_height(name: str, template: Template, lit: LitScene, best: Hypothesis
 
 def _check_ends(name: str, template: Template, lit: LitScene, best: Hypothesis, part: Index) -> None:
     """Refuse a pose that may as well be moved aside: of a long object only the middle is seen."""
-    headings = np.radians(np.arange(0, 360, 45))
-    aside_m = ASIDE_M * np.column_stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))])
-    origins_m = best.pose.origins_m + np.vstack([np.zeros(3), aside_m])
-    poses = Poses(np.repeat(best.pose.rotations, len(origins_m), axis=0), origins_m)
+    aside_m = max(ASIDE_M, ASIDE_PX * lit.scene.pixel_m(best.origin_m))
     index = np.random.default_rng(0).permutation(part)[:MOST]
-    scores = score(template, lit, index, poses, MOST)
-    here, *aside = (replace(best, evidence=evidence) for evidence in scores.evidence)
-    for moved_m, other in zip(aside_m, aside, strict=True):
-        if not here.beats(other):
-            along = "x" if abs(moved_m[0]) > abs(moved_m[1]) else "y"
-            message = f"its place along {along} is undecided: moved by {100 * ASIDE_M:.1f} cm it fits as well"
+    poses = moved(best.pose, np.vstack([np.zeros(3), aside_m * HEADINGS]))
+    evidence = score(template, lit, index, poses, MOST).evidence
+    here, *aside = (replace(best, evidence=item) for item in evidence)
+    for heading, there in zip(HEADINGS, aside, strict=True):
+        if not here.beats(there):
+            along = "x" if abs(heading[0]) > abs(heading[1]) else "y"
+            message = f"its place along {along} is undecided: moved by {100 * aside_m:.1f} cm it fits as well"
             raise UncertainPoseError(name, f"{message}, as its ends are hidden", HELP_SEE)
 
 

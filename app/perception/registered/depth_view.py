@@ -26,7 +26,7 @@ WIDTH_PX = 800  # wider images are downsampled by an integer factor
 FLYING_STEP_M = 0.02  # a larger step between neighbors makes a pixel unreliable
 SLOPE = 5.0  # the same step in pixel widths, for small images: a slanting surface has less
 FARTHEST_M = 5.0  # larger depths are clipped
-NEAREST_PX = 5  # side of the window for `nearest_m`
+NEAREST_RAD = 0.0035  # around a pixel for `nearest_m`, at least one pixel: errors of calibration
 DepthImage = npt.NDArray[np.float32]
 RgbImage = npt.NDArray[np.uint8]
 
@@ -36,7 +36,7 @@ class DepthSamples(NamedTuple):
 
     Attributes:
         depth_m: 0 where unknown or outside of the image.
-        nearest_m: the least depth around the pixel, 0 if one of them is unknown.
+        nearest_m: the least depth within `NEAREST_RAD` of the pixel, 0 if one there is unknown.
         point_m: the point's own depth along the optical axis.
         rows, columns: of the pixel, within the image.
     """
@@ -75,7 +75,8 @@ class DepthView:
         reduced_m = np.minimum(frame.depth_m[::step, ::step], np.float32(FARTHEST_M))
         depth_m = _without_flying(np.ascontiguousarray(reduced_m, np.float32), camera.fx_px)
         rgb = np.asarray(cv2.blur(frame.rgb, (max(3, step),) * 2)[::step, ::step], np.uint8)
-        nearest_m = np.asarray(cv2.erode(depth_m, np.ones((NEAREST_PX, NEAREST_PX))), np.float32)
+        side_px = 2 * max(1, round(NEAREST_RAD * camera.fx_px)) + 1
+        nearest_m = np.asarray(cv2.erode(depth_m, np.ones((side_px, side_px))), np.float32)
         mask = None if frame.mask is None else frame.mask[::step, ::step] != 0
         return cls(camera, depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
 

@@ -17,6 +17,9 @@ FEW, SOME, MANY, MOST = 110, 160, 250, 800  # points of the scene in each stage,
 HOPELESS = 0.5  # no refinement follows if the best coarse score is lower
 CLOSE_BY, FEWEST_KEPT, MAX_KEPT = 0.12, 4, 14  # poses whose score is so close to the best are kept; their number
 NEARBY_YAWS_DEG = (0.0, -10.0, -7, -4, -2, 2, 4, 7, 10)
+# A surface alone does not say where along it an object is, its ends do: steps along it that are tried.
+LEAST_STEP_M, STEPS, MAX_SLIDES = 0.006, (1.0, 2.0), 3
+HEADINGS = np.array([[np.cos(yaw), np.sin(yaw), 0.0] for yaw in np.radians(np.arange(0, 360, 45))])
 SURE = 3.0  # standard errors of evidence that one pose needs over another
 MIN_SHARE = 0.02  # least evidence for that, relative to the number of points
 
@@ -114,6 +117,31 @@ def hypotheses(
         Hypothesis(poses[[n]], float(values[n]), float(final.support[n]), final.evidence[n], float(colors[n]))
         for n in order
     ]
+
+
+def slid(template: Template, lit: LitScene, index: Index, best: Hypothesis) -> Hypothesis:
+    """Return an upright pose, moved to where the points `index` and the images agree with its ends, too.
+
+    ICP leaves it where it started along its surfaces: their points fit anywhere on them.
+    """
+    index = np.random.default_rng(0).permutation(index)
+    many, most, points_m = index[:MANY], index[:MOST], lit.scene.points_m
+    step_m = max(LEAST_STEP_M, lit.scene.pixel_m(best.origin_m))
+    for _ in range(MAX_SLIDES):
+        poses = moved(best.pose, step_m * np.concatenate([step * HEADINGS for step in STEPS]))
+        poses = _at_height(template, lit, icp(template, poses, points_m[many], FINAL_M, lab=lit.lab[many]))
+        scores = score(template, lit, most, poses, MOST)
+        first = int(scores.value.argmax())
+        value = float(scores.value[first]) * best.color
+        if value <= best.value:
+            break
+        best = Hypothesis(poses[[first]], value, float(scores.support[first]), scores.evidence[first], best.color)
+    return best
+
+
+def moved(pose: Poses, offsets_m: Array) -> Poses:
+    """Return one pose at each of the offsets (S, 3)."""
+    return Poses(np.repeat(pose.rotations, len(offsets_m), axis=0), pose.origins_m + offsets_m)
 
 
 def _upright_starts(template: Template, scene: Scene, points_m: Array, yaws_deg: Array) -> Poses:

@@ -145,6 +145,10 @@ class Scene:
         points_m, rgb, eyes_m = thinned(points_m[up], rgb[up], eyes_m[up])
         return cls(views, table, points_m, rgb, normals_of(points_m, eyes_m))
 
+    def pixel_m(self, place_m: Array) -> float:
+        """Return the width of a pixel at a place (3,), the median of the cameras."""
+        return float(np.median([np.linalg.norm(view.eye_m - place_m) / view.camera.fx_px for view in self.views]))
+
     def table_rgb_in(self, view: DepthView) -> Array | None:
         """Return the median color (3,) of the table in one camera, 0..255; None if it shows none of it."""
         points_m, rgb, _ = _points(view)

@@ -11,7 +11,7 @@ from benchmarks.object_scenes import Layout, Room, upright
 from benchmarks.object_shapes import THINGS
 
 NAMES = ("carton", "jar", "brick", "mug")
-ROOM = Room(names=(*NAMES, "bowl"))
+ROOM = Room(names=(*NAMES, "bowl", "drawer"))
 PLACES = ((0.0, 0.05, 0.3), (0.1, -0.05, 1.6), (-0.1, 0.0, -1.1))
 
 

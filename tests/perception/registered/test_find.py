@@ -16,7 +16,7 @@ from benchmarks.object_scenes import Layout
 from benchmarks.object_shapes import THINGS
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.quaternions import yaw_rad
-from tests.perception.registered.rooms import NAMES, estimate, frames, layout, query, taught
+from tests.perception.registered.rooms import NAMES, estimate, frames, layout, query, taught, view
 
 ALL = {"carton": (0.08, -0.05, 2.0), "jar": (-0.1, 0.1, 0.0), "brick": (-0.15, -0.1, 0.5), "mug": (0.12, 0.1, -2.0)}
 
@@ -119,6 +119,46 @@ def test_one_camera_gives_no_yaw_where_it_may_be_unknown():
     assert pose.quaternion_xyzw is None
     assert "front" in pose.reason
     np.testing.assert_allclose(pose.position_m[:2], ALL["carton"][:2], atol=0.015)
+
+
+def drawer_between_boxes(apart_m, turn_rad):
+    """A drawer's front of 20 cm at the origin, its ends in two boxes of 8 cm whose inner sides are so far apart."""
+    where = layout(drawer=(0.0, 0.0, turn_rad))
+    for number, side in ((1, -1), (3, 1)):
+        middle_m = side * (apart_m / 2 + 0.04) * np.array([np.cos(turn_rad), np.sin(turn_rad), 0]) + (0, 0, 0.07)
+        where.clutter.append((number, np.array([0.04, 0.06, 0.07]), "green", middle_m, turn_rad))
+    return where
+
+
+@pytest.mark.parametrize("turn_rad", [-0.4, 0.0, 0.3])
+def test_a_long_object_whose_ends_are_hidden_is_refused(turn_rad):
+    with pytest.raises(UncertainPoseError, match=r"along [xy] is undecided: moved by 1\.5 cm") as caught:
+        estimate("drawer", drawer_between_boxes(0.15, turn_rad))
+    assert caught.value.valid
+
+
+def smaller(views):
+    """Every fourth pixel of frames: a pixel is 5 to 6 mm wide at the objects."""
+
+    def small(frame):
+        k = frame.camera
+        camera = replace(k, fx_px=k.fx_px / 4, fy_px=k.fy_px / 4, cx_px=k.cx_px / 4, cy_px=k.cy_px / 4)
+        images = {name: getattr(frame, name) for name in ("rgb", "depth_m", "mask")}
+        return replace(frame, camera=camera, **{name: image[::4, ::4].copy() for name, image in images.items()})
+
+    return tuple(map(small, views))
+
+
+@pytest.mark.parametrize("turn_rad", [-0.4, 0.3])
+def test_in_small_images_a_long_object_is_found_from_its_ends(turn_rad):
+    place_m = np.array([0.05, -0.04])
+    views = [LabeledView(smaller(view("drawer", number).frames)) for number in (0, 1)]
+    asked = replace(query("drawer"), template=learn("drawer", views, None).template)
+    moved, unmoved = (smaller(frames(layout(drawer=place), 2)) for place in ((*place_m, turn_rad), (0.0, 0.0, 0.0)))
+    (after,), (before,) = (RegisteredPoses().estimate([asked], seen) for seen in (moved, unmoved))
+    turn = Rotation.from_euler("z", turn_rad)
+    expected_m = turn.apply(before.position_m.copy()) + np.append(place_m, 0.0)
+    np.testing.assert_allclose(after.position_m, expected_m, atol=0.01)
 
 
 @pytest.mark.parametrize(
