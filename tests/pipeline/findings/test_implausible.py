@@ -255,6 +255,12 @@ def test_a_moving_hand_at_the_height_of_the_plate_may_keep_what_it_puts_there_if
     assert [item.severity for item in found if item.code == "broken-off"] == [severity]
 
 
+@pytest.mark.parametrize(("words", "expected"), [("get it", set()), ("pick it up", {"implausible-gripper"})])
+def test_open_hands_may_slide_what_words_do_not_say_to_lift(words, expected):
+    way_m = [(0, 0, 0.15), (0, 0, 0.05), (0.2, 0, 0.05)]
+    assert dangers([moved(way_m, words.replace("it", "the button"))(seed) for seed in range(4)]) == expected
+
+
 def test_a_hand_that_is_cut_off_while_it_comes_near():
     assert "broken-off" in dangers(
         [always(True)(frames(slice(0, 75))(put(seed, "touch the cube"))) for seed in range(4)]
