@@ -9,8 +9,7 @@ the gripper. A rotation with the numbers of the row before is left out. A row th
 `start` (where the end effector was at first) instead of letter and frame. Where the hand's place follows something
 else along one axis, the row says so: `A w z=world` is at a height of the world, `A w y=B` has B's y. Rows of
 demonstrations that ask for the same thing of other objects are then the same. A reply is decoded against the CONTINUOUS
-observed pose, so that the object's own binning costs nothing; and a row that demonstrations have is their center, not
-the middle of its cell of the grid, so that demonstrations that agree within a millimeter are followed so closely.
+observed pose, so that the object's own binning costs nothing.
 """
 
 import re
@@ -40,11 +39,9 @@ from app.pipeline.representation.anchors import (
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
-    Step,
     TextRow,
     actions_at,
     anchor_text,
-    centers,
     fit_rows,
     in_full,
     letter,
@@ -54,7 +51,6 @@ from app.pipeline.representation.object_rows import (
 )
 from app.pipeline.workspace import Workspace, object_bins, yaw_bin
 from roboprompt_client.types import quaternions
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
@@ -147,7 +143,7 @@ class ObjectFrameCodec(Codec):
         return f" {'; '.join(shortened(rows))}"
 
     def decoder(self, query: Query) -> Decoder:
-        return partial(self._actions, query, self._anchored(query))
+        return partial(self._actions, self._anchored(query))
 
     @cached_property
     def _shown(self) -> frozenset[Anchor]:
@@ -165,24 +161,15 @@ class ObjectFrameCodec(Codec):
         shown = {anchor.frame for anchor in self._shown}
         return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))
 
-    def _actions(
-        self, query: Query, anchored: Mapping[str, tuple[Anchor, AnchorPose]], first: int, rows: Sequence[str]
-    ) -> list[EndEffectorAction]:
+    def _actions(self, anchored: Mapping[str, AnchorPose], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         if not rows:
             return []
         read = [read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
-        numbers, anchors = np.array([numbers for _, numbers in read]), [anchored[text] for text, _ in read]
-        written = [TextRow(anchor, own[:6], own[6] == 1) for (anchor, _), (_, own) in zip(anchors, read, strict=True)]
-        steps = [Step.of(query, row)._replace(form="") for row in written]
-        known = [self._centers.get(key) for key in enumerate(steps, start=first)]
-        return actions_at([pose for _, pose in anchors], numbers[:, :6], [row.gripper_open for row in written], known)
+        numbers = np.array([numbers for _, numbers in read])
+        return actions_at([anchored[text] for text, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
 
-    @cached_property
-    def _centers(self) -> Mapping[tuple[int, Step], Array]:
-        return centers(zip(self.demonstrations, self.table, strict=True))
-
-    def _anchored(self, query: Query) -> dict[str, tuple[Anchor, AnchorPose]]:
-        """Each anchor that a row may have, and its pose, by its text in rows."""
+    def _anchored(self, query: Query) -> dict[str, AnchorPose]:
+        """The pose of each anchor that a row may have, by its text in rows."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
             f"{letter(place)} {frame}": Anchor(pose.name, frame)
@@ -196,4 +183,4 @@ class ObjectFrameCodec(Codec):
         for anchor in (WORLD, START):
             if anchor in self._shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor
-        return {text: (anchor, anchor_pose(anchor, query, self.tilted)) for text, anchor in anchors.items()}
+        return {text: anchor_pose(anchor, query, self.tilted) for text, anchor in anchors.items()}

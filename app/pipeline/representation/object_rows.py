@@ -2,22 +2,19 @@
 
 import re
 import string
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration, Query, in_order
+from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import WORLD, Anchor, AnchorFrame, AnchorPose, relative_row
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 LETTERS = string.ascii_uppercase
@@ -39,16 +36,11 @@ _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
 
 @dataclass(frozen=True)
 class TextRow:
-    """One action in integers: the anchor, six numbers (offset in units, rotation bins) and the gripper.
-
-    Attributes:
-        seen: what they were rounded from: the offset in m, and the rotation as a quaternion xyzw; empty if unknown.
-    """
+    """One action in integers: the anchor, six numbers (offset in units, rotation bins) and the gripper."""
 
     anchor: Anchor
     numbers: tuple[int, ...]
     gripper_open: bool
-    seen: tuple[float, ...] = field(default=(), compare=False, repr=False)
 
     def turned_as(self, other: "TextRow | None") -> bool:
         """Whether it has the rotation numbers of the other row."""
@@ -74,9 +66,9 @@ class Step(NamedTuple):
     numbers: tuple[int, ...]
 
     @classmethod
-    def of(cls, scene: Query, row: TextRow) -> "Step":
-        """The step of a row of a demonstration, or of a reply about a scene."""
-        order, anchor = scene.order, row.anchor
+    def of(cls, demonstration: Demonstration, row: TextRow) -> "Step":
+        """The step of a demonstration's row."""
+        order, anchor = demonstration.order, row.anchor
         roles = {name: place for place, name in enumerate(order.objects)}
         along = tuple((axis, roles.get(name, name)) for axis, name in anchor.along)
         role = roles.get(anchor.object_name, anchor.object_name)
@@ -111,46 +103,13 @@ def _fit_row(
     offsets = np.rint(offsets_m / OFFSET_UNIT_M).astype(int)
     numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1)).tolist()
     states = [demonstration.actions[k].gripper_open for demonstration in group]
-    seen = np.concatenate([offsets_m, rotations.as_quat()], axis=1).tolist()
-    rows = zip(anchors, map(tuple, numbers), states, map(tuple, seen), strict=True)
-    return [TextRow(*row) for row in rows]
+    return [TextRow(anchor, tuple(own), is_open) for anchor, own, is_open in zip(anchors, numbers, states, strict=True)]
 
 
-def centers(shown: Iterable[tuple[Demonstration, Sequence[TextRow]]]) -> Mapping[tuple[int, Step], Array]:
-    """What demonstrations have in each cell of the grid, (7,) as `TextRow.seen`.
-
-    It is finer than the numbers where they agree. Cells have an index and a step, whatever the form of the instruction.
-    """
-    found: dict[tuple[int, Step], list[tuple[float, ...]]] = defaultdict(list)
-    for demonstration, rows in shown:
-        for index, row in enumerate(rows):
-            found[index, Step.of(demonstration, row)._replace(form="")].append(row.seen)
-    return {(index, step): _center(np.array(step.numbers), np.array(seen)) for (index, step), seen in found.items()}
-
-
-def _center(numbers: Integers, seen: Array) -> Array:
-    """The center of (N, 7) along each axis along which they differ by less than a unit, or a bin; else the numbers."""
-    offsets_m, hands = seen[:, :3], Rotation.from_quat(seen[:, 3:])
-    fine = np.ptp(offsets_m, axis=0) < OFFSET_UNIT_M
-    place_m = np.where(fine, np.median(offsets_m, axis=0), OFFSET_UNIT_M * numbers[:3])
-    agree = (hands.mean().inv() * hands).magnitude().max() < np.pi / ROTATION_BINS
-    hand = hands.mean() if agree else rotation_from_bins(numbers[None, 3:])[0]
-    return np.concatenate([place_m, hand.as_quat()])
-
-
-def actions_at(
-    anchored: Sequence[AnchorPose], numbers: Integers, grippers: Sequence[bool], centers: Sequence[Array | None] = ()
-) -> list[EndEffectorAction]:
-    """The actions of rows in a scene: of each what it is relative to, and (N, 6) its numbers.
-
-    Args:
-        centers: of their cells, which take the place of the numbers; None for a cell that no demonstration has.
-    """
+def actions_at(anchored: Sequence[AnchorPose], numbers: Integers, grippers: Sequence[bool]) -> list[EndEffectorAction]:
+    """The actions of rows in a scene: of each what it is relative to, and (N, 6) its numbers."""
     offsets_m = OFFSET_UNIT_M * numbers[:, :3].astype(float)
-    seen = np.concatenate([offsets_m, rotation_from_bins(numbers[:, 3:]).as_quat()], axis=1)
-    for row, center in enumerate(centers):
-        seen[row] = seen[row] if center is None else center
-    positions_m, hands = AnchorPose.stacked(anchored).placed(seen[:, :3], Rotation.from_quat(seen[:, 3:]))
+    positions_m, hands = AnchorPose.stacked(anchored).placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
     return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), grippers)
 
 
