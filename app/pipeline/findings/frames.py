@@ -201,12 +201,12 @@ def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool
     for at in hand.acts_at:
         in_hand = quaternions.rotated(quaternions.inverse(hand.start.quaternion_xyzw), way_m)
         moved_m = at.position_m + np.array([way_m, quaternions.rotated(at.quaternion_xyzw, in_hand)])
-        if _beside_m(at.position_m[None], shown)[0] > BESIDE_M and _beside_m(moved_m, shown).min() < AT_M:
+        if beside_m(at.position_m[None], shown)[0] > BESIDE_M and beside_m(moved_m, shown).min() < AT_M:
             return True
     return False
 
 
-def _beside_m(places_m: Array, shown: Demonstration) -> Array:
+def beside_m(places_m: Array, shown: Demonstration) -> Array:
     """Return (K,) the horizontal distance of each of K places from the nearest object."""
     objects_m = np.array([pose.position_m for pose in shown.objects])
     distances_m: Array = np.linalg.norm(places_m[:, None, :2] - objects_m[None, :, :2], axis=2).min(axis=1)

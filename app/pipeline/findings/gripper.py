@@ -20,6 +20,7 @@ from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
+FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
 PART_M = 0.02  # spread of the places at which hands act on one part of an object
 
 UNHELD = (
@@ -121,7 +122,7 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
         return UNHELD
     if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    if takes and not hand.acts:
+    if takes and not hand.acts and not (clause.verb in FETCHING and hand.slides):
         return TAKES_NOTHING
     if takes and closings and closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m):
         return CLOSES_ASIDE

@@ -26,6 +26,7 @@ DIPS_M = 0.03  # a smaller range of heights is no motion to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MOVING_M = 0.005  # between two frames of a moving hand
+SLIDES_M, LEVEL_M = 0.05, 0.02  # a hand that moves farther, within this of its lowest height, slides what it touches
 LEAP_M, LEAP = 0.10, 4.0  # a step longer than this, and so many times as long as most others, is no motion of an arm
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
@@ -149,6 +150,7 @@ class RecordedHand:
         nearest_m: the least distance from any object.
         still_comes: whether it has that distance in the last frame alone: it is on its way to the object.
         dips: whether it goes down to its lowest place and up again, as where it acts.
+        slides: whether it moves on at its lowest height, as a hand that slides something.
         may_hold: the objects so near to its first pose that it may hold them from the start.
         reversals: how often it reverses its direction of motion.
         leaps: whether it is suddenly elsewhere, as where recordings are joined or frames are missing.
@@ -165,6 +167,7 @@ class RecordedHand:
     nearest_m: float
     still_comes: bool
     dips: bool
+    slides: bool
     may_hold: frozenset[str]
     reversals: Reversals
     leaps: bool = False
@@ -196,6 +199,7 @@ class RecordedHand:
             float(away_m.min()),
             nearest == len(trajectory) - 1,
             min(trajectory.positions_m[[0, -1], 2]) - trajectory.positions_m[:, 2].min() > DIPS_M,
+            _slides(trajectory.positions_m),
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
             Reversals.of(trajectory.positions_m),
             _leaps(trajectory.positions_m),
@@ -211,6 +215,12 @@ def _act(motion: Motion, switch: Switch, first: int, end: int, shown: Demonstrat
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
     return Act(switch.opens, of_name, earlier_m, later_m, way_m + M_PER_RAD * turn_rad)
+
+
+def _slides(positions_m: Array) -> bool:
+    low = np.flatnonzero(positions_m[:, 2] < positions_m[:, 2].min() + LEVEL_M)
+    ways = np.split(low, np.flatnonzero(np.diff(low) > 1) + 1)  # what is put down elsewhere is lifted between
+    return any(np.linalg.norm(np.ptp(positions_m[way, :2], axis=0)) > SLIDES_M for way in ways)
 
 
 def _flickers(motion: Motion) -> bool:

@@ -8,11 +8,12 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.frames import AT_M, beside_m
 from app.pipeline.findings.hand import RecordedHand, Reversals
-from app.pipeline.findings.rules import SCATTER_OF_A_THIRD, SEVERAL_WAYS
+from app.pipeline.findings.rules import SCATTER_OF_A_THIRD, SEVERAL_WAYS, WAY_BESIDE
 from app.pipeline.groups import Group, usual_ways, words_decide
-from app.pipeline.plans.agreement import two_ways
-from app.pipeline.plans.by_scene import parting
+from app.pipeline.plans.agreement import TWO_WAYS_M, two_ways
+from app.pipeline.plans.by_scene import Parting, parting
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
 from app.pipeline.plans.turn import grasps_along_approach, half_turned
 from app.pipeline.thresholds import WAY_SHARE
@@ -43,7 +44,9 @@ def ways_findings(
     more = more_strokes([hand.reversals for hand in hands]) if hands else None
     if more is not None:
         alike = [replace(shown, plan=int(makes_more)) for shown, makes_more in zip(alike, more, strict=True)]
-    if words_decide(alike) or parting(alike) is not None:
+    parted = parting(alike)
+    if words_decide(alike) or parted is not None:
+        yield from () if parted is None or declared else _beside_findings(parted, hands)
         return
     by_strokes = [tuple(shown for shown in alike if shown.plan == plan) for plan in (0, 1)]
     ways = _distinct_ways(usual_ways(alike), round_objects) if more is None else by_strokes
@@ -60,6 +63,29 @@ def ways_findings(
             ' wrong ones; if all are right, set the task\'s "ways" to "several".'
         )
     yield SEVERAL_WAYS.finding(message, "demonstrations", {"num_ways": len(ways)}, value=0.0 if declared else 1.0)
+
+
+def _beside_findings(parted: Parting, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Yield a finding if one of the ways between which the scene decides acts at an object, and another beside all.
+
+    A wrong frame, or an object that is seen elsewhere, in some of the recordings is separated by chance, too. Both act
+    at one height; ways that push an object from several sides are all beside it.
+    """
+    if len(hands) < len(parted.demonstrations):
+        return
+    places_m = [hand.acts_at[0].position_m for hand in hands]
+    away_m = [beside_m(place_m[None], shown)[0] for place_m, shown in zip(places_m, parted.demonstrations, strict=True)]
+    acts_m = np.column_stack([away_m, np.array(places_m)[:, 2]])
+    shown_ways = np.flatnonzero(np.bincount(parted.ways) > 1)
+    ways_m = sorted(np.median(acts_m[parted.ways == way], axis=0).tolist() for way in shown_ways)
+    (least_m, height_m), (far_m, other_m) = ways_m[0], ways_m[-1]
+    message = (
+        f"{parted.quantity.text} seems to decide between two ways, but in one of them the hand acts at an object, and"
+        f" in the other {100 * far_m:.0f} cm beside every object. Check whether some recordings have another base frame"
+        " or another object's pose."
+    )
+    if least_m < AT_M and abs(other_m - height_m) < TWO_WAYS_M:
+        yield from WAY_BESIDE.findings(far_m, message, "demonstrations", beside_m=far_m)
 
 
 def more_strokes(reversals: Sequence[Reversals]) -> Array | None:

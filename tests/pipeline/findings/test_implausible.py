@@ -132,6 +132,20 @@ def test_all_recordings_of_a_way_between_which_the_scene_seems_to_decide_may_be_
     assert "implausible-gripper" in dangers_of(known)
 
 
+def test_an_object_seen_elsewhere_in_recordings_that_the_scene_separates_by_chance_is_no_way_of_its_own():
+    """In the six with the plate farthest along x, the cube is seen 10 cm beside where the hand takes it."""
+
+    def seen_elsewhere(item):
+        cube, plate = item.demonstration.objects
+        objects = (replace(cube, position_m=cube.position_m + (0.0, 0.1, 0.0)), plate)
+        return replace(item, demonstration=replace(item.demonstration, objects=objects))
+
+    by_x = sorted(map(put, range(30, 60)), key=lambda item: float(item.demonstration.objects[1].position_m[0]))
+    known = taught([*by_x[:6], *map(seen_elsewhere, by_x[-6:])])
+    assert parting(known.demonstrations) is not None
+    assert "several-ways" in dangers_of(known)
+
+
 def trembling(item, by_m=0.001):
     positions_m = item.motion.trajectory.positions_m
     noise_m = np.random.default_rng(round(1e6 * positions_m.sum())).normal(0.0, by_m, positions_m.shape)
@@ -253,6 +267,12 @@ def test_a_moving_hand_at_the_height_of_the_plate_may_keep_what_it_puts_there_if
     known = taught([frames(slice(0, 195) if seed < number else slice(None))(put(seed)) for seed in range(10)])
     found = known.findings(known.demonstrations[0].order)
     assert [item.severity for item in found if item.code == "broken-off"] == [severity]
+
+
+@pytest.mark.parametrize(("words", "expected"), [("get it", set()), ("pick it up", {"implausible-gripper"})])
+def test_open_hands_may_slide_what_words_do_not_say_to_lift(words, expected):
+    way_m = [(0, 0, 0.15), (0, 0, 0.05), (0.2, 0, 0.05)]
+    assert dangers([moved(way_m, words.replace("it", "the button"))(seed) for seed in range(4)]) == expected
 
 
 def test_a_hand_that_is_cut_off_while_it_comes_near():
