@@ -11,8 +11,8 @@ from xml.parsers import expat
 
 import numpy as np
 
-from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import pose_matrix
+from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array, bounded_array
