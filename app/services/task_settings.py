@@ -33,7 +33,7 @@ from app.services.setting_parts import (
     WorkspaceSettings,
 )
 from app.store import tasks
-from roboprompt_client.arms.chain import Chain
+from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MotionLimits

@@ -16,7 +16,7 @@ from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject
-from roboprompt_client.arms.chain import Chain
+from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame

@@ -93,7 +93,7 @@ def test_a_joint_without_limits_turns_on():
         ("<robot/>", "frame: 'tool0' is not in the URDF"),
         ("<robot><joint/></robot>", "has no child link"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><robot/>", "has a DOCTYPE"),
-        (f"<robot>{' ' * MAX_CHARS}</robot>", "has 1000015 characters"),
+        (f"<robot>{' ' * MAX_CHARS}</robot>", "has 500015 characters"),
         (TEXT.replace("revolute", "floating"), "shoulder_pan_joint is 'floating'"),
         (TEXT.replace("<limit", "<mimic joint='a'/><limit"), "shoulder_pan_joint follows another"),
         (TEXT.replace("revolute", "fixed"), "'tool0' is moved by 0 joints"),
@@ -103,7 +103,7 @@ def test_a_joint_without_limits_turns_on():
         (TEXT.replace(PAN, '<origin rpy="0 0 ${yaw}"/>'), "has the origin rpy '0 0 \\${yaw}'"),
         (TEXT.replace('upper="3', 'upper="-4'), "elbow_joint has the limits -3.14159 to -4.14159 rad"),
         (TEXT.replace(' lower="', ' low="'), "has the limit lower 'missing'"),
-        (TEXT.replace('<parent link="base_link"/>', '<parent link="tool0"/>'), "is in a circle of joints"),
+        (TEXT.replace('<parent link="base_link"/>', '<parent link="tool0"/>'), "is in a circle"),
         (TEXT.replace('<child link="finger"/>', '<child link="tool0"/>'), "moves 'tool0', as wrist_3-tool0 does"),
     ],
 )

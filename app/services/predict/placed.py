@@ -20,8 +20,8 @@ from app.pipeline.representation.base import row_count_bounds
 from app.services.predict.request import PredictOptions
 from app.services.predict.task_reading import TaskVersion
 from app.services.task_settings import TaskSettings
-from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import Calibration
+from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard

@@ -6,8 +6,8 @@ Panda and the Research 3 share the geometry).
 
 import numpy as np
 
-from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import pose_matrix
+from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types.arrays import Array
 

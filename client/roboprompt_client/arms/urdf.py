@@ -11,14 +11,15 @@ from xml.parsers import expat
 
 import numpy as np
 
-from roboprompt_client.arms.chain import Chain
 from roboprompt_client.arms.driver import pose_matrix
+from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array, bounded_array
 from roboprompt_client.types.trajectory import MAX_JOINTS
 
-MAX_CHARS = 1_000_000
+MAX_CHARS, MAX_WAY = 500_000, 100
+DEPTH = 3  # robot, joint, and a part of it
 MAX_LINK_M, MAX_ANGLE_RAD = 10.0, 1000.0
 FIXED, REVOLUTE, CONTINUOUS = "fixed", "revolute", "continuous"
 # What is kept of a joint
@@ -91,14 +92,35 @@ def _joints_by_child(urdf: str) -> dict[str, Element]:
 
 def _parsed(urdf: str) -> Element:
     """Return the outermost element. Prefixes need no namespace: files with other programs' tags often declare none."""
-    builder, parser = TreeBuilder(), expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    joints, parser = _Joints(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = joints.start, joints.end
     parser.StartDoctypeDeclHandler = _no_doctype
     try:
         parser.Parse(urdf, True)
     except (expat.ExpatError, UnicodeEncodeError) as error:
         raise InvalidInputError("urdf", f"is no XML: {error}", "the text of a URDF file, after xacro") from error
-    return builder.close()
+    return joints.builder.close()
+
+
+class _Joints:
+    """Builds the outermost element, its joints, and their parts: all else would only cost time."""
+
+    def __init__(self) -> None:
+        self.builder = TreeBuilder()
+        self._open: list[str] = []
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._open.append(tag)
+        if self._is_used():
+            self.builder.start(tag, attributes)
+
+    def end(self, tag: str) -> None:
+        if self._is_used():
+            self.builder.end(tag)
+        self._open.pop()
+
+    def _is_used(self) -> bool:
+        return len(self._open) <= DEPTH and self._open[1:2] in ([], ["joint"])
 
 
 def _no_doctype(*_: object) -> None:
@@ -123,8 +145,8 @@ def _way(by_child: Mapping[str, Element], field: str, link: str) -> list[Element
         raise InvalidInputError(field, f"{link!r:.80} is not in the URDF", ", ".join(sorted(links)) or "joints, links")
     way: list[Element] = []
     while (joint := by_child.get(link)) is not None:
-        if len(way) == len(by_child):
-            raise _wrong(joint, "is in a circle of joints", "a tree")
+        if len(way) == MAX_WAY:
+            raise _wrong(joint, f"is in a circle, or before {MAX_WAY} others", f"a tree, {MAX_WAY} joints high at most")
         way.append(joint)
         link = _link(joint, "parent")
     return way[::-1]
