@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.services import vision
+from app.services.predict import known
 from app.services.predict.request import PredictRequest
 from app.store.errors import ConflictError
 from roboprompt_client.types.camera import Camera, RgbdFrame
@@ -24,13 +24,13 @@ def services(scripted):
 
 def looking(monkeypatch, meanwhile):
     """Let something happen whenever poses are estimated."""
-    estimate = vision.estimate_poses
+    estimate = known.poses_of
 
     def estimate_slowly(*arguments, **options):
         meanwhile()
         return estimate(*arguments, **options)
 
-    monkeypatch.setattr(vision, "estimate_poses", estimate_slowly)
+    monkeypatch.setattr(known, "poses_of", estimate_slowly)
 
 
 def prepare(services, request):
