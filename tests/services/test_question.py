@@ -24,13 +24,13 @@ def services(scripted):
 
 def looking(monkeypatch, meanwhile):
     """Let something happen whenever poses are estimated."""
-    estimate = known.estimate_poses
+    estimate = known.poses_of
 
     def estimate_slowly(*arguments, **options):
         meanwhile()
         return estimate(*arguments, **options)
 
-    monkeypatch.setattr(known, "estimate_poses", estimate_slowly)
+    monkeypatch.setattr(known, "poses_of", estimate_slowly)
 
 
 def prepare(services, request):
