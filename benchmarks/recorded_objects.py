@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
-from app.perception.registered.learn import LabeledView, labeled_points, learn
+from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
@@ -69,7 +69,7 @@ def _frame(data: Mapping[str, Any], name: str) -> RgbdFrame:
 def _cover(template: Template, pose: Array, seen: Recorded, name: str) -> float:
     """The share of the masked points above the table that lie on the found object."""
     scene = Scene.of(seen.labeled(name))
-    points_m = scene.points_m[labeled_points(scene)]
+    points_m = scene.points_m[scene.masked()]
     off_m = template.distance_m((points_m - pose[:3, 3]) @ pose[:3, :3])
     return float((off_m < NEAR_M).mean()) if len(off_m) else 0.0
 

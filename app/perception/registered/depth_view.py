@@ -55,18 +55,18 @@ class DepthView:
     Attributes:
         depth_m, nearest_m: (H, W), see `DepthSamples`.
         rgb: (H, W, 3) the mean of 3 x 3 pixels; empty (0, 0, 3) in a template's views.
-        mask: (H, W) of the labeled object, or None.
+        mask: (H, W) ids of objects, 0 for none; or None.
     """
 
     camera: Camera
     depth_m: DepthImage
     nearest_m: DepthImage
     rgb: RgbImage
-    mask: Bools | None = None
+    mask: npt.NDArray[np.int32] | None = None
 
     @classmethod
     def of(cls, frame: RgbdFrame) -> "DepthView":
-        """Return the view of a frame with color and depth; mask ids other than 0 are the object's."""
+        """Return the view of a frame with color and depth."""
         assert frame.rgb is not None
         assert frame.depth_m is not None
         step = -(-frame.depth_m.shape[1] // WIDTH_PX)
@@ -77,7 +77,7 @@ class DepthView:
         rgb = np.asarray(cv2.blur(frame.rgb, (max(3, step),) * 2)[::step, ::step], np.uint8)
         side_px = 2 * max(1, round(NEAREST_RAD * camera.fx_px)) + 1
         nearest_m = np.asarray(cv2.erode(depth_m, np.ones((side_px, side_px))), np.float32)
-        mask = None if frame.mask is None else frame.mask[::step, ::step] != 0
+        mask = None if frame.mask is None else frame.mask[::step, ::step]
         return cls(camera, depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
 
     @classmethod

@@ -9,19 +9,17 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery, model_of
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, FoundPose, find
-from app.perception.registered.depth_view import DepthView, Index
+from app.perception.registered.depth_view import Index
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
-SAME_SURFACE_M = 0.02  # a pixel shows a point if their depths differ by less
 WELL_SEEN = 0.6  # less support lowers the confidence
 
 
@@ -53,7 +51,7 @@ class RegisteredPoses:
         templates = [_template_of(query) for query in objects]
         scene = Scene.of(frames)
         return tuple(
-            _pose(query.name, model, template, scene, _outside_masks(query, frames, scene.points_m))
+            _pose(query.name, model, template, scene, _outside_masks(query, scene))
             for query, model, template in zip(objects, models, templates, strict=True)
         )
 
@@ -65,21 +63,13 @@ def _template_of(query: ObjectQuery) -> Template:
     raise ObjectModelError(query.name, message, remedy, within="template")
 
 
-def _outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Array) -> Index | None:
-    """Return indices of the points (N, 3) outside of the object's masks in all cameras; None if it has no masks."""
+def _outside_masks(query: ObjectQuery, scene: Scene) -> Index | None:
+    """Return indices of the points outside of the object's masks in all cameras; None if it has no masks."""
     if not query.mask_ids:
         return None
-    masked = [frame for frame in frames if frame.mask is not None]
-    if not masked:
+    if all(view.mask is None for view in scene.views):
         raise InvalidInputError(f"objects[{query.name}].mask_ids", "is given, but no camera has a mask", "mask_NAME")
-    outside = np.ones(len(points_m), np.bool_)
-    for frame in masked:
-        assert frame.mask is not None
-        assert frame.depth_m is not None
-        seen = DepthView.of_depth(frame.camera, frame.depth_m).look_up(points_m)
-        is_own = np.isin(frame.mask[seen.rows, seen.columns], query.mask_ids)
-        outside &= ~(is_own & (np.abs(seen.depth_m - seen.point_m) < SAME_SURFACE_M))
-    return np.flatnonzero(outside)
+    return np.flatnonzero(~scene.masked(query.mask_ids))
 
 
 def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, elsewhere: Index | None) -> ObjectPose:

@@ -110,8 +110,13 @@ def hypotheses(
     poses = icp(template, poses, points_m[many], FINAL_M, lab=lit.lab[many], free=free)
     if not fallen:
         poses = _at_height(template, lit, poses)
-    final = score(template, lit, index[:MOST], poses, MOST)
-    colors = np.array([same_color(template, lit, index[:MOST], poses[[n]]) for n in range(len(poses))])
+    return _ranked(template, lit, index[:MOST], poses)
+
+
+def _ranked(template: Template, lit: LitScene, index: Index, poses: Poses) -> Sequence[Hypothesis]:
+    """Return the poses with their scores, the best first."""
+    final = score(template, lit, index, poses, MOST)
+    colors = np.array([same_color(template, lit, index, poses[[n]]) for n in range(len(poses))])
     values, order = final.value * colors, np.argsort(-final.value * colors)
     return [
         Hypothesis(poses[[n]], float(values[n]), float(final.support[n]), final.evidence[n], float(colors[n]))
@@ -124,18 +129,18 @@ def slid(template: Template, lit: LitScene, index: Index, best: Hypothesis) -> H
 
     ICP leaves it where it started along its surfaces: their points fit anywhere on them.
     """
+    if best.evidence is None:
+        return best
     index = np.random.default_rng(0).permutation(index)
-    many, most, points_m = index[:MANY], index[:MOST], lit.scene.points_m
+    many, points_m = index[:MANY], lit.scene.points_m
     step_m = max(LEAST_STEP_M, lit.scene.pixel_m(best.origin_m))
     for _ in range(MAX_SLIDES):
         poses = moved(best.pose, step_m * np.concatenate([step * HEADINGS for step in STEPS]))
         poses = _at_height(template, lit, icp(template, poses, points_m[many], FINAL_M, lab=lit.lab[many]))
-        scores = score(template, lit, most, poses, MOST)
-        first = int(scores.value.argmax())
-        value = float(scores.value[first]) * best.color
-        if value <= best.value:
+        first = _ranked(template, lit, index[:MOST], poses)[0]
+        if first.value <= best.value:
             break
-        best = Hypothesis(poses[[first]], value, float(scores.support[first]), scores.evidence[first], best.color)
+        best = first
     return best
 
 

@@ -13,7 +13,6 @@ from app.perception.registered.decide import MIN_SCORE, yaw_rivals
 from app.perception.registered.depth_view import Index, free_views, thinned, unit
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
 from roboprompt_client.types.camera import RgbdFrame
@@ -86,7 +85,7 @@ def _usable(name: str, views: Sequence[LabeledView]) -> tuple[dict[int, _Labeled
     usable, refused = dict[int, _LabeledPoints](), dict[int, str]()
     for number, view in enumerate(views):
         scene = Scene.of(view.frames)
-        index = labeled_points(scene)
+        index = np.flatnonzero(scene.masked())
         if problem := _problem(scene, index):
             refused[number] = problem
         else:
@@ -139,16 +138,6 @@ def _look_alike_turned(views: Sequence[_LabeledPoints], symmetry_deg: float) -> 
     )
     votes = [first, *others] if first else others
     return sum(votes) > len(votes) / 2
-
-
-def labeled_points(scene: Scene) -> Index:
-    """Return the indices of points that a camera sees within the mask."""
-    inside = np.zeros(len(scene.points_m), bool)
-    for view in scene.views:
-        if view.mask is not None:
-            seen = view.look_up(scene.points_m)
-            inside |= view.mask[seen.rows, seen.columns] & (np.abs(seen.depth_m - seen.point_m) < NEAR_M)
-    return np.flatnonzero(inside)
 
 
 def _problem(scene: Scene, index: Index) -> str:

@@ -26,6 +26,7 @@ FLAT_M = 0.005  # points nearer to the table's plane belong to it
 MAX_SLOPE = 0.05  # of the plane: tables are level
 MIN_SHARE = 0.1  # least share of points in the plane
 CELL_M = 0.02  # cell of the map of the table's area
+SAME_SURFACE_M = 0.009  # a pixel shows a point if their depths differ by less
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +145,17 @@ class Scene:
         up[up] = table.holds(points_m[up])
         points_m, rgb, eyes_m = thinned(points_m[up], rgb[up], eyes_m[up])
         return cls(views, table, points_m, rgb, normals_of(points_m, eyes_m))
+
+    def masked(self, ids: Sequence[int] | None = None) -> Bools:
+        """Return which points (N,) a camera sees within its mask, of the ids; None: of any."""
+        inside = np.zeros(len(self.points_m), np.bool_)
+        for view in self.views:
+            if view.mask is not None:
+                seen = view.look_up(self.points_m)
+                id_ = view.mask[seen.rows, seen.columns]
+                is_own = id_ != 0 if ids is None else np.isin(id_, ids)
+                inside |= is_own & (np.abs(seen.depth_m - seen.point_m) < SAME_SURFACE_M)
+        return inside
 
     def pixel_m(self, place_m: Array) -> float:
         """Return the width of a pixel at a place (3,), the median of the cameras."""
