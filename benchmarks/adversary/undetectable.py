@@ -20,9 +20,9 @@ REPEATED_M = 1e-5  # no two measurements of one place are as near to each other
 def undetectable(right: Case, sent: Case) -> bool:
     """Return whether the case that is sent differs from the right one in a scene alone that recordings do not exclude.
 
-    Places and rotations of objects, in the world and seen from each other, lie within what recordings show, widened by
-    its width / (N - 1) at either end: the unbiased estimate of the range of which N values were drawn evenly. No object
-    is where a recording has it to 0.01 mm, which no measurement repeats.
+    Places and rotations of objects, in the world and seen from each other, and their distances lie within what
+    recordings show, widened by its width / (N - 1) at either end: the unbiased estimate of the range of which N values
+    were drawn evenly. No object is where a recording has it to 0.01 mm, which no measurement repeats.
     """
     if sent.recordings is not right.recordings or _said(sent) != _said(right):
         return False
@@ -53,7 +53,7 @@ def _repeats(asked: Poses, shown: Poses, right: Poses) -> bool:
 
 
 def _quantities(poses: Poses, origin: Poses) -> Array:
-    """Return (K,) places and rotations, the latter from those of `origin`, and places of objects seen from others."""
+    """Return (K,) places, rotations from those of `origin`, and places and distances of objects seen from others."""
     turns = [Rotation.identity() if p.quaternion_xyzw is None else Rotation.from_quat(p.quaternion_xyzw) for p in poses]
     first = [
         Rotation.identity() if p.quaternion_xyzw is None else Rotation.from_quat(p.quaternion_xyzw) for p in origin
@@ -62,5 +62,5 @@ def _quantities(poses: Poses, origin: Poses) -> Array:
     found += [(old.inv() * turn).as_rotvec() for old, turn in zip(first, turns, strict=True)]
     for one, other in permutations(range(len(poses)), 2):
         away_m = poses[one].position_m - poses[other].position_m
-        found += [away_m, turns[other].inv().apply(away_m)]
+        found += [away_m, turns[other].inv().apply(away_m), np.linalg.norm(away_m, keepdims=True)]
     return np.concatenate(found)

@@ -13,14 +13,21 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.places import places_by_object, spread_m
-from app.pipeline.findings.recording_ends import PRESSING, PUTTING, TAKING, Recorded, backwards_findings, end_faults
+from app.pipeline.findings.recording_ends import (
+    FETCHING,
+    PRESSING,
+    PUTTING,
+    TAKING,
+    Recorded,
+    backwards_findings,
+    end_faults,
+)
 from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
 
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
-FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
 PART_M = 0.02  # spread of the places at which hands act on one part of an object
 
 UNHELD = (

@@ -15,6 +15,7 @@ from roboprompt_client.types.arrays import Array
 # The first words of verbs, see `app.pipeline.order.verbs`
 PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
 TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
+FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
 HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed
 PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
 REACHING = frozenset({"reach", "approach"})  # done once the hand is near
@@ -64,7 +65,8 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
         return TAKES_NOWHERE
     carries = hand.ends_holding and verb not in TAKING
     comes = (hand.nearest_m > ACTED_M and len(hand.acts) < DONE_ACTS) or (hand.still_comes and not hand.acts)
-    return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or comes) else None
+    has_acted = verb in FETCHING and hand.slides
+    return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or (comes and not has_acted)) else None
 
 
 def _end_complete(pairs: Sequence[Recorded]) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.adversary.objects import in_question, lifted, lying, shifted, swapped
+from benchmarks.adversary.objects import in_question, lifted, lying, shifted, swapped, taken_for_another
 from benchmarks.adversary.recordings import gripper_inverted, in_half
 from benchmarks.adversary.undetectable import undetectable
 from benchmarks.adversary.whole import declared_round, scene_of_a_recording
@@ -27,6 +27,7 @@ def right():
     [
         (in_question(shifted(0.02, 0.03)), True),
         (in_question(swapped), True),
+        (in_question(taken_for_another), False),
         (in_question(shifted(0.5, 0.6)), False),
         (in_question(lifted(0.02, 0.06)), False),
         (in_question(lying), False),
