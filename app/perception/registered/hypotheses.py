@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.perception.registered.depth_view import Index
+from app.perception.registered.depth_view import Index, lengths
 from app.perception.registered.icp import ALL_FREE, COARSE_M, FINAL_M, FINE_M, UPRIGHT, Poses, about_z, icp
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import same_color, score
@@ -127,9 +127,10 @@ def _ranked(template: Template, lit: LitScene, index: Index, poses: Poses) -> Se
 def slid(template: Template, lit: LitScene, index: Index, best: Hypothesis) -> Hypothesis:
     """Return an upright pose, moved to where the points `index` and the images agree with its ends, too.
 
-    ICP leaves it where it started along its surfaces: their points fit anywhere on them.
+    ICP leaves it where it started along its surfaces: their points fit anywhere on them. What ICP takes back is
+    decided by surfaces, and so is a round object's place.
     """
-    if best.evidence is None:
+    if best.evidence is None or template.yaw_symmetry_deg == 0:
         return best
     index = np.random.default_rng(0).permutation(index)
     many, points_m = index[:MANY], lit.scene.points_m
@@ -137,8 +138,9 @@ def slid(template: Template, lit: LitScene, index: Index, best: Hypothesis) -> H
     for _ in range(MAX_SLIDES):
         poses = moved(best.pose, step_m * np.concatenate([step * HEADINGS for step in STEPS]))
         poses = _at_height(template, lit, icp(template, poses, points_m[many], FINAL_M, lab=lit.lab[many]))
-        first = _ranked(template, lit, index[:MOST], poses)[0]
-        if first.value <= best.value:
+        poses = poses[lengths(poses.origins_m - best.origin_m) > step_m / 2]
+        first = max((best, *_ranked(template, lit, index[:MOST], poses)), key=lambda item: item.value)
+        if first is best:
             break
         best = first
     return best
