@@ -137,7 +137,7 @@ def test_an_object_seen_elsewhere_in_recordings_that_the_scene_separates_by_chan
 
     def seen_elsewhere(item):
         cube, plate = item.demonstration.objects
-        objects = (replace(cube, position_m=cube.position_m + (0.0, 0.1, 0.0)), plate)
+        objects = (replace(cube, position_m=cube.position_m + np.array([0.0, 0.1, 0.0])), plate)
         return replace(item, demonstration=replace(item.demonstration, objects=objects))
 
     by_x = sorted(map(put, range(30, 60)), key=lambda item: float(item.demonstration.objects[1].position_m[0]))
