@@ -143,6 +143,14 @@ class ActingRow:
                 causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
         return causes
 
+    def places_in_two_m(self) -> float:
+        """Return the distance between two clusters of places where the hand itself acts; 0 for one cluster."""
+        row, least_m = self.row, rules.SCATTER_OF_PLACES_IN_TWO.levels["danger"]
+        clusters = None if self.loosely else two_ways(row.unturned, least_m=least_m)
+        if clusters is None:
+            return 0.0
+        return float(np.linalg.norm(row.offsets_m[clusters].mean(axis=0) - row.offsets_m[~clusters].mean(axis=0)))
+
     def hands_in_two_deg(self) -> float:
         """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""
         row = self.row
@@ -215,6 +223,12 @@ def _no_common_center(item: ActingRow) -> Iterator[Cause]:
         " the scenes. Delete the wrong ones, or send that object."
     )
     yield rules.SCATTER_OF_A_THIRD, off_m, message
+    two_m = item.places_in_two_m()
+    message = (
+        f"Where {item.text}, they do so at two places, {100 * two_m:.1f} cm apart, and their center is at neither. Check"
+        " whether some have another tool, base frame or calibration; delete the wrong ones."
+    )
+    yield rules.SCATTER_OF_PLACES_IN_TWO, two_m, message
     explained_m, cause = item.explained_m()
     message = (
         f"Where {item.text}, they are up to {100 * explained_m:.1f} cm from their center, and {cause} explains it: this"

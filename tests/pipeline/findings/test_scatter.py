@@ -82,6 +82,28 @@ def test_two_turns_of_the_hand_are_not_averaged(between_deg, dangers):
     assert sum(finding.severity == "danger" for finding in found(group)) == dangers
 
 
+def in_two_places(apart_m, number, noise_m, seed):
+    """Grasps of a cube, half of which are so far beside the others."""
+    random, group = np.random.default_rng(seed), []
+    for k in range(number):
+        cube_m = np.array([*random.uniform(-0.2, 0.2, 2), 0.8])
+        at_m = cube_m + np.array([apart_m * (k % 2), 0, 0]) + random.normal(0, noise_m, 3)
+        rows = [action(at_m + np.array([0, 0, up_m]), gripper_open=up_m > 0) for up_m in (0.1, 0)]
+        group.append(demonstration(INSTRUCTION, (pose("cube", cube_m, float(random.uniform(-40, 40))),), rows))
+    return group
+
+
+@pytest.mark.parametrize(("apart_m", "dangers"), [(0.0, 0), (0.015, 0), (0.03, 1), (0.04, 1)])
+def test_two_places_of_a_grasp_are_not_averaged(apart_m, dangers):
+    findings = found(in_two_places(apart_m, 10, 0.002, seed=0))
+    assert [finding.severity for finding in findings].count("danger") == dangers
+
+
+def test_noise_is_seldom_taken_for_two_places():
+    alarms = [found(in_two_places(0.0, number, 0.01, seed)) for number in (6, 10) for seed in range(15)]
+    assert sum("two places" in finding.message for findings in alarms for finding in findings) <= 1
+
+
 def test_what_is_let_go_may_come_down_anywhere():
     (finding,) = found(shown(0.05, before=False))
     assert finding.severity == "warning"
