@@ -144,7 +144,7 @@ def test_the_papers_format_asks_for_a_whole_instruction_at_once(taught):
 
 
 def test_actions_come_while_the_reply_arrives(taught):
-    items, error = streamed(taught(RELATIVE, delay_s=0.002))
+    items, error = streamed(taught(RELATIVE, delay_s=0.02))
     assert error is None
     assert [type(item) for item in items] == [PredictedAction] * 3 + [Prediction]
     assert items[-1].reply.actions == items[:3]
