@@ -62,5 +62,5 @@ def _quantities(poses: Poses, origin: Poses) -> Array:
     found += [(old.inv() * turn).as_rotvec() for old, turn in zip(first, turns, strict=True)]
     for one, other in permutations(range(len(poses)), 2):
         away_m = poses[one].position_m - poses[other].position_m
-        found += [away_m, turns[other].inv().apply(away_m), np.linalg.norm(away_m, keepdims=True)]
+        found += [away_m, turns[other].inv().apply(away_m), np.array([np.linalg.norm(away_m)])]
     return np.concatenate(found)

@@ -225,8 +225,8 @@ def _no_common_center(item: ActingRow) -> Iterator[Cause]:
     yield rules.SCATTER_OF_A_THIRD, off_m, message
     two_m = item.places_in_two_m()
     message = (
-        f"Where {item.text}, they do so at two places, {100 * two_m:.1f} cm apart, and their center is at neither. Check"
-        " whether some have another tool, base frame or calibration; delete the wrong ones."
+        f"Where {item.text}, they do so at two places, {100 * two_m:.1f} cm apart, and their center is at neither."
+        " Check whether some have another tool, base frame or calibration; delete the wrong ones."
     )
     yield rules.SCATTER_OF_PLACES_IN_TWO, two_m, message
     explained_m, cause = item.explained_m()
