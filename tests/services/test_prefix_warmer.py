@@ -91,7 +91,7 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
 
 
 def test_uploads_in_a_row_are_read_ahead_once(store, monkeypatch):
-    monkeypatch.setattr(warm, "DEBOUNCE_S", 1.0)  # longer than any upload takes
+    monkeypatch.setattr(warm, "DEBOUNCE_S", 3.0)  # longer than any upload takes
 
     async def scenario():
         model = SlowModel()
