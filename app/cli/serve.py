@@ -5,7 +5,7 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from functools import cache
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -112,7 +112,11 @@ def _extract_chunk(settings: Settings, records: Sequence[EpisodeRecord], wanted:
     return extract_all_again(_opened_store(settings), records, wanted)
 
 
-@cache
+_stores: dict[Path, Store] = {}  # of a worker, by data folder
+
+
 def _opened_store(settings: Settings) -> Store:
     """Return the worker's own store; it ends with its process."""
-    return open_store(settings)
+    if settings.data not in _stores:
+        _stores[settings.data] = open_store(settings)
+    return _stores[settings.data]

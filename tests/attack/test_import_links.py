@@ -202,10 +202,10 @@ def test_a_video_that_is_a_list_of_other_files(tmp_path, kind):
         stream.width, stream.height = 64, 48
         container.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((48, 64, 3), 42, np.uint8))))
         container.mux(stream.encode())
-    info = Info("v2.1", 10.0, {"seen": {"dtype": "video"}}, "", "{video_key}.mp4", 1000)
+    info = Info(tmp_path, "v2.1", 10.0, {"seen": {"dtype": "video"}}, "", "{video_key}.mp4", 1000)
     place = Place(0, 1, None, tmp_path, None, {})
     (tmp_path / "seen.mp4").write_text(PLAYLISTS[kind])
     with pytest.raises(DamagedError, match=r"seen\.mp4: cannot be decoded"):
-        first_image(tmp_path, info, place, Budget(tmp_path, OPTIONS.limits), "seen")
+        first_image(info, place, Budget(tmp_path, OPTIONS.limits), "seen")
     (tmp_path / "seen.mp4").write_bytes((tmp_path / "secret.mp4").read_bytes())
-    assert first_image(tmp_path, info, place, Budget(tmp_path, OPTIONS.limits), "seen").startswith(b"\x89PNG")
+    assert first_image(info, place, Budget(tmp_path, OPTIONS.limits), "seen").startswith(b"\x89PNG")
