@@ -112,7 +112,7 @@ def _extract_chunk(settings: Settings, records: Sequence[EpisodeRecord], wanted:
     return extract_all_again(_opened_store(settings), records, wanted)
 
 
-_stores: dict[Path, Store] = {}  # of a worker, by data folder
+_stores: dict[Path, Store] = {}  # of a worker, by data folder: settings cannot be hashed
 
 
 def _opened_store(settings: Settings) -> Store:

@@ -1,7 +1,7 @@
 """Parts of a task's settings: where actions may lie, how keyframes are found, what the hand keeps out of, the arm."""
 
 from functools import lru_cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
@@ -111,7 +111,7 @@ class KeepOutBox(_Settings):
 
 
 ArmModel = Literal["panda", "fr3"]  # with a Franka Hand
-KINDS_OF_ARM = NAMED_ARM, OWN_ARM = "named arm", "own arm"
+KINDS_OF_ARM = NAMED_ARM, OWN_ARM = "<named arm>", "<own arm>"  # no name of an object or task has these characters
 
 
 class UrdfArm(_Settings):
@@ -140,7 +140,18 @@ def _kind_of_arm(value: object) -> str:
     return OWN_ARM if isinstance(value, dict | UrdfArm) else NAMED_ARM
 
 
-Arm = Annotated[Annotated[ArmModel, Tag(NAMED_ARM)] | Annotated[UrdfArm, Tag(OWN_ARM)], Discriminator(_kind_of_arm)]
+def _known_arm(value: object) -> object:
+    if _kind_of_arm(value) == NAMED_ARM and value not in get_args(ArmModel):
+        valid = f"{', '.join(get_args(ArmModel))}, null, or an object with urdf, frame and ready"
+        raise InvalidInputError("arm", f"is {value!r:.40}", valid)
+    return value
+
+
+Arm = Annotated[
+    Annotated[ArmModel, Tag(NAMED_ARM)] | Annotated[UrdfArm, Tag(OWN_ARM)],
+    Discriminator(_kind_of_arm),
+    BeforeValidator(_known_arm),
+]
 
 
 @lru_cache(64)

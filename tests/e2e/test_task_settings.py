@@ -93,11 +93,16 @@ def test_a_change_of_an_older_version_is_refused(http):
         client.configure_task("shared", version=version, num_demonstrations=5)
 
 
+def test_a_refusal_names_an_object_that_is_called_as_a_kind_of_arm(http):
+    answer = http.put("/tasks/by urdf", json={"aliases": {"own arm": 3}})
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "aliases.own arm")
+
+
 @pytest.mark.parametrize(
     ("arm", "field", "said"),
     [
-        ("ur5", "arm", "'panda' or 'fr3'"),
-        (7, "arm", "'panda' or 'fr3'"),
+        ("ur5", "arm", "panda, fr3, null, or an object with urdf, frame and ready"),
+        (7, "arm", "panda, fr3, null, or an object"),
         (ur5e(ready=[0.0]), "arm.ready", "6: shoulder_pan_joint"),
         (ur5e(ready=[0, 0, 4, 0, 0, 0]), "arm.ready", "-3.14159 to 3.14159 rad"),
         (ur5e(ready="home"), "arm.ready", "a list"),

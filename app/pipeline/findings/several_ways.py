@@ -44,9 +44,10 @@ def ways_findings(
     more = more_strokes([hand.reversals for hand in hands]) if hands else None
     if more is not None:
         alike = [replace(shown, plan=int(makes_more)) for shown, makes_more in zip(alike, more, strict=True)]
-    parted = parting(alike)
-    if words_decide(alike) or parted is not None:
-        yield from () if parted is None or declared else _beside_findings(parted, hands)
+    if words_decide(alike):
+        return
+    if (parted := parting(alike)) is not None:
+        yield from () if declared else _beside_findings(parted, hands)
         return
     by_strokes = [tuple(shown for shown in alike if shown.plan == plan) for plan in (0, 1)]
     ways = _distinct_ways(usual_ways(alike), round_objects) if more is None else by_strokes
