@@ -140,13 +140,15 @@ def test_prompts_that_are_read_beforehand_are_those_of_the_most_usual_plans():
     assert tuple(shown.id for shown in chooser(scene(170)).shown) in likely
 
 
-def test_choosing_among_a_hundred_demonstrations_takes_less_than_half_a_millisecond():
+def test_what_plans_depend_on_is_found_once_and_not_for_each_scene():
+    started_s = time.process_time()
     chooser = PlanChooser(taught(np.linspace(-179, 180, 100)))
     chooser(scene(0))
-    started_s = time.process_time()
+    compared_s = time.process_time() - started_s
     for yaw_deg in range(100):
         chooser(scene(yaw_deg))
-    assert (time.process_time() - started_s) / 100 < 0.5e-3
+    chosen_s = (time.process_time() - started_s - compared_s) / 100
+    assert chosen_s < compared_s / 100
 
 
 def test_two_hundred_demonstrations_of_thirty_plans_are_compared_within_seconds():
