@@ -24,7 +24,11 @@ const states = new WeakMap();
 const plus = (point, along, length) => point.map((value, k) => value + length * along[k]);
 const meters = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} m`;
 
-/** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
+/**
+ * Draw `scene` into `place`, over what was there; the view that a person turned it to stays.
+ * `scene.over`, if given, is called with each new projection, for what stands over the drawing; with `scene.isHeld` the
+ * scale stays, however far its boxes reach.
+ */
 export function drawScene(place, scene) {
   if (!states.has(place)) prepare(place, scene.points);
   const state = states.get(place);
@@ -56,7 +60,8 @@ function prepare(place, points) {
   const state = { view: new View(), scene: null, moment: null, beside: null, cloud: null, isChosen: false };
   state.redraw = () => paint(place, state);
   states.set(place, state);
-  place.replaceChildren();
+  state.drawing = element("div", { className: "drawing" });
+  place.replaceChildren(state.drawing);
   place.tabIndex = 0;
   steer(place, state.view, state.redraw);
   new ResizeObserver(state.redraw).observe(place);
@@ -116,7 +121,8 @@ function paint(place, state) {
   const { view, shows, scene } = state;
   const [width, height] = [place.clientWidth, place.clientHeight];
   if (!scene || !width || !height) return;
-  const room = bounds(scene, shows);
+  if (!scene.isHeld) state.room = bounds(scene, shows);
+  const { room } = state;
   const corners = CORNERS.map((corner) => corner.map((side, k) => (side > 0 ? room.max : room.min)[k]));
   const projection = view.projection(corners, width, height);
   const write = writer(width, height);
@@ -124,7 +130,7 @@ function paint(place, state) {
   state.moving = svg("svg", { class: "moving", viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
   const cloud = state.cloud ? [element("canvas", { width, height, ariaHidden: "true" })] : [];
   if (state.cloud) paintPoints(cloud[0], state.cloud, projection);
-  place.replaceChildren(
+  state.drawing.replaceChildren(
     ...cloud,
     svg(
       "svg",
@@ -146,6 +152,7 @@ function paint(place, state) {
     state.moving,
   );
   paintMoment(state);
+  scene.over?.(projection);
 }
 
 /** What the view has room for: the whole workspace, or where something is done. */

@@ -1,19 +1,59 @@
 // A task's settings: what would change is listed and drawn before it is applied; what was changed can be undone.
 
 import { call, root } from "./api.js";
+import { mountHandles } from "./box_handles.js";
 import { attempt, byId, confirmed, data, element, say } from "./dom.js";
 import { numbers, wrong } from "./fields.js";
 import { drawScene } from "./scene3d.js";
 
 const form = byId("settings");
+const view = byId("space-view");
 const scene = data("scene");
 const stored = data("stored");
 
 const CLICK_PX = 4; // a longer way of the pointer turns the view
+const NEW_BOX_M = 0.1; // its edges
 
 let urdf = stored.arm?.urdf ?? "";
 
 const point = (input, field) => numbers(input.value, field, 3);
+const groups = () => [...form.querySelectorAll(".box")];
+const ends = (group) => ({ min: group.querySelector("[name=low]"), max: group.querySelector("[name=high]") });
+const boxOf = (group) => ({ min: point(ends(group).min, "keep_out.min"), max: point(ends(group).max, "keep_out.max") });
+const ownWorkspace = () => ({ min: point(form.elements.min, "workspace.min"), max: point(form.elements.max, "workspace.max") });
+
+/** What `read` returns as the only item of a list, which is empty if the form says something unreadable there. */
+function readable(read) {
+  try {
+    return [read()];
+  } catch {
+    return [];
+  }
+}
+
+let held = groups()[0]; // the group of the box whose handles are shown
+
+/** The box to move, if its numbers can be read. */
+function chosenBox() {
+  const number = groups().indexOf(held) + 1;
+  const [box] = number ? readable(() => boxOf(held)) : [];
+  return box ? { ...box, name: `Box ${number}` } : null;
+}
+
+const showHandles = mountHandles(view, chosenBox, (side, k, value_m, isHeld) => {
+  const input = ends(held)[side];
+  const values = point(input, "keep_out");
+  values[k] = value_m;
+  input.value = values.join(" ");
+  look(isHeld);
+});
+
+/** Draw what can be read. */
+function draw(isChanged, isHeld) {
+  const boxes = groups().flatMap((group) => readable(() => boxOf(group)));
+  const [workspace = scene.workspace] = form.elements.preset.value ? [] : readable(ownWorkspace);
+  drawScene(view, { ...scene, workspace, boxes, whole: isChanged || boxes.length > 0, over: showHandles, isHeld });
+}
 
 /** The arm that the form says, its members in the service's order. */
 function wantedArm({ arm, frame, base, ready }) {
@@ -24,18 +64,14 @@ function wantedArm({ arm, frame, base, ready }) {
 
 /** The settings that the form says, in the API's words. Throws ProblemError for what cannot be read. */
 function wanted() {
-  const { robot_base, preset, min, max, num_demonstrations } = form.elements;
-  const box = preset.value ? { preset: preset.value } : { min: point(min, "workspace.min"), max: point(max, "workspace.max") };
-  const boxes = [...form.querySelectorAll(".box")].map((group) => ({
-    min: point(group.querySelector("[name=low]"), "keep_out.min"),
-    max: point(group.querySelector("[name=high]"), "keep_out.max"),
-  }));
+  const { robot_base, preset, num_demonstrations } = form.elements;
+  const boxes = groups().map(boxOf);
   const words = (input) => input.value.split(",").map((word) => word.trim()).filter(Boolean);
   const named = [...form.querySelectorAll("[name=alias]")].map((input) => [input.dataset.object, words(input)]);
   return {
     arm: wantedArm(form.elements),
     robot_base: point(robot_base, "robot_base"),
-    workspace: box,
+    workspace: preset.value ? { preset: preset.value } : ownWorkspace(),
     motion_limits: { keep_out: boxes },
     aliases: Object.fromEntries(named.filter(([, others]) => others.length)),
     num_demonstrations: num_demonstrations.valueAsNumber,
@@ -50,8 +86,8 @@ function changes(after) {
 const short = (name, value) => (name === "urdf" ? `${value.length} characters` : value);
 const text = (value) => JSON.stringify(value, short).replaceAll('"', "").replaceAll(",", ", ");
 
-/** List what would change, and draw it. */
-function look() {
+/** List what would change, and draw it; `isHeld` while a box is dragged. */
+function look(isHeld = false) {
   const { preset, min, max, arm } = form.elements;
   byId("own-arm").hidden = arm.value !== "urdf";
   for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
@@ -64,10 +100,9 @@ function look() {
     );
     byId("changes").replaceChildren(...(items.length ? [element("ul", {}, ...items)] : []));
     byId("apply").disabled = !names.length;
-    const workspace = preset.value ? scene.workspace : after.workspace;
-    const boxes = after.motion_limits.keep_out;
-    drawScene(byId("space-view"), { ...scene, workspace, boxes, whole: names.length + boxes.length > 0 });
+    draw(names.length > 0, isHeld);
   } catch (error) {
+    draw(true, isHeld);
     byId("apply").disabled = true;
     const [wrong] = error.problem?.errors ?? [];
     byId("changes").replaceChildren(wrong ? `${wrong.field} ${wrong.message}. Valid: ${wrong.valid}` : String(error));
@@ -98,21 +133,31 @@ byId("history")?.addEventListener("click", async ({ target }) => {
 });
 byId("add").addEventListener("click", () => {
   byId("boxes").append(byId("box").content.cloneNode(true));
-  byId("boxes").lastElementChild.querySelector("input").focus();
+  const group = byId("boxes").lastElementChild;
+  const low = scene.workspace.min.map((value, k) => (k < 2 ? (value + scene.workspace.max[k] - NEW_BOX_M) / 2 : value));
+  ends(group).min.value = low.map((value) => Number(value.toFixed(3))).join(" ");
+  ends(group).max.value = low.map((value) => Number((value + NEW_BOX_M).toFixed(3))).join(" ");
+  ends(group).min.focus();
   look();
 });
 byId("boxes").addEventListener("click", (event) => {
   if (!event.target.matches(".remove")) return;
   event.target.closest(".box").remove();
+  if (!held?.isConnected) [held] = groups();
   byId("add").focus();
   look();
 });
-form.addEventListener("input", look);
+byId("boxes").addEventListener("focusin", ({ target }) => {
+  const group = target.closest(".box");
+  if (group === held) return;
+  held = group;
+  look();
+});
+form.addEventListener("input", () => look());
 byId("urdf").addEventListener("change", async ({ target }) => {
   urdf = (await target.files[0]?.text()) ?? stored.arm?.urdf ?? "";
   look();
 });
-const view = byId("space-view");
 let pressed = { clientX: 0, clientY: 0 };
 view.addEventListener("pointerdown", (event) => (pressed = event));
 view.addEventListener("pointerup", ({ clientX, clientY }) => {
