@@ -7,7 +7,7 @@ from hypothesis import settings
 
 import app.sim  # noqa: F401  it chooses MuJoCo's OpenGL, before a test imports MuJoCo
 
-pytest_plugins = ["tests.postgres", "tests.s3"]
+pytest_plugins = ["tests.postgres", "tests.s3", "tests.stores"]
 
 # The same examples on every run; a slow machine is no failure.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
@@ -28,6 +28,13 @@ ENVIRONMENT = {
 os.environ.update(ENVIRONMENT)
 
 
+def interrupt(number, frame):
+    raise KeyboardInterrupt
+
+
 def pytest_configure():
-    """A shell that starts pytest in the background lets Ctrl-C be ignored, by what the tests start as well."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    """A shell that starts pytest in the background lets Ctrl-C be ignored, by what the tests start as well.
+
+    For a handler of one's own `asyncio.run` puts none of its own in place, whose removal writes the result as text.
+    """
+    signal.signal(signal.SIGINT, interrupt)

@@ -13,14 +13,14 @@ from app.services.container import Services
 from app.services.limits import Limits
 from app.services.predict.ask import question_of
 from app.services.predict.known import KnownReader
-from app.store.store import Store
+from tests.stores import opened
 
 ONE_ACTION = "[[50, 50, 20, 0, 36, 36, 1]]"
 
 
 @pytest.fixture
-def store(tmp_path):
-    store = Store.open(tmp_path)
+def store(tmp_path, migrated_database):
+    store = opened(tmp_path, migrated_database)
     yield store
     store.close()
 

@@ -4,6 +4,7 @@ import pytest
 
 from app.store.store import Store
 from tests.s3 import BUCKET
+from tests.stores import opened
 
 
 @pytest.fixture(params=["sqlite", "postgres"])
@@ -16,17 +17,18 @@ def database_url(request, tmp_path):
 
 
 @pytest.fixture
-def store(tmp_path, database_url):
-    opened = Store.open(tmp_path / "data", database_url)
-    yield opened
-    opened.close()
+def store(tmp_path, database_url, migrated_database):
+    folder = tmp_path / "data"
+    store = opened(folder, migrated_database) if database_url.startswith("sqlite") else Store.open(folder, database_url)
+    yield store
+    store.close()
 
 
 @pytest.fixture
-def sqlite_store(tmp_path):
-    opened = Store.open(tmp_path / "data")
-    yield opened
-    opened.close()
+def sqlite_store(tmp_path, migrated_database):
+    store = opened(tmp_path / "data", migrated_database)
+    yield store
+    store.close()
 
 
 @pytest.fixture

@@ -89,7 +89,7 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
         for name, hand in _grasps(recording):
             pose = recording.demonstration.object(name)
             if pose.quaternion_xyzw is not None and name not in tilted:
-                grasps[name].append(Anchor(name, "o").axes_of(pose).inv() * hand)
+                grasps[name].append(Rotation.from_quat(Anchor(name, "o").axes_of(pose)).inv() * hand)
     for name, hands in grasps.items():
         found = (_of_symmetry(name, _turns_deg(Rotation.concatenate(hands)), each) for each in TURNS_DEG)
         yield from [finding for finding in found if finding is not None][:1]

@@ -20,6 +20,7 @@ from app.pipeline.findings.rules import (
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.order.words import phrase_of
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchor, tilted_objects
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -174,8 +175,7 @@ def _rigid(
 
 def _seen_m(one: ObjectPose, other: ObjectPose, anchor: Anchor) -> Array:
     """Return (3,) the position of one object in the anchor's frame at the other."""
-    seen_m: Array = anchor.axes_of(other).inv().apply(one.position_m - other.position_m)
-    return seen_m
+    return quaternions.rotated(quaternions.inverse(anchor.axes_of(other)), one.position_m - other.position_m)
 
 
 def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:

@@ -70,12 +70,11 @@ class HandPath:
         number = len(self.frames)
         found = np.full((number, number), MAX_DEVIATION)
         np.fill_diagonal(found, 0.0)
-        traveled = self._traveled
         for i in range(number - 1):
             found[i, i + 1] = 0.0
             for start in range(i + 2, number, LOOK_AHEAD):
-                ends = np.arange(start, min(start + LOOK_AHEAD, number))
-                found[i, ends] = self._deviations_from(i, ends, traveled)
+                ends = slice(start, min(start + LOOK_AHEAD, number))
+                found[i, ends] = self._deviations_from(i, ends)
                 if found[i, ends].min() >= MAX_DEVIATION:
                     break
         return found
@@ -84,34 +83,39 @@ class HandPath:
     def bend(self) -> float:
         """The deviation of the whole path from straight motion from its first pose to its last."""
         last = len(self.frames) - 1
-        return float(self._deviations_from(0, np.array([last]), self._traveled)[0]) if last > 1 else 0.0
+        return float(self._deviations_from(0, slice(last, last + 1))[0]) if last > 1 else 0.0
 
     @property
     def turns_round(self) -> bool:
         """Whether the hand turns by more than one motion may."""
         return float(np.linalg.norm(self.rotation_vectors - self.rotation_vectors[0], axis=1).max()) > self.most_turn
 
-    @property
+    @cached_property
+    def _turns(self) -> bool:
+        """Whether it turns at all."""
+        return bool(np.abs(self.rotation_vectors).max() > NO_TURN)
+
+    @cached_property
     def _traveled(self) -> Array:
         """(N,) the path length up to each pose."""
         poses = np.concatenate([self.positions, self.rotation_vectors], axis=1)
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses, axis=0), axis=1))])
 
-    def _deviations_from(self, i: int, ends: Indices, traveled: Array) -> Array:
+    def _deviations_from(self, i: int, ends: slice) -> Array:
         """Return the deviations (E,) of the segments from pose `i` to each of `ends`."""
-        between = np.arange(i + 1, ends[-1])
+        between, traveled = slice(i + 1, ends.stop - 1), self._traveled
         way, gone = self.positions[ends] - self.positions[i], self.positions[between] - self.positions[i]
         length = np.einsum("ek,ek->e", way, way)[:, None]
         along = (gone @ way.T).T / np.maximum(length, 1e-12)  # (E, B)
         by_travel = (traveled[between] - traveled[i]) / np.maximum(traveled[ends] - traveled[i], 1e-12)[:, None]
         progress = np.clip(np.where(length < MIN_SEGMENT**2, by_travel, along), 0, 1)
         squared = np.maximum(_squared_distances(gone, progress, way), length * _gone_back(progress) ** 2)
-        if np.abs(self.rotation_vectors).max() > NO_TURN:
+        if self._turns:
             turn = self.rotation_vectors[ends] - self.rotation_vectors[i]
             turned = self.rotation_vectors[between] - self.rotation_vectors[i]
             squared = np.maximum(squared, _squared_distances(turned, progress, turn))
             squared[np.linalg.norm(turn, axis=1) > self.most_turn, 0] = MAX_DEVIATION**2
-        squared[between[None] >= ends[:, None]] = 0.0
+        squared[~np.tri(*squared.shape, ends.start - i - 2, dtype=bool)] = 0.0  # no pose counts beyond its end
         farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), MAX_DEVIATION)
         return farthest
 

@@ -147,16 +147,16 @@ def robust_center(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
     hands = rotations.as_quat()
     apart_rad = quaternions.angles_rad(hands[:, None], hands)
     medoid = int(apart_rad.sum(axis=1).argmin())
-    mean, alike = rotations[medoid], apart_rad[medoid] <= MAX_AVERAGED_RAD
+    mean, alike = hands[medoid], apart_rad[medoid] <= MAX_AVERAGED_RAD
     if 2 * alike.sum() <= len(alike):
         alike[:] = True
     for _ in range(ITERATIONS):
-        off_m = np.linalg.norm(offsets_m - center_m, axis=1) + M_PER_RAD * (mean.inv() * rotations).magnitude()
+        off_m = np.linalg.norm(offsets_m - center_m, axis=1) + M_PER_RAD * quaternions.angles_rad(mean, hands)
         sigma_m = max(MAD_TO_SIGMA * float(np.median(off_m)), PRECISE_M)
         weights = np.minimum(1.0, HUBER * sigma_m / np.maximum(off_m, 1e-12))
         center_m = weights @ offsets_m / weights.sum()
-        mean = rotations.mean(weights * alike)
-    return center_m, mean
+        mean = np.linalg.eigh((weights * alike * hands.T) @ hands)[1][:, -1]  # Markley et al. 2007, eq. 12
+    return center_m, Rotation.from_quat(mean)
 
 
 def acting_rows(plan: Sequence[PlanRow]) -> list[int]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
@@ -193,5 +194,5 @@ def _at_one_yaw(group: Sequence[Demonstration], own: Anchors) -> bool:
 
     One that is turned exactly alike has no yaw to follow: it is round, or nothing observes how it is turned.
     """
-    axes = anchor_poses(own, group).place_axes
+    axes = Rotation.from_quat(anchor_poses(own, group).place_axes_xyzw)
     return NO_YAW_RAD < float((axes[0].inv() * axes).magnitude().max()) <= ONE_YAW_RAD

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import betaincinv
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchors, in_frame, relative_poses
+from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchors, anchor_poses, hand_poses, in_frame
 from app.pipeline.thresholds import M_PER_RAD, TURNED_M
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -101,9 +101,8 @@ def farthest_m(group: Sequence[Demonstration], anchors: Anchors) -> list[float]:
         alone: list[float] = (np.linalg.norm(offsets_m[0], axis=1) + _oblique_m(Rotation.from_quat(hands[0]))).tolist()
         return alone
     off_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max(axis=2)
-    for k in range(off_m.shape[1]):
-        rotations = Rotation.from_quat(hands[:, k])
-        off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
+    rotations = Rotation.from_quat(hands)
+    off_m += M_PER_RAD * (rotations.mean(axis=0).inv() * rotations).magnitude()
     many = len(group) >= MIN_FOR_QUANTILE
     farthest: list[float] = (np.quantile(off_m, QUANTILE, axis=0) if many else off_m.max(axis=0)).tolist()
     return farthest
@@ -123,8 +122,10 @@ def around(hands_m: Array, k: int) -> list[bool]:
 
 def _relative(group: Sequence[Demonstration], anchors: Anchors) -> tuple[Array, Array]:
     """Return every action relative to the anchors: offsets (N, K, 3) in meters, and rotations (N, K, 4)."""
-    relative = list(map(relative_poses, group, anchors))
-    return np.array([offsets_m for offsets_m, _ in relative]), np.array([hands.as_quat() for _, hands in relative])
+    number = len(group[0].actions)
+    poses_m, hands = hand_poses([action for demonstration in group for action in demonstration.actions])
+    offsets_m, rotations = anchor_poses(anchors, group).each(number).seen(poses_m, hands)
+    return offsets_m.reshape(-1, number, 3), rotations.as_quat().reshape(-1, number, 4)
 
 
 def _rms(off: Array, axis: int) -> Array:

@@ -69,13 +69,13 @@ class Anchor(NamedTuple):
         along = tuple((axis, names.get(name, name)) for axis, name in self.along)
         return self._replace(object_name=names.get(self.object_name, self.object_name), along=along)
 
-    def axes_of(self, pose: ObjectPose) -> Rotation:
-        """The axes of its object at a pose, in the world: for the frame `w` the world's."""
+    def axes_of(self, pose: ObjectPose) -> Array:
+        """(4,) the axes of its object at a pose, in the world: for the frame `w` the world's."""
         if self.frame == "w" or pose.quaternion_xyzw is None:
-            return NOT_TURNED
+            return quaternions.IDENTITY
         if pose.name in self.tilted:
-            return Rotation.from_quat(pose.quaternion_xyzw)
-        return Rotation.from_euler("z", quaternions.yaw_rad(pose.quaternion_xyzw))
+            return pose.quaternion_xyzw
+        return quaternions.about_z(quaternions.yaw_rad(pose.quaternion_xyzw))
 
 
 Anchors = tuple[Anchor, ...]
@@ -110,51 +110,54 @@ class AnchorPose(NamedTuple):
 
     Attributes:
         origin_m: (3,) or (N, 3).
-        place_axes: along which positions are measured.
-        hand_axes: relative to which the hand's rotations are.
+        place_axes_xyzw: (4,) or (N, 4), along which positions are measured.
+        hand_axes_xyzw: (4,) or (N, 4), relative to which the hand's rotations are.
     """
 
     origin_m: Array
-    place_axes: Rotation
-    hand_axes: Rotation
+    place_axes_xyzw: Array
+    hand_axes_xyzw: Array
 
     @classmethod
     def stacked(cls, poses: Iterable["AnchorPose"]) -> "AnchorPose":
         """Return N anchors as one."""
-        origins_m, place_axes, hand_axes = zip(*poses, strict=True)
-        return cls(np.array(origins_m), Rotation.concatenate(place_axes), Rotation.concatenate(hand_axes))
+        return cls(*map(np.array, zip(*poses, strict=True)))
+
+    def each(self, number: int) -> "AnchorPose":
+        """Return N anchors with each of them `number` times."""
+        return AnchorPose(*(np.repeat(of_all, number, axis=0) for of_all in self))
 
     def seen(self, positions_m: Array, hands: Rotation) -> tuple[Array, Rotation]:
         """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor.
 
         K poses of one anchor, or one pose of each of K anchors.
         """
-        offsets_m: Array = self.place_axes.inv().apply(positions_m - self.origin_m)
-        return offsets_m, self.hand_axes.inv() * hands
+        offsets_m: Array = Rotation.from_quat(self.place_axes_xyzw).apply(positions_m - self.origin_m, inverse=True)
+        return offsets_m, Rotation.from_quat(self.hand_axes_xyzw).inv() * hands
 
     def placed(self, offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
         """Return poses of the hand in the world frame; the inverse of `seen`."""
-        positions_m: Array = self.origin_m + self.place_axes.apply(offsets_m)
-        return positions_m, self.hand_axes * rotations
+        positions_m: Array = self.origin_m + Rotation.from_quat(self.place_axes_xyzw).apply(offsets_m)
+        return positions_m, Rotation.from_quat(self.hand_axes_xyzw) * rotations
 
 
 def anchor_pose(anchor: Anchor, scene: Query) -> AnchorPose:
     """Return the pose of an anchor in a scene; a scene without `start` has none of the anchor `start`."""
     if anchor.frame == "world":
-        return AnchorPose(np.zeros(3), NOT_TURNED, NOT_TURNED)
+        return AnchorPose(np.zeros(3), quaternions.IDENTITY, quaternions.IDENTITY)
     if anchor.frame == "start":
         assert scene.start is not None
-        return AnchorPose(scene.start.position_m, NOT_TURNED, NOT_TURNED)
+        return AnchorPose(scene.start.position_m, quaternions.IDENTITY, quaternions.IDENTITY)
     pose = scene.object(anchor.object_name)
     own = anchor.axes_of(pose)
-    place_axes, hand_axes = (own if turns else NOT_TURNED for turns in (anchor.place_turns, anchor.hand_turns))
+    axes = (own if turns else quaternions.IDENTITY for turns in (anchor.place_turns, anchor.hand_turns))
     origin_m = pose.position_m
     if anchor.along:
         origin_m = origin_m.copy()
         for axis, name in anchor.along:
             other_m = scene.object(name).position_m[axis] if name else 0.0
             origin_m[axis] += (anchor.tenths / 10 if name else 1.0) * (other_m - origin_m[axis])
-    return AnchorPose(origin_m, place_axes, hand_axes)
+    return AnchorPose(origin_m, *axes)
 
 
 def anchor_poses(anchors: Anchors, scenes: Sequence[Query]) -> AnchorPose:

@@ -139,7 +139,7 @@ class Part:
             pose = anchor_pose(action.spot.anchor._replace(object_name=object_name), at)
             if action.spot.keeps:
                 assert hand is not None
-                pose = pose._replace(hand_axes=Rotation.from_quat(hand.quaternion_xyzw))
+                pose = pose._replace(hand_axes_xyzw=hand.quaternion_xyzw)
             position_m, rotation = pose.placed(action.offset_m, Rotation.from_quat(action.rotation_xyzw))
             hand = EndEffectorAction(position_m, rotation.as_quat(canonical=True), action.gripper_open)
             yield hand

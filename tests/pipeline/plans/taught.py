@@ -1,6 +1,7 @@
 """Demonstrations of one plan as people record them: no two alike."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -46,6 +47,7 @@ def picks(seed, move=flowing):
     return motion, (cube, plate)
 
 
+@cache
 def picked(seed, **how):
     """The same, recorded at one of several rates."""
     return recording(*picks(seed, **how), hz=np.random.default_rng(seed).choice([10, 15, 20, 30]))
