@@ -115,7 +115,8 @@ class HandPath:
             turned = self.rotation_vectors[between] - self.rotation_vectors[i]
             squared = np.maximum(squared, _squared_distances(turned, progress, turn))
             squared[np.linalg.norm(turn, axis=1) > self.most_turn, 0] = MAX_DEVIATION**2
-        squared[~np.tri(*squared.shape, ends.start - i - 2, dtype=bool)] = 0.0  # no pose counts beyond its end
+        before_end = np.tri(len(way), len(gone), ends.start - i - 2, dtype=bool)
+        squared[~before_end] = 0.0
         farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), MAX_DEVIATION)
         return farthest
 

@@ -144,12 +144,12 @@ def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
 
 
 def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
-    """Return whether grasps and releases are the same relative to their anchors."""
+    """Return whether grasps and releases are the same relative to their anchors; false if there are none."""
     acting = [replace(shown, actions=tuple(shown.actions[k] for k in shown.switches)) for shown in demonstrations]
-    if len({tuple(action.gripper_open for action in shown.actions) for shown in acting}) > 1:
+    grips = {tuple(action.gripper_open for action in shown.actions) for shown in acting}
+    if len(grips) > 1 or grips == {()}:
         return False
-    rows = plan_rows(acting)
-    return bool(rows) and all(row.off_deg.max() <= SAME_ACT_DEG and row.off_m.max() <= SAME_ACT_M for row in rows)
+    return all(row.off_deg.max() <= SAME_ACT_DEG and row.off_m.max() <= SAME_ACT_M for row in plan_rows(acting))
 
 
 def _separation(
