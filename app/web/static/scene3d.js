@@ -2,7 +2,7 @@
 // arithmetic, because WebGL stands still for seconds where a browser draws it in software, as over a remote desktop.
 
 import { element, svg } from "./dom.js";
-import { arm, gripper } from "./hand3d.js";
+import { gripper, links } from "./hand3d.js";
 import { loadPoints, paintPoints } from "./points3d.js";
 import { View, steer, text } from "./view3d.js";
 
@@ -53,7 +53,11 @@ export function showMoment(place, moment, beside = null) {
 function paintMoment({ moving, projection, moment, beside, scene }) {
   const hands = [[beside, "beside"], [moment, "hand"]].filter(([shown]) => shown);
   const objects = (moment?.objects ?? []).map((item, k) => ({ ...scene.objects[k], ...item }));
-  moving.replaceChildren(...inOrder(objects, projection).flatMap((item) => solid(item, projection)), ...(moment?.arm ? [arm(moment.arm, projection)] : []), ...hands.map(([shown, name]) => gripper(shown, projection, name)));
+  const bodies = inOrder([...objects, ...links(moment?.arm ?? [], projection)], projection);
+  moving.replaceChildren(
+    ...bodies.flatMap((item) => item.node ?? solid(item, projection)),
+    ...hands.map(([shown, name]) => gripper(shown, projection, name)),
+  );
 }
 
 function prepare(place, points) {
