@@ -39,8 +39,10 @@ class PlacedRow:
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """Return an action's offset (3,) in meters along the anchor's axes, and its rotation (4,) relative to them."""
-        offset_m, rotation = self.pose.seen(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
-        return offset_m, rotation.as_quat(canonical=True)
+        # For one pose floats take a tenth of the time that scipy's Rotation takes.
+        to_place, to_hand = map(quaternions.inverse, (self.pose.place_axes_xyzw, self.pose.hand_axes_xyzw))
+        offset_m = quaternions.rotated(to_place, action.position_m - self.pose.origin_m)
+        return offset_m, quaternions.canonical(quaternions.product(to_hand, action.quaternion_xyzw))
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """Return the distance of an action from the row's center, in meters and degrees."""
