@@ -10,13 +10,14 @@ from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes,
 from app.pipeline.findings.exchanged_names import exchanged_findings
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.gripper import dropping_findings, hand_findings
-from app.pipeline.findings.hand import RecordedHand, path_findings
+from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.outliers import (
     answer_findings,
     elsewhere_findings,
     off_plans_m,
     prompt_findings,
 )
+from app.pipeline.findings.path_kept import path_findings
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings

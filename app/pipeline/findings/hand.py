@@ -1,24 +1,20 @@
 """The hand of a recording: gripper switches, ends, speeds and reversals, which keyframes do not show."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings import Finding
-from app.pipeline.findings.demonstrated_scenes import distances_m
-from app.pipeline.findings.rules import PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
-from app.pipeline.keyframes import Motion, manner_of
+from app.pipeline.findings.path_kept import Kept
+from app.pipeline.keyframes import Motion
 from app.pipeline.keyframes.motion import BLIP_S, Switch
-from app.pipeline.keyframes.resting import path_left_m
-from app.pipeline.thresholds import M_PER_RAD, WAY_SHARE
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
-NEVER_M = 1.0  # the distance from a switch that no action makes
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 END_S = 0.2  # a moving hand leaves its place within this time
@@ -32,47 +28,6 @@ LEAP_M, LEAP = 0.10, 4.0  # a step longer than this, and so many times as long a
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.
 CERTAIN, POSSIBLE = (0.04, -0.8), (0.015, -0.3)
-
-
-class Kept(NamedTuple):
-    """How far actions are from a recording.
-
-    Attributes:
-        missed_m: from the places where the hand acts.
-        left_m: of the path through them from the recorded one, where the hand moves.
-    """
-
-    missed_m: float
-    left_m: float
-
-
-def kept(motion: Motion, actions: Sequence[EndEffectorAction], delta_rad_s: float) -> Kept:
-    """Return how far at least one action is from a recording; an arm slower than `delta_rad_s` rests."""
-    return Kept(missed_m(motion, actions), path_left_m(motion, manner_of(motion, delta_rad_s), actions))
-
-
-def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:
-    """Return the distance of the actions from where the recorded hand acts; of several places, the farthest.
-
-    The hand acts where the gripper switches; the nearest action with the same gripper state counts. Without a switch it
-    acts at its lowest place, which the straight path from action to action may pass.
-
-    Args:
-        actions: at least one.
-    """
-    positions_m = motion.trajectory.positions_m
-    if not motion.acting_switches:
-        lowest_m = positions_m[int(positions_m[:, 2].argmin())]
-        way_m = np.array([positions_m[0], *(action.position_m for action in actions)])
-        return float(distances_m(way_m, lowest_m).min())
-    return max(
-        min(off_from_m(positions_m[frame], opens, a) for a in actions) for frame, opens in motion.acting_switches
-    )
-
-
-def off_from_m(place_m: Array, is_open: bool, action: EndEffectorAction) -> float:
-    """Return the distance of an action from a place; `NEVER_M` for another gripper state."""
-    return float(np.linalg.norm(action.position_m - place_m)) if action.gripper_open == is_open else NEVER_M
 
 
 class Act(NamedTuple):
@@ -240,32 +195,3 @@ def _gets_on_m_s(motion: Motion) -> float:
     first = min(int(np.searchsorted(times_s, times_s[-1] - END_S)), max(len(times_s) - 2, 0))
     way_m = float(np.linalg.norm(positions_m[-1] - positions_m[first]))
     return way_m / max(float(times_s[-1] - times_s[first]), 1e-9)
-
-
-def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
-    """Yield a finding if actions miss where hands act, or leave their path, in more than a third of the recordings.
-
-    An object that is not lifted is dragged, and may pull others along.
-    """
-    if not paths:
-        return
-    rare = int(WAY_SHARE * len(paths))
-    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
-    remedy = (
-        "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01. If they already are, the"
-        " motion has more corners than a reply has actions: teach its parts as separate tasks."
-    )
-    if PATH_NOT_KEPT.severity(missed_m) is not None:
-        number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
-        message = (
-            f"In {number} of {len(paths)} recordings no keyframe is where the hand grasps, releases or is lowest:"
-            f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
-        )
-        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
-    elif PATH_NOT_KEPT_BETWEEN.severity(left_m) is not None:
-        number = sum(PATH_NOT_KEPT_BETWEEN.severity(path.left_m) is not None for path in paths)
-        message = (
-            f"In {number} of {len(paths)} recordings the hand leaves the straight path from action to action by"
-            f" {100 * left_m:.1f} cm: a lift, or a path around an object, may be lost. {remedy}"
-        )
-        yield PATH_NOT_KEPT_BETWEEN.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.hand import NEVER_M, off_from_m
+from app.pipeline.findings.path_kept import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ACTS_ELSEWHERE, LEFT_OUT, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M

@@ -12,7 +12,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.frames import Compared
-from app.pipeline.findings.hand import RecordedHand, kept
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.path_kept import kept
 from app.pipeline.findings.yaw import Rotations
 from app.pipeline.groups import by_plan, made_by_group
 from app.pipeline.plans import agreeing, demonstrated

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.hand import Kept, kept, missed_m, path_findings
 from app.pipeline.findings.outliers import gripper_outlier_findings
+from app.pipeline.findings.path_kept import Kept, kept, missed_m, path_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import INSTRUCTION, picked, reached, recording, scene
@@ -168,7 +168,7 @@ def test_keyframes_that_miss_where_hands_act():
 
 @pytest.mark.parametrize(("left_m", "severity"), [(0.029, None), (0.03, "warning"), (0.05, "danger")])
 def test_a_lift_that_most_recordings_lose_is_a_finding(left_m, severity):
-    for number, expected in ((4, severity), (3, None)):
+    for number, expected in ((5, severity), (4, severity and "warning"), (3, None)):
         paths = [Kept(0.0, left_m)] * number + [Kept(0.0, 0.0)] * (10 - number)
         assert [finding.severity for finding in path_findings(paths)] == ([expected] if expected else [])
 

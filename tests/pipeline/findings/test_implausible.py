@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.hand import RecordedHand, kept
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.path_kept import kept
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
