@@ -1,173 +1,18 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows something unknown."""
 
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 
-import numpy as np
-
-from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.acting_row import ActingRow
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.agreement import left_out_errors_m, two_ways
-from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows, turn_off_deg
+from app.pipeline.plans.rows import acting_rows, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
-from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
-from app.pipeline.representation.anchors import asked_anchor
-from app.pipeline.thresholds import M_PER_RAD
-from roboprompt_client.types.arrays import Array
 
-AXES_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
-CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance from the axis may vary on a circle
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
-EXPLAINED_M = 0.007  # the least scatter that is worth an explanation
-LEFT = 0.2  # the share of the scatter (leave one out) that is left where something explains it: then it is no noise
-FEWEST_EXPLAINED = 5  # demonstrations
-FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
-VARIES_M = 0.005  # what varies by less explains nothing
 
 Cause = tuple[Rule, float, str]
 """A rule, its value and the message: why a row scatters."""
-
-
-@dataclass(frozen=True, eq=False)
-class ActingRow:
-    """A row in which the hand acts on something, itself or with a held object.
-
-    Attributes:
-        shown: the demonstrations of its plan.
-        index: of the row.
-        touches: whether the hand itself acts; what is held may act anywhere, as in a bin.
-        asked: the requested instruction.
-        round_objects: objects with a declared yaw symmetry.
-    """
-
-    shown: Sequence[Demonstration]
-    rows: Sequence[PlanRow]
-    index: int
-    touches: bool
-    asked: Order
-    round_objects: frozenset[str]
-
-    @property
-    def row(self) -> PlanRow:
-        """The row itself."""
-        return self.rows[self.index]
-
-    @property
-    def loosely(self) -> bool:
-        """Whether the hand releases something, or acts with a held object."""
-        return not self.touches or (
-            self.index > 0 and self.row.gripper_open and not self.rows[self.index - 1].gripper_open
-        )
-
-    @property
-    def seen_from(self) -> str:
-        """The object or frame that the row is relative to, by its name in the observed scene."""
-        anchor = asked_anchor(self.row.anchors[0], self.shown[0].order, self.asked)
-        return anchor.object_name or f"the {anchor.frame}"
-
-    @property
-    def is_round(self) -> bool:
-        """Whether the object that the row follows has a declared yaw symmetry."""
-        return self.row.anchors[0].object_name in self.round_objects
-
-    @property
-    def text(self) -> str:
-        """The row in messages."""
-        return f"{len(self.shown)} demonstrations act (action {self.index + 1}, relative to {self.seen_from})"
-
-    def findings(self, rule: Rule, value: float, message: str) -> tuple[Finding, ...]:
-        """Return the finding about this row, if the value has a severity."""
-        row = self.row
-        numbers = {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "center_off_m": row.center_off_m}
-        return rule.findings(value, message, f"actions[{self.index}]", **numbers)
-
-    def by_other_axes(self) -> tuple[float, float]:
-        """Return the scatter of places (m) and rotations (degrees), where the other axes of the object fit better.
-
-        Place and hand then need different axes, and demonstrations are too few or too noisy to choose them separately.
-        """
-        row, names = self.row, {anchor.object_name for anchor in self.row.anchors}
-        poses = [item.object(a.object_name) for item, a in zip(self.shown, row.anchors, strict=True) if all(names)]
-        if len(poses) < MIN_TURNED or names & self.round_objects or any(pose.quaternion_xyzw is None for pose in poses):
-            return 0.0, 0.0
-        world_m, own_m = (scatter_m[:, self.index] for scatter_m in scatters_m(self.shown, row.anchors))
-        turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])
-        off_m, other_m = np.where(turn, own_m, world_m), np.where(turn, world_m, own_m)
-        place_m, hand_m = np.where(much_less(other_m, off_m, AXES_SHARES), off_m, 0.0).tolist()
-        if row.anchors[0].frame == "ow":  # no noise of poses turns the hand in the world: it follows something else
-            hand_m = max(hand_m, float(world_m[1]))
-        return place_m, math.degrees(hand_m / M_PER_RAD)
-
-    def explained_m(self) -> tuple[float, str]:
-        """Return the largest distance from the row's center, and what explains it; (0, "") if nothing does.
-
-        A camera that drifts explains it by the order of the recordings, another tool by where the hand starts (both
-        are measured at another point of it), a wrong scale or a turned frame by where the object stands, and a place
-        that depends on two objects by where the other one stands, seen from the first.
-        """
-        row = self.row
-        if len(self.shown) < FEWEST_EXPLAINED or row.scatter_m < EXPLAINED_M or not row.anchors[0].object_name:
-            return 0.0, ""
-        seen_m = (row.positions_m - self._followed_m, row.offsets_m)  # along the world's axes, and the row's own
-        for name, inputs in self._causes().items():
-            varied = inputs[:, inputs.std(axis=0) > VARIES_M]
-            freedom = len(self.shown) - varied.shape[1] - 1
-            most_left = LEFT * min(1, freedom / FREEDOM) * (row.off_m**2).sum()
-            if varied.shape[1] and any((left_out_errors_m(varied, m) ** 2).sum() < most_left for m in seen_m):
-                return float(row.off_m.max()), name
-        return 0.0, ""
-
-    @property
-    def _followed_m(self) -> Array:
-        """(N, 3) the places of the object that the row follows."""
-        anchors = zip(self.shown, self.row.anchors, strict=True)
-        return np.array([item.object(anchor.object_name).position_m for item, anchor in anchors])
-
-    def _causes(self) -> dict[str, Array]:
-        """Return (N, K) quantities that may explain scatter, by their text."""
-        number = len(self.shown)
-        starts_m = [item.start.position_m for item in self.shown if item.start is not None]
-        causes = {
-            "the order of the recordings": np.linspace(0, 1, number)[:, None],
-            "where the hand starts": np.array(starts_m if len(starts_m) == number else np.zeros((number, 3))),
-            f"the place of {self.row.anchors[0].object_name}": self._followed_m,
-        }
-        # what is held may depend on anything on its way
-        for poses in zip(*(item.ordered_objects for item in self.shown), strict=False) if self.touches else ():
-            other = all(pose.name != anchor.object_name for pose, anchor in zip(poses, self.row.anchors, strict=True))
-            if other:
-                places_m = np.array([pose.position_m for pose in poses])
-                causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
-        return causes
-
-    def places_in_two_m(self) -> float:
-        """Return the distance between two clusters of places where the hand itself acts; 0 for one cluster."""
-        row, least_m = self.row, rules.SCATTER_OF_PLACES_IN_TWO.levels["danger"]
-        clusters = None if self.loosely else two_ways(row.unturned, least_m=least_m)
-        if clusters is None:
-            return 0.0
-        return float(np.linalg.norm(row.offsets_m[clusters].mean(axis=0) - row.offsets_m[~clusters].mean(axis=0)))
-
-    def hands_in_two_deg(self) -> float:
-        """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""
-        row = self.row
-        only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
-        least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
-        clusters = None if self.is_round else two_ways(only_turns, least_m=least_m)
-        if clusters is None:
-            return 0.0
-        return math.degrees((row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()).magnitude())
-
-    def on_a_circle_m(self) -> float:
-        """Return the scatter of places on a circle about a round object's vertical axis; else 0."""
-        if not self.is_round:
-            return 0.0
-        radii_m = np.linalg.norm(self.row.offsets_m[:, :2], axis=1)
-        off_circle_m = float(np.median(np.abs(radii_m - np.median(radii_m))))
-        return self.row.scatter_m if off_circle_m < CIRCLE_SHARE * self.row.scatter_m else 0.0
 
 
 def scatter_findings(support: Support, asked: Order, round_objects: frozenset[str] = frozenset()) -> Iterator[Finding]:
@@ -255,7 +100,12 @@ def _turned_otherwise(item: ActingRow) -> Iterator[Cause]:
         f"Where {item.text}, they act on several sides of it, at one distance. They follow its yaw, although the task's"
         " yaw_symmetry_deg declares it symmetric. Correct this setting."
     )
-    yield rules.SCATTER_ON_A_CIRCLE, item.on_a_circle_m(), message
+    yield rules.SCATTER_ON_A_CIRCLE, item.on_a_circle_m() if item.is_round else 0.0, message
+    message = (
+        f"Where {item.text}, they act on one side of it, at one distance, in several directions. They follow a yaw that"
+        " was not sent. Send the object's rotation, or delete recordings in which it is wrong."
+    )
+    yield rules.SCATTER_ON_AN_ARC, item.on_an_arc_m(), message
 
 
 def _scattered(scattered: Sequence[ActingRow]) -> Finding:

@@ -258,3 +258,19 @@ def test_a_place_between_two_objects_is_no_noise(share, severity):
         objects = (pose("cube", cube_m, 0), pose("left post", post_m), pose("right post", other_m))
         group.append(demonstration("put the cube between the left post and the right post", objects, rows))
     assert [finding.severity for finding in found(group)] == ([severity] if severity else [])
+
+
+@pytest.mark.parametrize(("wrong_deg", "severities"), [(0, []), (45, ["danger"])])
+def test_a_pull_that_follows_a_yaw_that_half_of_the_poses_have_wrong_is_a_danger(wrong_deg, severities):
+    """The places to which the hand pulls lie on a circle around the handle."""
+    group = []
+    for k, yaw_deg in enumerate(np.random.default_rng(3).uniform(-20, 20, 10)):
+        pulled_m = Rotation.from_euler("z", yaw_deg, degrees=True).apply([0.17, 0, 0])
+        at_m = np.array([0.03 * k, 0, 0.8])
+        places_m = (at_m + pulled_m / 2, at_m, at_m + pulled_m)
+        rows = [action(place_m, gripper_open=number != 1) for number, place_m in enumerate(places_m)]
+        handle = pose("handle", at_m, yaw_deg + wrong_deg * (k % 2))
+        group.append(demonstration("open the drawer", (handle,), rows))
+    findings = found(group)
+    assert [finding.severity for finding in findings] == severities
+    assert all("a yaw that was not sent" in finding.message for finding in findings)
