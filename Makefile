@@ -4,7 +4,7 @@ PYTHON ?= python3
 NO_COMPILE := --no-compile
 BIN := .venv/bin
 # uv installs in a fifth of pip's time. It does not read pip's settings: where it does not reach a registry, pip installs.
-install = UV_HTTP_TIMEOUT=20 UV_HTTP_RETRIES=1 $(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --requirement $(1) \
+install = UV_HTTP_TIMEOUT=10 UV_HTTP_RETRIES=1 $(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --requirement $(1) \
 	2> /dev/null || $(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement $(1)
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
@@ -56,12 +56,12 @@ test: dev
 	@$(MAKE) --no-print-directory --jobs 2 style types pytest
 
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, several workers and LLM processes, everyday objects
-# in pictures, downloads of models, benchmarks, container and supply chain checks.
-ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py tests/test_wheels.py \
-	tests/benchmarks tests/e2e/test_extremes.py tests/e2e/test_bounded_protocol.py \
-	tests/e2e/test_workers.py tests/e2e/test_labels.py tests/e2e/test_secrets.py tests/evaluation/test_composition.py \
-	tests/evaluation/test_sweep_run.py tests/evaluation/test_vision.py \
-	tests/llm/test_one_answer.py tests/llm/test_add_weights.py tests/perception/registered/test_find.py tests/perception/registered/test_learn.py
+# in pictures, downloads of models, benchmarks, container and supply chain checks. The longest files first, so that none is left at the end.
+ROBUSTNESS := tests/perception/registered/test_find.py tests/attack tests/llm/test_one_answer.py \
+	tests/evaluation/test_composition.py tests/test_wheels.py tests/evaluation/test_vision.py tests/evaluation/test_sweep_run.py \
+	tests/e2e/test_workers.py tests/llm/test_add_weights.py tests/e2e/test_labels.py tests/perception/registered/test_learn.py \
+	tests/benchmarks tests/reliability tests/e2e/test_extremes.py tests/test_docker.py tests/test_no_pickles.py \
+	tests/test_supply_chain.py tests/e2e/test_bounded_protocol.py tests/e2e/test_secrets.py
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 # Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.
