@@ -1,13 +1,9 @@
-"""Findings about an observed scene: uncertain poses, objects unlike the demonstrations, objects in new roles."""
+"""Findings about an observed scene: uncertain poses, and objects unlike the demonstrations."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
-from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from app.pipeline.episode import Demonstration, Query
+from app.pipeline.episode import Query
 from app.pipeline.findings import Finding, rules, worst_severity
 from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 from app.pipeline.findings.places import (
@@ -18,16 +14,12 @@ from app.pipeline.findings.places import (
     distance_m,
     estimated_error_m,
 )
-from app.pipeline.order.order import Order
-from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
-from app.pipeline.order.words import phrase_of
-from roboprompt_client.types.arrays import Array
+from app.pipeline.findings.repeated_scene import repeated_scene
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.severity import SEVERITIES
 
 UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
-REPEATED_M = 1e-5  # two measurements of one pose differ by more
 APART_SHARE = 0.5  # of the least distance of two objects in demonstrations: nearer ones are one object
 
 
@@ -47,7 +39,7 @@ def scene_findings(
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
-    if (old := _repeated_scene(observed, places, (*shown, *scenes.left_out), followed)) is not None:
+    if (old := repeated_scene(observed, places, (*shown, *scenes.left_out), followed)) is not None:
         return (*uncertain, old)
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
@@ -87,55 +79,6 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             numbers = {"confidence": pose.confidence}
             unsure = float(pose.confidence < UNSURE_CONFIDENCE)
             yield rules.UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
-
-
-def _repeated_scene(
-    observed: Sequence[ObjectPose],
-    places: Sequence[ShownPlaces],
-    shown: Sequence[Demonstration],
-    followed: frozenset[str],
-) -> Finding | None:
-    """Return a finding if objects are exactly where one demonstration had them, as no two measurements are.
-
-    All of them, or one that the motion follows and that demonstrations never have twice in one place. Objects that
-    never move do not count, nor do positions in whole millimeters, which people write by hand.
-    """
-    moved = [pose for pose, place in zip(observed, places, strict=True) if place.box_m.width.max() > FIXED_M]
-    if not moved or all(map(_in_millimeters, moved)):
-        return None
-    by_name_m = {pose.name: np.array([old.object(pose.name).position_m for old in shown]) for pose in moved}
-    repeats = {pose.name: _repeats(pose.position_m, by_name_m[pose.name]) for pose in moved}
-    stale = np.logical_and.reduce(list(repeats.values()))
-    if stale.any():
-        what, where = "All objects are", "objects"
-    else:
-        one = next((pose for pose in moved if pose.name in followed and _stale(pose, by_name_m[pose.name])), None)
-        if one is None:
-            return None
-        what, where, stale = f"{one.name} is", f"objects[{one.name}]", repeats[one.name]
-    message = (
-        f"{what} exactly (to 0.01 mm) where demonstration {shown[int(stale.argmax())].id} had"
-        f" {'them' if where == 'objects' else 'it'}; no camera measures that twice. This is probably an old"
-        " observation: observe the scene again."
-    )
-    return rules.SCENE_OF_A_DEMONSTRATION.finding(message, where)
-
-
-def _stale(pose: ObjectPose, places_m: Array) -> bool:
-    """Return whether an object is where one of its places (N, 3) was, which are all different."""
-    if _in_millimeters(pose) or not _repeats(pose.position_m, places_m).any():
-        return False
-    return all(not _repeats(place_m, places_m[:k]).any() for k, place_m in enumerate(places_m))
-
-
-def _repeats(place_m: Array, places_m: Array) -> npt.NDArray[np.bool_]:
-    """Return (N,) bool: which of the places (N, 3) are the same measurement as a place (3,)."""
-    repeats: npt.NDArray[np.bool_] = np.abs(places_m - place_m).max(axis=1) < REPEATED_M
-    return repeats
-
-
-def _in_millimeters(pose: ObjectPose) -> bool:
-    return bool(np.abs(pose.position_m - pose.position_m.round(3)).max() < REPEATED_M)
 
 
 def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
@@ -224,41 +167,3 @@ def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tup
         " cm, so that grasps may miss. Check the camera's calibration and the estimator."
     )
     return rules.NOISY_OBSERVATION.findings(error_m, message, "objects", error_m=error_m)
-
-
-class Stranger(NamedTuple):
-    """An object that the instruction has in the role of another kind of thing.
-
-    Attributes:
-        instead_of: the objects that demonstrations have in this role.
-        named_elsewhere: whether taught instructions have it in another role.
-    """
-
-    name: str
-    instead_of: tuple[str, ...]
-    named_elsewhere: bool
-
-
-def strangers(asked: Order, taught: Sequence[str]) -> Iterator[Stranger]:
-    """Yield the objects of each clause that are of another kind than the taught ones in their role.
-
-    Args:
-        asked: an instruction in the form of taught ones.
-        taught: the instructions of the demonstrations.
-    """
-    shown = [clause for text in taught for clause in Order(text, asked.names).clauses]
-    known = {name for clause in shown for name in clause.objects}
-    usual = {(clause.verb, place, name) for clause in shown for place, name in enumerate(clause.objects)}
-    for clause in asked.clauses:
-        alike = [other.objects for other in shown if other.form == clause.form]
-        for place, name in enumerate(clause.objects if alike else ()):
-            there = tuple(dict.fromkeys(objects[place] for objects in alike))
-            as_usual = (clause.verb, place, name) in usual  # the same object in the same role
-            if not as_usual and _kind(name).isdisjoint(frozenset().union(*map(_kind, there))):
-                yield Stranger(name, there, name in known)
-
-
-def _kind(name: str) -> frozenset[str]:
-    words = [word for word in phrase_of(name) if word not in ADJECTIVES and len(word) > 1]
-    noun = words[-1] if words else name
-    return frozenset({noun}).union(*(kind for kind in NOUN_KINDS if noun in kind))

@@ -12,7 +12,7 @@ from itertools import chain, product
 from typing import NamedTuple
 
 from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.findings.scene import strangers
+from app.pipeline.findings.roles import strangers
 from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, is_placed_after_moving, needs_free_hand
 from app.pipeline.order.descriptions import NounPhrase

@@ -9,8 +9,9 @@ from app.pipeline.alike import alike_findings
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
+from app.pipeline.findings.roles import strangers
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
-from app.pipeline.findings.scene import other_objects, scene_findings, strangers
+from app.pipeline.findings.scene import other_objects, scene_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
