@@ -123,5 +123,13 @@ WRONG: Mapping[str, Kind] = {
     ),
     "five samples, hand shifted in half": Kind(whole.asking(in_half(recordings.hand_shifted), num_samples=5)),
     "object seen where another is in question": Kind(in_question(objects.taken_for_another)),
+    "hand's rotations inverted in half": Kind(in_half(recordings.hand_rotations_inverted)),
+    "hand's rotations inverted in all": _plausible(in_all(recordings.hand_rotations_inverted)),
+    "objects' rotations inverted in half": Kind(in_half(of_recordings(objects.rotations_inverted))),
+    "objects' rotations inverted in all": _plausible(in_all(of_recordings(objects.rotations_inverted))),
+    "objects seen after the motion in half": Kind(in_half(recordings.objects_after)),
+    "objects seen after the motion in all": _plausible(in_all(recordings.objects_after)),
+    "places scaled in half": Kind(in_half(of_recordings(objects.places_scaled))),
+    "places scaled in question": _plausible(in_question(objects.places_scaled)),
 }
 KINDS: Mapping[str, Kind] = {**RIGHT, **WRONG}

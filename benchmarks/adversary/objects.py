@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.noise import disturbed
 from benchmarks.adversary.case import Case, Mutation, Poses, mentioned
-from benchmarks.adversary.recordings import Change, Fault, level
+from benchmarks.adversary.recordings import INVERSE_XYZW, Change, Fault, level
 
 PoseChange = Callable[[Poses], Poses]
 PoseFault = Callable[[Case, np.random.Generator], PoseChange | None]
@@ -109,6 +109,23 @@ def height_scaled(case: Case, random: np.random.Generator) -> PoseChange:
     """The height of the object that is mentioned first is 0.7 to 1.5 times what it should be."""
     scale = np.array([1.0, 1.0, float(random.choice([0.7, 0.9, 1.1, 1.5]))])
     return lambda poses: _with(poses, case.main, position_m=poses[case.main].position_m * scale)
+
+
+def places_scaled(case: Case, random: np.random.Generator) -> PoseChange:
+    """All places are 0.9 or 1.1 times as far from the base as they should be, along the table: a wrong focal length."""
+    scale = np.array([*[float(random.choice([0.9, 1.1]))] * 2, 1.0])
+    base_m = np.array(case.settings.get("robot_base", (0.0, 0.0, 0.0)))
+    return lambda poses: tuple(replace(pose, position_m=base_m + scale * (pose.position_m - base_m)) for pose in poses)
+
+
+def rotations_inverted(case: Case, random: np.random.Generator) -> PoseChange | None:
+    """All objects' quaternions are those of the world seen from the object: yaws have the other sign."""
+    if all(pose.quaternion_xyzw is None for pose in case.objects):
+        return None
+    return lambda poses: tuple(
+        replace(pose, quaternion_xyzw=None if pose.quaternion_xyzw is None else pose.quaternion_xyzw * INVERSE_XYZW)
+        for pose in poses
+    )
 
 
 def bystander_moved(case: Case, random: np.random.Generator) -> PoseChange | None:

@@ -17,6 +17,7 @@ Change = Callable[[Recording], Recording]
 Fault = Callable[[Case, np.random.Generator], Change | None]
 MIRROR = np.array([1.0, -1.0, 1.0])  # the plane y = 0
 MIRROR_XYZW = np.array([-1.0, 1.0, -1.0, 1.0])
+INVERSE_XYZW = np.array([-1.0, -1.0, -1.0, 1.0])
 KEPT_SHARE = 0.4  # of a recording that breaks off
 
 
@@ -119,6 +120,23 @@ def quaternions_wxyz(case: Case, random: np.random.Generator) -> Change:
         )
 
     return change
+
+
+def hand_rotations_inverted(case: Case, random: np.random.Generator) -> Change:
+    """The hand's quaternions are those of the world seen from the hand."""
+
+    def change(recording: Recording) -> Recording:
+        given = recording.trajectory
+        return _with_hand(recording, given.positions_m, given.quaternions_xyzw * INVERSE_XYZW)
+
+    return change
+
+
+def objects_after(case: Case, random: np.random.Generator) -> Change | None:
+    """The objects are where they stand after the motion."""
+    if not all(recording.objects_after for recording in case.recordings):
+        return None
+    return lambda recording: replace(recording, objects=recording.objects_after)
 
 
 def reversed_in_time(case: Case, random: np.random.Generator) -> Change:

@@ -1,5 +1,7 @@
 """A small case by hand: ten picks of two objects in turn, and what of a case can change."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from benchmarks.adversary.case import Case, Recording
@@ -24,7 +26,9 @@ def recording(random, name):
     """A pick of the object of that name."""
     objects = poses(random)
     target = next(pose for pose in objects if pose.name == name)
-    return Recording(f"pick up the {name}", objects, pick_trajectory(target.position_m), 20.0)
+    lifted = replace(target, position_m=target.position_m + np.array([0, 0, 0.1]))
+    after = tuple(lifted if pose is target else pose for pose in objects)
+    return Recording(f"pick up the {name}", objects, pick_trajectory(target.position_m), 20.0, after)
 
 
 def picks(instruction="pick up the red cube"):

@@ -94,6 +94,14 @@ EXPECTED = {
     "one asked for, gripper inverted in half": ({"options"}, {"gripper"}, HALF),
     "one asked for, names swapped in half": ({"options"}, POSES, HALF),
     "five samples, hand shifted in half": ({"options"}, HAND, HALF),
+    "hand's rotations inverted in half": (NONE, {"hand's rotation"}, HALF),
+    "hand's rotations inverted in all": (NONE, {"hand's rotation"}, ALL),
+    "objects' rotations inverted in half": (NONE, TURNS, HALF),
+    "objects' rotations inverted in all": (NONE, TURNS, ALL),
+    "objects seen after the motion in half": (NONE, PLACES, HALF),
+    "objects seen after the motion in all": (NONE, PLACES, ALL),
+    "places scaled in half": (NONE, PLACES, HALF),
+    "places scaled in question": (PLACES, NONE, 0),
 }
 ELSEWHERE = {"five recordings", "tag moved, nothing named"}  # tests of their own
 
