@@ -14,7 +14,7 @@ from app.pipeline.plans.agreement import left_out_errors_m, two_ways
 from app.pipeline.plans.rows import PlanRow
 from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
 from app.pipeline.representation.anchors import asked_anchor
-from app.pipeline.thresholds import M_PER_RAD
+from app.pipeline.thresholds import M_PER_RAD, WAY_SHARE
 from roboprompt_client.types.arrays import Array
 
 AXES_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
@@ -22,6 +22,8 @@ CIRCLE_SHARE = 0.25  # the share of the scatter by which the median distance fro
 EXPLAINED_M = 0.007  # the least scatter that is worth an explanation
 LEFT = 0.2  # the share of the scatter (leave one out) that is left where something explains it: then it is no noise
 FEWEST_EXPLAINED = 5  # demonstrations
+FEWEST_IN_CORE = 4  # demonstrations that agree closely
+CORE_SHARE = 0.2  # of the distance of the others, within which they do
 FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
 VARIES_M = 0.005  # what varies by less explains nothing
 
@@ -145,6 +147,19 @@ class ActingRow:
         if clusters is None:
             return 0.0
         return float(np.linalg.norm(row.offsets_m[clusters].mean(axis=0) - row.offsets_m[~clusters].mean(axis=0)))
+
+    def beside_core_m(self) -> float:
+        """Return how far more than a third are from the place at which half agree closely; 0 if none is so clear.
+
+        Noise gives no such gap. Only where the hand itself acts.
+        """
+        offsets_m, half = self.row.offsets_m, len(self.shown) // 2
+        if half < FEWEST_IN_CORE or self.loosely:
+            return 0.0
+        apart_m = np.sort(np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=2), axis=1)
+        core = int(apart_m[:, half - 1].argmin())
+        off_m = float(apart_m[core, -1 - int(WAY_SHARE * len(self.shown))])
+        return off_m if apart_m[core, half - 1] < CORE_SHARE * off_m else 0.0
 
     def hands_in_two_deg(self) -> float:
         """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""

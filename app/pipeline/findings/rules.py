@@ -130,6 +130,7 @@ SCATTER_OF_HANDS_BY_AXES = Rule("scattered-demonstrations", "rms about the wrong
 SCATTER_OF_A_THIRD = Rule("scattered-demonstrations", "distance that a third exceed", "m", danger=BEYOND_NOISE_M)
 # The center is half of it off, as of SCATTER_OF_CENTER_AT_TOUCH
 SCATTER_OF_PLACES_IN_TWO = Rule("scattered-demonstrations", "between two clusters of places", "m", danger=0.024)
+SCATTER_BESIDE_A_CORE = Rule("scattered-demonstrations", "of a third from where half agree", "m", danger=0.015)
 SCATTER_EXPLAINED = Rule("scattered-demonstrations", "distance that something explains", "m", danger=0.015)
 SCATTER_OF_TURN_OF_HELD = Rule("scattered-demonstrations", "turn that a third exceed", "degrees", danger=45.0)
 SCATTER_OF_HANDS_IN_TWO = Rule("scattered-demonstrations", "angle between two clusters", "degrees", danger=20.0)

@@ -74,6 +74,12 @@ def _no_common_center(item: ActingRow) -> Iterator[Cause]:
         " Check whether some have another tool, base frame or calibration; delete the wrong ones."
     )
     yield rules.SCATTER_OF_PLACES_IN_TWO, two_m, message
+    beside_m = item.beside_core_m()
+    message = (
+        f"Where {item.text}, half agree closely, and more than a third are {100 * beside_m:.1f} cm or more from there:"
+        " no noise does that. Check calibration, scale and base frame of the others; delete the wrong ones."
+    )
+    yield rules.SCATTER_BESIDE_A_CORE, beside_m, message
     explained_m, cause = item.explained_m()
     message = (
         f"Where {item.text}, they are up to {100 * explained_m:.1f} cm from their center, and {cause} explains it: this"

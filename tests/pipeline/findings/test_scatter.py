@@ -274,3 +274,26 @@ def test_a_pull_that_follows_a_yaw_that_half_of_the_poses_have_wrong_is_a_danger
     findings = found(group)
     assert [finding.severity for finding in findings] == severities
     assert all("a yaw that was not sent" in finding.message for finding in findings)
+
+
+def scaled(number, noise_m, seed=0, scale=1.1):
+    """Ten grasps, so many of them recorded with a wrong scale of places, so that they scatter beside the others."""
+    random, group = np.random.default_rng(seed), []
+    for k in range(10):
+        cube_m = np.array([*random.uniform((0.2, -0.2), (0.45, 0.2)), 0.8])
+        grasp_m = cube_m + random.normal(0, noise_m, 3)
+        seen_m = cube_m * (scale if k < number else 1.0, scale if k < number else 1.0, 1.0)
+        rows = [action(grasp_m + np.array([0, 0, 0.1])), action(grasp_m, gripper_open=False)]
+        group.append(demonstration(INSTRUCTION, (pose("cube", seen_m, 0),), rows))
+    return group
+
+
+@pytest.mark.parametrize("number", [4, 5])
+def test_others_beside_a_place_at_which_half_agree_are_no_noise(number):
+    findings = [found(scaled(number, 0.001, seed)) for seed in range(20)]
+    assert sum([finding.severity for finding in of_set] == ["danger"] for of_set in findings) >= 19
+
+
+def test_noise_alone_leaves_no_half_that_agrees():
+    sets = [scaled(0, noise_m, seed) for noise_m in (0.003, 0.006, 0.012) for seed in range(30)]
+    assert not any("agree closely" in finding.message for of_set in sets for finding in found(of_set))
