@@ -22,7 +22,7 @@ $(STAMP): requirements.lock pyproject.toml client/pyproject.toml
 	@$(PYTHON) -m venv .venv
 	@echo "2 of 3: installs the $$(grep -c == requirements.lock) packages of requirements.lock, up to two minutes"
 	@sed -n '/^uv==/,/[^\\]$$/p' requirements-dev.lock > .venv/uv.lock
-	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement .venv/uv.lock
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement .venv/uv.lock || true
 	@$(call install,requirements.lock)
 	@echo "3 of 3: installs RoboPrompt itself"
 	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --no-deps --no-build-isolation --editable ./client
