@@ -8,6 +8,7 @@ const FINGER_M = 0.05;
 const WRIST_M = 0.1;
 const [BASE_M, WRIST_LINK_M] = [0.06, 0.035]; // radii of an arm's first and last link: shapes are not known
 const JOINT = 0.45; // a joint's radius relative to its link's
+const NEARLY = 0.9999;
 const [SHIFT, LIT] = [0.25, 0.5]; // where light falls on a link, relative to its radius
 
 /** Two fingers that end at the pose, whose z axis points where they do; they open along its y axis. */
@@ -46,7 +47,8 @@ const capsule = (from, to) => [
 function around({ at: [ax, ay], r: ra }, { at: [bx, by], r: rb }) {
   const length = Math.hypot(bx - ax, by - ay);
   const along = Math.atan2(by - ay, bx - ax);
-  const aside = Math.acos(Math.min(1, Math.max(-1, (ra - rb) / Math.max(length, Math.abs(ra - rb), 1e-6))));
+  // Where one circle hides the other, an arc of almost a whole turn: a whole one, from a point to itself, is not drawn.
+  const aside = Math.acos(Math.min(NEARLY, Math.max(-NEARLY, (ra - rb) / Math.max(length, 1e-6))));
   const on = (x, y, r, angle) => `${(x + r * Math.cos(angle)).toFixed(1)} ${(y + r * Math.sin(angle)).toFixed(1)}`;
   const arc = (r, isLarge, end) => `A${r.toFixed(1)} ${r.toFixed(1)} 0 ${Number(isLarge)} 0 ${end}`;
   return [

@@ -137,6 +137,9 @@ def test_a_prediction_plays_before_a_robot_moves(page, http, seeded):
         player.get_by_role("button", name="Play").click()
         until(page, "document.querySelector('.clock').textContent.startsWith('0.00') === false")
         assert page.locator("#space-view .arm circle").count() == 9
+        page.get_by_role("button", name="From above").click()  # along some links
+        widths_px = page.locator("#space-view .link").evaluate_all("links => links.map((link) => link.getBBox().width)")
+        assert (len(widths_px), min(widths_px) > 2) == (8, True)
         assert page.locator("#space-view .gripper.ghost").count() == 3
     finally:
         http.put("/tasks/pick", json={"arm": None, "robot_base": [0, 0, 0]})
