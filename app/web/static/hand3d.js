@@ -8,7 +8,7 @@ const FINGER_M = 0.05;
 const WRIST_M = 0.1;
 const [BASE_M, WRIST_LINK_M] = [0.06, 0.035]; // radii of an arm's first and last link: shapes are not known
 const JOINT = 0.45; // a joint's radius relative to its link's
-const NEARLY = 0.9999;
+const NEARLY = 0.99; // as far as a cosine goes where one end of a link hides the other
 const [SHIFT, LIT] = [0.25, 0.5]; // where light falls on a link, relative to its radius
 
 /** Two fingers that end at the pose, whose z axis points where they do; they open along its y axis. */
