@@ -138,7 +138,9 @@ def test_a_prediction_plays_before_a_robot_moves(page, http, seeded):
         until(page, "document.querySelector('.clock').textContent.startsWith('0.00') === false")
         assert page.locator("#space-view .arm circle").count() == 9
         page.get_by_role("button", name="From above").click()  # along some links
-        widths_px = page.locator("#space-view .link").evaluate_all("links => links.map((link) => link.getBBox().width)")
+        # In one turn: each frame of the motion has links of its own.
+        links = "[...document.querySelectorAll('#space-view .link')]"
+        widths_px = page.evaluate(f"{links}.map((link) => link.getBBox().width)")
         assert (len(widths_px), min(widths_px) > 2) == (8, True)
         assert page.locator("#space-view .gripper.ghost").count() == 3
     finally:
