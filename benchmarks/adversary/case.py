@@ -72,20 +72,8 @@ def recording_of(recorded: RecordedDemonstration) -> Recording:
     """A demonstration as it is uploaded, its objects not tracked."""
     trajectory = replace(recorded.trajectory, object_positions_m=None, object_quaternions_xyzw=None)
     scene = recorded.scene
-    return Recording(
-        scene.instruction, scene.objects, trajectory, recorded.control_frequency_hz, _objects_after(recorded)
-    )
-
-
-def _objects_after(recorded: RecordedDemonstration) -> Poses:
-    places_m, turns = recorded.trajectory.object_positions_m, recorded.trajectory.object_quaternions_xyzw
-    if places_m is None or turns is None:
-        return ()
-    last = zip(recorded.scene.objects, places_m[-1], turns[-1], strict=True)
-    return tuple(
-        replace(pose, position_m=place_m, quaternion_xyzw=None if pose.quaternion_xyzw is None else turn)
-        for pose, place_m, turn in last
-    )
+    after = recorded.trajectory.objects_at(-1, [pose.name for pose in scene.objects])
+    return Recording(scene.instruction, scene.objects, trajectory, recorded.control_frequency_hz, after)
 
 
 def unchanged_case(

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.noise import disturbed
 from benchmarks.adversary.case import Case, Mutation, Poses, mentioned
-from benchmarks.adversary.recordings import INVERSE_XYZW, Change, Fault, level
+from benchmarks.adversary.recordings import Change, Fault, level
+from roboprompt_client.types import quaternions
 
 PoseChange = Callable[[Poses], Poses]
 PoseFault = Callable[[Case, np.random.Generator], PoseChange | None]
@@ -112,19 +113,20 @@ def height_scaled(case: Case, random: np.random.Generator) -> PoseChange:
 
 
 def places_scaled(case: Case, random: np.random.Generator) -> PoseChange:
-    """All places are 0.9 or 1.1 times as far from the base as they should be, along the table: a wrong focal length."""
-    scale = np.array([*[float(random.choice([0.9, 1.1]))] * 2, 1.0])
-    base_m = np.array(case.settings.get("robot_base", (0.0, 0.0, 0.0)))
-    return lambda poses: tuple(replace(pose, position_m=base_m + scale * (pose.position_m - base_m)) for pose in poses)
+    """All x and y are 0.9 or 1.1 times what they should be: a camera above the origin has a wrong focal length."""
+    factor = float(random.choice([0.9, 1.1]))
+    scale = np.array([factor, factor, 1.0])
+    return lambda poses: tuple(replace(pose, position_m=scale * pose.position_m) for pose in poses)
 
 
 def rotations_inverted(case: Case, random: np.random.Generator) -> PoseChange | None:
     """All objects' quaternions are those of the world seen from the object: yaws have the other sign."""
-    if all(pose.quaternion_xyzw is None for pose in case.objects):
+    if any(pose.quaternion_xyzw is None for pose in case.objects):
         return None
     return lambda poses: tuple(
-        replace(pose, quaternion_xyzw=None if pose.quaternion_xyzw is None else pose.quaternion_xyzw * INVERSE_XYZW)
+        replace(pose, quaternion_xyzw=quaternions.inverse(pose.quaternion_xyzw))
         for pose in poses
+        if pose.quaternion_xyzw is not None
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.adversary.case import Case, Mutation, Poses, Recording
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -17,7 +18,6 @@ Change = Callable[[Recording], Recording]
 Fault = Callable[[Case, np.random.Generator], Change | None]
 MIRROR = np.array([1.0, -1.0, 1.0])  # the plane y = 0
 MIRROR_XYZW = np.array([-1.0, 1.0, -1.0, 1.0])
-INVERSE_XYZW = np.array([-1.0, -1.0, -1.0, 1.0])
 KEPT_SHARE = 0.4  # of a recording that breaks off
 
 
@@ -127,7 +127,7 @@ def hand_rotations_inverted(case: Case, random: np.random.Generator) -> Change:
 
     def change(recording: Recording) -> Recording:
         given = recording.trajectory
-        return _with_hand(recording, given.positions_m, given.quaternions_xyzw * INVERSE_XYZW)
+        return _with_hand(recording, given.positions_m, quaternions.inverse(given.quaternions_xyzw))
 
     return change
 

@@ -11,10 +11,10 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
 from app.pipeline.plans.agreement import left_out_errors_m, two_ways
-from app.pipeline.plans.rows import PlanRow
+from app.pipeline.plans.rows import PlanRow, of_a_way
 from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
 from app.pipeline.representation.anchors import asked_anchor
-from app.pipeline.thresholds import M_PER_RAD, WAY_SHARE
+from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 
 AXES_SHARES = np.array([TURNED_SHARE, 0.4])  # the share of the scatter of places and rotations that other axes leave
@@ -158,7 +158,7 @@ class ActingRow:
             return 0.0
         apart_m = np.sort(np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=2), axis=1)
         core = int(apart_m[:, half - 1].argmin())
-        off_m = float(apart_m[core, -1 - int(WAY_SHARE * len(self.shown))])
+        off_m = of_a_way(apart_m[core])
         return off_m if apart_m[core, half - 1] < CORE_SHARE * off_m else 0.0
 
     def hands_in_two_deg(self) -> float:

@@ -7,10 +7,10 @@ import numpy as np
 
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrated_scenes import distances_m
-from app.pipeline.findings.rules import PATH_LEFT_BY_HALF, PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
+from app.pipeline.findings.rules import PATH_LEFT_BY_SOME, PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.resting import path_left_m
-from app.pipeline.thresholds import WAY_SHARE
+from app.pipeline.plans.rows import of_a_way
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -66,9 +66,7 @@ def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
     """
     if not paths:
         return
-    rare = int(WAY_SHARE * len(paths))
-    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
-    half_left_m = sorted(path.left_m for path in paths)[len(paths) // 2]
+    missed_m, left_m = map(of_a_way, np.transpose(paths))
     remedy = (
         "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01. If they already are, the"
         " motion has more corners than a reply has actions: teach its parts as separate tasks."
@@ -82,10 +80,9 @@ def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
         yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
     elif PATH_NOT_KEPT_BETWEEN.severity(left_m) is not None:
         number = sum(PATH_NOT_KEPT_BETWEEN.severity(path.left_m) is not None for path in paths)
+        rule = PATH_LEFT_BY_SOME if 2 * number < len(paths) else PATH_NOT_KEPT_BETWEEN
         message = (
             f"In {number} of {len(paths)} recordings the hand leaves the straight path from action to action by"
             f" {100 * left_m:.1f} cm: a lift, or a path around an object, may be lost. {remedy}"
         )
-        by_half = PATH_LEFT_BY_HALF.severity(half_left_m) is not None
-        rule, value = (PATH_LEFT_BY_HALF, half_left_m) if by_half else (PATH_NOT_KEPT_BETWEEN, left_m)
-        yield rule.finding(message, "keyframes", {"left_m": left_m}, value=value)
+        yield rule.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

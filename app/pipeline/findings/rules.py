@@ -145,8 +145,8 @@ WAY_BESIDE = Rule("several-ways", "from every object, where another way acts at 
 NAMES_EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
 ACTS_ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
-PATH_NOT_KEPT_BETWEEN = Rule("path-not-kept", "from the path where the hand moves", "m", warning=0.03)
-PATH_LEFT_BY_HALF = Rule("path-not-kept", "the same, of at least half of the recordings", "m", danger=0.05)
+PATH_NOT_KEPT_BETWEEN = Rule("path-not-kept", "from the path where the hand moves", "m", warning=0.03, danger=0.05)
+PATH_LEFT_BY_SOME = Rule("path-not-kept", "the same, where more than half take the straight way", "m", warning=0.03)
 
 # What recorded hands did
 IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", danger=0.34)

@@ -173,6 +173,12 @@ def test_a_lift_that_most_recordings_lose_is_a_finding(left_m, severity):
         assert [finding.severity for finding in path_findings(paths)] == ([expected] if expected else [])
 
 
+@pytest.mark.parametrize(("others_m", "severity"), [(0.029, "warning"), (0.03, "danger")])
+def test_a_straight_way_is_demonstrated_where_more_than_half_take_it(others_m, severity):
+    (finding,) = path_findings([Kept(0.0, 0.08)] * 4 + [Kept(0.0, others_m)] * 6)
+    assert finding.severity == severity
+
+
 def test_a_grasp_between_keyframes_is_missed():
     item = picked(0)
     (demonstration,) = aligned_by_plan([item])

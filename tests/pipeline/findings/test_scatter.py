@@ -282,7 +282,7 @@ def scaled(number, noise_m, seed=0, scale=1.1):
     for k in range(10):
         cube_m = np.array([*random.uniform((0.2, -0.2), (0.45, 0.2)), 0.8])
         grasp_m = cube_m + random.normal(0, noise_m, 3)
-        seen_m = cube_m * (scale if k < number else 1.0, scale if k < number else 1.0, 1.0)
+        seen_m = cube_m * [scale, scale, 1.0] if k < number else cube_m
         rows = [action(grasp_m + np.array([0, 0, 0.1])), action(grasp_m, gripper_open=False)]
         group.append(demonstration(INSTRUCTION, (pose("cube", seen_m, 0),), rows))
     return group
