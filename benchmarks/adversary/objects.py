@@ -124,9 +124,7 @@ def rotations_inverted(case: Case, random: np.random.Generator) -> PoseChange | 
     if any(pose.quaternion_xyzw is None for pose in case.objects):
         return None
     return lambda poses: tuple(
-        replace(pose, quaternion_xyzw=quaternions.inverse(pose.quaternion_xyzw))
-        for pose in poses
-        if pose.quaternion_xyzw is not None
+        replace(pose, quaternion_xyzw=quaternions.inverse(pose.quaternion_xyzw)) for pose in poses
     )
 
 
