@@ -121,10 +121,11 @@ def places_scaled(case: Case, random: np.random.Generator) -> PoseChange:
 
 def rotations_inverted(case: Case, random: np.random.Generator) -> PoseChange | None:
     """All objects' quaternions are those of the world seen from the object: yaws have the other sign."""
-    if any(pose.quaternion_xyzw is None for pose in case.objects):
+    if all(pose.quaternion_xyzw is None for pose in case.objects):
         return None
     return lambda poses: tuple(
-        replace(pose, quaternion_xyzw=quaternions.inverse(pose.quaternion_xyzw)) for pose in poses
+        pose if (turn := pose.quaternion_xyzw) is None else replace(pose, quaternion_xyzw=quaternions.inverse(turn))
+        for pose in poses
     )
 
 
