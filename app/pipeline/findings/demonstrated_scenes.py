@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, permutations
+from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.places import FIXED_M, Range, ShownPlaces, distance_m
+from app.pipeline.findings.places import FIXED_M, Range, ShownPlaces
 from app.pipeline.findings.rules import (
     ARRANGEMENT,
     ARRANGEMENT_OF_FOLLOWED,
@@ -45,28 +46,21 @@ class RigidPair:
     anchor: Anchor
     seen_m: Range
 
-    def off_m(self, scene: Query) -> float:
-        """Return the distance of `one` from its place in the arrangement; 0 where the instruction has no such role."""
-        poses = _by_role(scene)
+    def off_m(self, poses: Mapping[str, ObjectPose]) -> float:
+        """Return the distance of `one` from its place, of poses by name and role; 0 where either is missing."""
         if not {self.one, self.other} <= poses.keys():
             return 0.0
         seen_m = _seen_m(poses[self.one], poses[self.other], self.anchor)
         return float(np.linalg.norm(self.seen_m.outside(seen_m)))
 
 
-@dataclass(frozen=True)
-class Side:
+class Side(NamedTuple):
     """`one` is beside `other` in all demonstrations: along x (0) or y (1), on the side of less (-1) or more (1)."""
 
     one: str
     other: str
     axis: int
     sign: int
-
-    def off_m(self, scene: Query) -> float:
-        """Return how far `one` is on the other side."""
-        way_m = scene.object(self.one).position_m - scene.object(self.other).position_m
-        return -self.sign * float(way_m[self.axis])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +73,12 @@ class ShownScenes:
 
     demonstrations: tuple[Demonstration, ...]
     left_out: tuple[Demonstration, ...] = ()
-    _places: dict[str, ShownPlaces] = field(default_factory=dict, init=False, repr=False)
-    _least_apart_m: dict[tuple[str, str], float] = field(default_factory=dict, init=False, repr=False)
 
-    def places(self, name: str) -> ShownPlaces:
-        """Return the range of the object's places."""
-        if (places := self._places.get(name)) is None:
-            places = self._places[name] = ShownPlaces.of([item.object(name) for item in self.demonstrations])
-        return places
+    @cached_property
+    def places(self) -> dict[str, ShownPlaces]:
+        """The range of each object's places, by its name."""
+        names = [pose.name for pose in self.demonstrations[0].objects]
+        return {name: ShownPlaces.of([item.object(name) for item in self.demonstrations]) for name in names}
 
     @cached_property
     def passed_m(self) -> dict[str | int, float]:
@@ -108,20 +100,41 @@ class ShownScenes:
 
     @cached_property
     def pairs(self) -> tuple[RigidPair, ...]:
-        """The pairs of objects that keep one arrangement."""
-        return rigid_pairs(self.demonstrations)
+        """The pairs of objects, or of roles in the instruction, that keep one arrangement in all demonstrations."""
+        if len(self.demonstrations) < MIN_AGREEING:
+            return ()
+        tilted, scenes = tilted_objects(self.demonstrations), [_by_role(scene) for scene in self.demonstrations]
+        shared = [key for key in scenes[0] if all(key in poses for poses in scenes)]
+        places_m = {key: Range.of([poses[key].position_m for poses in scenes]) for key in shared}
+        moved = [key for key in shared if places_m[key].width.max() > MOVED_M]
+        found = [_rigid(one, other, scenes, tilted) for one, other in combinations(moved, 2)]
+        return tuple(pair for pair in found if pair is not None)
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """The pairs of objects of which one is always on the same side of the other."""
-        return sides(self.demonstrations)
+        """The sides of pairs whose names differ only in a place, such as a left and a right cup.
 
-    def least_apart_m(self, one: str, other: str) -> float:
-        """Return the least distance between two objects in any scene."""
-        if (least_m := self._least_apart_m.get((one, other))) is None:
-            least_m = min(distance_m(d.object(one), d.object(other)) for d in self.demonstrations)
-            self._least_apart_m[one, other] = least_m
-        return least_m
+        Other objects are often on one side by chance: in 2 of 44 correct scenes with noisy demonstrations.
+        """
+        if len(self.demonstrations) < MANY_OF_A_SIDE:
+            return ()
+        found, names = [], [pose.name for pose in self.demonstrations[0].objects]
+        things = {name: [word for word in phrase_of(name) if word not in PLACE_WORDS] for name in names}
+        for one, other in combinations(names, 2):
+            if things[one] == things[other]:
+                ways_m = Range.of([_way_m(scene, one, other) for scene in self.demonstrations])
+                found += [Side(one, other, axis, 1) for axis in (0, 1) if ways_m.low[axis] > 0]
+                found += [Side(one, other, axis, -1) for axis in (0, 1) if ways_m.high[axis] < 0]
+        return tuple(found)
+
+    @cached_property
+    def least_apart_m(self) -> dict[tuple[str, str], float]:
+        """The least distance between two objects in any scene, by their names in either order."""
+        names = [pose.name for pose in self.demonstrations[0].objects]
+        return {
+            (one, other): min(float(np.linalg.norm(_way_m(scene, one, other))) for scene in self.demonstrations)
+            for one, other in permutations(names, 2)
+        }
 
 
 def path_m(start: EndEffectorAction | None, actions: Sequence[EndEffectorAction]) -> Array:
@@ -138,18 +151,6 @@ def distances_m(path_m: Array, place_m: Array) -> Array:
     share = np.clip(np.einsum("pk,pk->p", to_place_m, gone_m) / squared, 0, 1)
     distances: Array = np.linalg.norm(to_place_m - share[:, None] * gone_m, axis=1)
     return distances
-
-
-def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
-    """Return the pairs of objects, or of roles in the instruction, that keep one arrangement in all demonstrations."""
-    if len(shown) < MIN_AGREEING:
-        return ()
-    tilted, scenes = tilted_objects(shown), [_by_role(scene) for scene in shown]
-    shared = [key for key in scenes[0] if all(key in poses for poses in scenes)]
-    places_m = {key: Range.of([poses[key].position_m for poses in scenes]) for key in shared}
-    moved = [key for key in shared if places_m[key].width.max() > MOVED_M]
-    found = [_rigid(one, other, scenes, tilted) for one, other in combinations(moved, 2)]
-    return tuple(pair for pair in found if pair is not None)
 
 
 def _by_role(scene: Query) -> Mapping[str, ObjectPose]:
@@ -178,19 +179,10 @@ def _seen_m(one: ObjectPose, other: ObjectPose, anchor: Anchor) -> Array:
     return quaternions.rotated(quaternions.inverse(anchor.axes_of(other)), one.position_m - other.position_m)
 
 
-def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
-    """Return the sides of pairs whose names differ only in a place, such as a left and a right cup.
-
-    Other objects are often on one side by chance: in 2 of 44 correct scenes with noisy demonstrations.
-    """
-    found, names = [], [pose.name for pose in shown[0].objects] if len(shown) >= MANY_OF_A_SIDE else []
-    things = {name: [word for word in phrase_of(name) if word not in PLACE_WORDS] for name in names}
-    for one, other in combinations(names, 2):
-        if things[one] == things[other]:
-            ways_m = Range.of([d.object(one).position_m - d.object(other).position_m for d in shown])
-            found += [Side(one, other, axis, 1) for axis in (0, 1) if ways_m.low[axis] > 0]
-            found += [Side(one, other, axis, -1) for axis in (0, 1) if ways_m.high[axis] < 0]
-    return tuple(found)
+def _way_m(scene: Query, one: str, other: str) -> Array:
+    """Return (3,) the way from `other` to `one`."""
+    way_m: Array = scene.object(one).position_m - scene.object(other).position_m
+    return way_m
 
 
 def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[str]) -> Iterator[Finding]:
@@ -199,14 +191,16 @@ def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[
     Args:
         followed: the objects that rows of the requested motion are relative to; their arrangement counts first.
     """
+    poses = _by_role(query)
+    names = {key: pose.name for key, pose in poses.items()}
     off: list[tuple[Rule, RigidPair, float]] = []
     for pair in scenes.pairs:
-        follows = not followed.isdisjoint({_name(pair.one, query), _name(pair.other, query)})
-        off.append((ARRANGEMENT_OF_FOLLOWED if follows else ARRANGEMENT, pair, pair.off_m(query)))
+        follows = not followed.isdisjoint(names.get(key, key) for key in (pair.one, pair.other))
+        off.append((ARRANGEMENT_OF_FOLLOWED if follows else ARRANGEMENT, pair, pair.off_m(poses)))
     found = [item for item in off if item[0].severity(item[2]) is not None]
     if found:
         rule, pair, off_m = max(found, key=lambda item: (item[0] is ARRANGEMENT_OF_FOLLOWED, item[2]))
-        one, other = _name(pair.one, query), _name(pair.other, query)
+        one, other = names[pair.one], names[pair.other]
         message = (
             f"{one} is {100 * off_m:.1f} cm from its place relative to {other}, which is the same in every"
             " demonstration. Check that neither is taken for another object, and put them together as demonstrated."
@@ -214,7 +208,7 @@ def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[
         yield rule.finding(message, f"objects[{one}]", {"off_m": off_m}, value=off_m)
     matter = followed.union(query.order.objects)
     for side in scenes.sides:
-        off_m = side.off_m(query)
+        off_m = -side.sign * float(_way_m(query, side.one, side.other)[side.axis])
         if not matter.isdisjoint((side.one, side.other)) and ARRANGEMENT_OF_SIDES.severity(off_m) is not None:
             message = (
                 f"{side.one} is {100 * off_m:.1f} cm on the wrong side of {side.other} along {'xy'[side.axis]}: in"
@@ -222,8 +216,3 @@ def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[
             )
             yield ARRANGEMENT_OF_SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
             return
-
-
-def _name(key: str, query: Query) -> str:
-    """Return the object's name for its name or role."""
-    return _by_role(query)[key].name if key in _by_role(query) else key

@@ -6,7 +6,7 @@ from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
-from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes, rigid_pairs
+from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes
 from app.pipeline.findings.exchanged_names import exchanged_findings
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.gripper import dropping_findings, hand_findings
@@ -92,7 +92,7 @@ class Taught:
         for alike in self._alike.values():
             if (parted := parting(alike)) is not None:
                 found |= {parted.quantity.object_name, parted.quantity.seen_from}
-        pairs = [{pair.one, pair.other} for pair in rigid_pairs(self.usual)]
+        pairs = [{pair.one, pair.other} for pair in self.scenes.pairs]
         return frozenset(found.union(*(pair for pair in pairs if pair & found)) - {""})
 
     def of_objects(self, names: Collection[str]) -> "Taught":

@@ -196,11 +196,6 @@ def _wrapped_deg(angles_rad: Array) -> Array:
     return wrapped
 
 
-def distance_m(one: ObjectPose, other: ObjectPose) -> float:
-    """Return the distance between two objects."""
-    return float(np.linalg.norm(one.position_m - other.position_m))
-
-
 def places_by_object(scenes: Sequence[Query], places_m: Array) -> dict[tuple[str, str], Array]:
     """Return places (N, 3) of N scenes relative to each object that all have, by its role and the axes.
 

@@ -3,7 +3,10 @@
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
-from app.pipeline.episode import Query
+import numpy as np
+import numpy.typing as npt
+
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules, worst_severity
 from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 from app.pipeline.findings.places import (
@@ -11,15 +14,15 @@ from app.pipeline.findings.places import (
     MANY,
     MIN_DEMONSTRATIONS,
     ShownPlaces,
-    distance_m,
     estimated_error_m,
 )
-from app.pipeline.findings.repeated_scene import repeated_scene
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.severity import SEVERITIES
 
 UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
+REPEATED_M = 1e-5  # two measurements of one pose differ by more
 APART_SHARE = 0.5  # of the least distance of two objects in demonstrations: nearer ones are one object
 
 
@@ -38,8 +41,8 @@ def scene_findings(
     uncertain = tuple(_uncertain(observed))
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
-    places = [scenes.places(pose.name) for pose in observed]
-    if (old := repeated_scene(observed, places, (*shown, *scenes.left_out), followed)) is not None:
+    places = [scenes.places[pose.name] for pose in observed]
+    if (old := _repeated(observed, places, (*shown, *scenes.left_out), followed)) is not None:
         return (*uncertain, old)
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
@@ -60,6 +63,55 @@ def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, .
         f" {', '.join(new) or 'none'}. Neither the motion nor the instruction refers to them."
     )
     return (rules.OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
+
+
+def _repeated(
+    observed: Sequence[ObjectPose],
+    places: Sequence[ShownPlaces],
+    shown: Sequence[Demonstration],
+    followed: frozenset[str],
+) -> Finding | None:
+    """Return a finding if objects are exactly where one demonstration had them, as no two measurements are.
+
+    All of them, or one that the motion follows and that demonstrations never have twice in one place. Objects that
+    never move do not count, nor do positions in whole millimeters, which people write by hand.
+    """
+    moved = [pose for pose, place in zip(observed, places, strict=True) if place.box_m.width.max() > FIXED_M]
+    if not moved or all(map(_in_millimeters, moved)):
+        return None
+    by_name_m = {pose.name: np.array([old.object(pose.name).position_m for old in shown]) for pose in moved}
+    repeats = {pose.name: _repeats(pose.position_m, by_name_m[pose.name]) for pose in moved}
+    stale = np.logical_and.reduce(list(repeats.values()))
+    if stale.any():
+        what, where = "All objects are", "objects"
+    else:
+        one = next((pose for pose in moved if pose.name in followed and _stale(pose, by_name_m[pose.name])), None)
+        if one is None:
+            return None
+        what, where, stale = f"{one.name} is", f"objects[{one.name}]", repeats[one.name]
+    message = (
+        f"{what} exactly (to 0.01 mm) where demonstration {shown[int(stale.argmax())].id} had"
+        f" {'them' if where == 'objects' else 'it'}; no camera measures that twice. This is probably an old"
+        " observation: observe the scene again."
+    )
+    return rules.SCENE_OF_A_DEMONSTRATION.finding(message, where)
+
+
+def _stale(pose: ObjectPose, places_m: Array) -> bool:
+    """Return whether an object is where one of its places (N, 3) was, which are all different."""
+    if _in_millimeters(pose) or not _repeats(pose.position_m, places_m).any():
+        return False
+    return all(not _repeats(place_m, places_m[:k]).any() for k, place_m in enumerate(places_m))
+
+
+def _repeats(place_m: Array, places_m: Array) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which of the places (N, 3) are the same measurement as a place (3,)."""
+    repeats: npt.NDArray[np.bool_] = np.abs(places_m - place_m).max(axis=1) < REPEATED_M
+    return repeats
+
+
+def _in_millimeters(pose: ObjectPose) -> bool:
+    return bool(np.abs(pose.position_m - pose.position_m.round(3)).max() < REPEATED_M)
 
 
 def _severer(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
@@ -95,8 +147,8 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
         )
         if swapped := rules.OBJECTS_IN_EACH_OTHERS_PLACE.findings(off_m, message, f"objects[{one.name}]", off_m=off_m):
             return list(swapped), (one, other)
-        off_m = distance_m(one, other)
-        least_m = scenes.least_apart_m(one.name, other.name)
+        off_m = float(np.linalg.norm(one.position_m - other.position_m))
+        least_m = scenes.least_apart_m[one.name, other.name]
         if least_m > FIXED_M and off_m < APART_SHARE * least_m:
             message = (
                 f"{one.name} and {other.name} are seen {100 * off_m:.1f} cm apart, but at least {100 * least_m:.1f} cm"
@@ -109,7 +161,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
 
 def _height_error_if_exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
     """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0."""
-    places = scenes.places(one.name), scenes.places(other.name)
+    places = scenes.places[one.name], scenes.places[other.name]
     if max(place.box_m.width[2] for place in places) >= FIXED_M:
         return 0.0
     off_m = min(place.lifted_m(pose) for place, pose in zip(places, (one, other), strict=True))

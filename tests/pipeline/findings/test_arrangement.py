@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.episode import Query
-from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings, rigid_pairs
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 WORDS = "press here"
@@ -34,11 +34,15 @@ def found(lid_off_m, followed=(), **how):
     return [f.severity for f in arrangement_findings(query, ShownScenes(tuple(shown(**how))), frozenset(followed))]
 
 
+def pairs(demonstrations):
+    return [{pair.one, pair.other} for pair in ShownScenes(tuple(demonstrations)).pairs]
+
+
 @pytest.mark.parametrize("turns", [True, False])
 def test_only_what_is_rigid_and_was_elsewhere_is_a_pair(turns):
-    assert [{pair.one, pair.other} for pair in rigid_pairs(shown(turns=turns))] == [{"pot", "lid"}]
-    assert rigid_pairs(shown(moves=False)) == ()
-    assert rigid_pairs(shown(2)) == ()
+    assert pairs(shown(turns=turns)) == [{"pot", "lid"}]
+    assert pairs(shown(moves=False)) == []
+    assert pairs(shown(2)) == []
 
 
 @pytest.mark.parametrize("turns", [True, False])
@@ -58,7 +62,7 @@ def test_as_it_was_shown_and_a_little_off_is_no_doubt():
 def test_places_that_vary_by_more_than_poses_err_are_no_arrangement():
     random = np.random.default_rng(0)
     loose = [demonstration(WORDS, kitchen(k, lid_off_m=random.normal(0, 0.02, 3)), []) for k in range(8)]
-    assert rigid_pairs(loose) == ()
+    assert pairs(loose) == []
 
 
 def cups(left_m, right_m, names=("left cup", "right cup")):
