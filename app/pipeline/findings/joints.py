@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.quaternion_order import MISREADINGS
+from app.pipeline.findings.quaternion_order import likeliest_meaning, off_mean_deg
 from app.pipeline.keyframes import Motion
 from roboprompt_client.arms.panda import HAND_M, LIMITS_RAD, flange
 from roboprompt_client.errors import InvalidInputError
@@ -73,9 +73,7 @@ def _beyond_positions(motion: Motion) -> bool:
 def flange_away_m(trajectory: Trajectory) -> float | None:
     """Return how far a Franka's flange is from the recorded hand; None for other arms, or if the path hardly tells."""
     frames, flanges = _flanges(trajectory)
-    if not len(frames):
-        return None
-    fitted = _fitted(flanges, trajectory.positions_m[frames], handedness=1)
+    fitted = _fitted(flanges, trajectory.positions_m[frames]) if len(frames) else None
     return None if fitted is None or fitted.doubt_m > MAX_DOUBT_M else fitted.tip_away_m
 
 
@@ -97,54 +95,26 @@ def _check_hand(trajectory: Trajectory) -> None:
     if not len(frames):
         return
     positions_m, quaternions = trajectory.positions_m[frames], trajectory.quaternions_xyzw[frames]
-    fitted = _fitted(flanges, positions_m, handedness=1)
-    if fitted is not None:
+    if (fitted := _fitted(flanges, positions_m)) is not None:
         _check_turns(Rotation.from_matrix(fitted.base @ flanges[:, :3, :3]), quaternions)
-    elif _fitted(flanges, positions_m, handedness=-1) is not None:
+    elif _fitted(flanges, -positions_m) is not None:  # three reversed axes are one, turned by half a turn
         message = "are where a Franka's joints put its hand only if one axis is reversed: a left-handed frame"
         raise InvalidInputError(POSITIONS, message, "a right-handed world frame, meters")
 
 
 def _check_turns(flanges: Rotation, quaternions: Array) -> None:
     """Refuse a hand that turns on its flange."""
-    as_sent_deg = _turns_deg(flanges, quaternions)
+
+    def turns_deg(hands: Rotation) -> float:
+        return float(off_mean_deg(flanges.inv() * hands).max())
+
+    as_sent_deg = turns_deg(Rotation.from_quat(quaternions))
     if as_sent_deg <= MAX_TURN_DEG:
         return
-    meant_deg = {name: _turns_deg(flanges, quaternions[:, order] * signs) for name, order, signs in MISREADINGS}
-    likely = min(meant_deg, key=meant_deg.__getitem__)
-    why = f"; they would if they were {likely}" if meant_deg[likely] < MAX_TURN_DEG / 2 else ""
+    likely, meant_deg = likeliest_meaning(quaternions, turns_deg)
+    why = f"; they would if they were {likely}" if meant_deg < MAX_TURN_DEG / 2 else ""
     message = f"turn by up to {as_sent_deg:.0f} degrees otherwise than a Franka's joints turn its hand{why}"
     raise InvalidInputError(ROTATIONS, message, "rotations of the hand in the world frame, order x y z w")
-
-
-def _turns_deg(flanges: Rotation, quaternions: Array) -> float:
-    """Return the largest deviation of the hand's rotation on its flange from the mean one."""
-    on_flange = flanges.inv() * Rotation.from_quat(quaternions)
-    return float(np.degrees((on_flange.mean().inv() * on_flange).magnitude().max()))
-
-
-class _Placed(NamedTuple):
-    """The flanges' tips with the base placed where they are nearest to the hand's positions.
-
-    Attributes:
-        off_m: (N, 3) from the positions to the tips.
-        base: (3, 3) the base's axes in the world.
-        widths_m: (3,) of the tips' path along its principal axes, the largest first.
-    """
-
-    off_m: Array
-    base: Array
-    widths_m: Array
-
-    @classmethod
-    def of(cls, flanges: Array, tip_m: Array, positions_m: Array, handedness: int) -> "_Placed":
-        """Return the best fit of poses (N, 4, 4) with a tip (3,) in the flange's frame (Kabsch)."""
-        tips_m = flanges[:, :3, 3] + flanges[:, :3, :3] @ tip_m
-        tips_m, wanted_m = tips_m - tips_m.mean(axis=0), positions_m - positions_m.mean(axis=0)
-        left, _, right = np.linalg.svd(wanted_m.T @ tips_m)
-        base = left @ np.diag([1.0, 1.0, handedness * np.sign(np.linalg.det(left @ right))]) @ right
-        widths_m = np.linalg.svd(tips_m, compute_uv=False) / np.sqrt(len(tips_m))
-        return cls(tips_m @ base.T - wanted_m, base, widths_m)
 
 
 class _Fitted(NamedTuple):
@@ -161,22 +131,35 @@ class _Fitted(NamedTuple):
     doubt_m: float
 
 
-def _fitted(flanges: Array, positions_m: Array, *, handedness: int) -> _Fitted | None:
+def _fitted(flanges: Array, positions_m: Array) -> _Fitted | None:
     """Return the fit; None if no base and tool explain the positions, or many do.
 
     Args:
         flanges: (N, 4, 4) in the base frame, as the joints say.
         positions_m: (N, 3) of the hand in the world frame.
-        handedness: -1 for a world frame with one axis reversed.
     """
     tip_m = np.array([0.0, 0.0, HAND_M])
     for _ in range(STEPS):  # Gauss-Newton
-        off_m, *_ = _Placed.of(flanges, tip_m, positions_m, handedness)
-        moved = [_Placed.of(flanges, tip_m + step_m, positions_m, handedness).off_m for step_m in STEP_M * np.eye(3)]
+        _, _, off_m = _placed(flanges, tip_m, positions_m)
+        moved = [_placed(flanges, tip_m + step_m, positions_m)[2] for step_m in STEP_M * np.eye(3)]
         slopes = np.stack([(item - off_m).ravel() / STEP_M for item in moved], axis=1)
         tip_m = tip_m - np.linalg.lstsq(slopes, off_m.ravel(), rcond=1e-3)[0]
-    placed = _Placed.of(flanges, tip_m, positions_m, handedness)
-    error_m = float(np.sqrt((placed.off_m**2).sum(axis=1).mean()))
-    fits = placed.widths_m[1] > MIN_WIDTH_M and error_m < MAX_ERROR_SHARE * placed.widths_m[0]
+    base, tips_m, off_m = _placed(flanges, tip_m, positions_m)
+    widths_m = np.linalg.svd(tips_m, compute_uv=False) / np.sqrt(len(tips_m))  # along principal axes, the largest first
+    error_m = float(np.sqrt((off_m**2).sum(axis=1).mean()))
     least = float(np.linalg.svd(slopes, compute_uv=False)[-1])
-    return _Fitted(placed.base, float(np.linalg.norm(tip_m)), error_m / max(least, 1e-9)) if fits else None
+    if widths_m[1] <= MIN_WIDTH_M or error_m >= MAX_ERROR_SHARE * widths_m[0]:
+        return None
+    return _Fitted(base, float(np.linalg.norm(tip_m)), error_m / max(least, 1e-9))
+
+
+def _placed(flanges: Array, tip_m: Array, positions_m: Array) -> tuple[Array, Array, Array]:
+    """Return the base's axes (3, 3) that put the tips of the flanges nearest to the hand's positions (Kabsch).
+
+    With them the tips (N, 3) in the base frame, about their mean, and their way (N, 3) from the positions.
+    """
+    tips_m = flanges[:, :3, 3] + flanges[:, :3, :3] @ tip_m
+    tips_m, wanted_m = tips_m - tips_m.mean(axis=0), positions_m - positions_m.mean(axis=0)
+    left, _, right = np.linalg.svd(wanted_m.T @ tips_m)
+    base = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    return base, tips_m, tips_m @ base.T - wanted_m

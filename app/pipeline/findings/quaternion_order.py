@@ -3,7 +3,8 @@
 Read as x y z w, a rotation about the vertical with w first is a rotation about the x axis.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,6 @@ from app.pipeline.keyframes import Motion
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
-from roboprompt_client.types.trajectory import Trajectory
 
 UPRIGHT_DEG = 5.0
 OFF_UPRIGHT_DEG = 20.0
@@ -26,8 +26,9 @@ ALONG_DEG, ACROSS_DEG = 25.0, 60.0
 ONE_TILT_DEG = 5.0  # tilts that differ by less are one
 ON_ITS_HEAD_DEG = 135.0
 MIN_TILTS = 3  # demonstrations from which on an object's tilts are compared
+Misreading = tuple[str, list[int], Array]
 # How else quaternions may have been meant: what they are then, the order of their numbers, and their signs
-MISREADINGS = (
+MISREADINGS: tuple[Misreading, ...] = (
     ("w first", [1, 2, 3, 0], np.ones(4)),
     ("inverted (world to hand)", [0, 1, 2, 3], np.array([-1.0, -1.0, -1.0, 1.0])),
     ("mirrored in x", [0, 1, 2, 3], np.array([1.0, -1.0, -1.0, 1.0])),
@@ -37,6 +38,21 @@ MISREADINGS = (
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 
 
+def likeliest_meaning(
+    quaternions: Array, off_deg: Callable[[Rotation], float], readings: Sequence[Misreading] = MISREADINGS
+) -> tuple[str, float]:
+    """Return how else quaternions (N, 4) were probably meant, because rotations are then least off, and by how much."""
+    meant = ((off_deg(Rotation.from_quat(quaternions[:, order] * signs)), name) for name, order, signs in readings)
+    least_deg, name = min(meant, key=itemgetter(0))
+    return name, least_deg
+
+
+def off_mean_deg(rotations: Rotation) -> Array:
+    """Return (N,) angles from their mean."""
+    off: Array = np.degrees((rotations.mean().inv() * rotations).magnitude())
+    return off
+
+
 def check_hand_order(motion: Motion) -> None:
     """Refuse a hand that would point straight down, or along its way to each grasp, if w came first.
 
@@ -44,12 +60,8 @@ def check_hand_order(motion: Motion) -> None:
         InvalidInputError: naming the field.
     """
     _check_approaches(motion)
-    _check_pointing_down(motion.trajectory)
-
-
-def _check_pointing_down(trajectory: Trajectory) -> None:
-    quaternions = trajectory.quaternions_xyzw
-    as_read, as_meant = _off_way_deg(quaternions, DOWN), _off_way_deg(np.roll(quaternions, -1, axis=1), DOWN)
+    quaternions = motion.trajectory.quaternions_xyzw
+    as_read, as_meant = _off_way_deg(quaternions, DOWN), _off_way_deg(_w_first(quaternions), DOWN)
     turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
     if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
         message = "are a hand that points straight down only if w comes first"
@@ -67,9 +79,9 @@ def _check_approaches(motion: Motion) -> None:
         return
     quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
     directions = np.array([way_m for _, way_m in ways])
-    as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
+    as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, _w_first(quaternions)))
     may_be_right = _off_way_deg(quaternions, DOWN).max() < OFF_UPRIGHT_DEG
-    points_up = _off_way_deg(np.roll(quaternions, -1, axis=1), UP).min() < ACROSS_DEG
+    points_up = _off_way_deg(_w_first(quaternions), UP).min() < ACROSS_DEG
     if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
         message = "are a hand that moves the way it points before it grasps only if w comes first"
         raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
@@ -101,10 +113,7 @@ def check_objects_order(objects: Sequence[ObjectPose]) -> None:
     Raises:
         InvalidInputError: naming the object.
     """
-    turned = [pose for pose in objects if pose.quaternion_xyzw is not None]
-    if not turned:
-        return
-    quaternions = np.array([pose.quaternion_xyzw for pose in turned])
+    turned, quaternions = _turned(objects)
     tilts_deg = _off_way_deg(quaternions, UP)
     inclined = _is_inclined(tilts_deg)
     if _upright_if_w_first(quaternions).all() and inclined.any() and np.ptp(tilts_deg[inclined]) > ONE_TILT_DEG:
@@ -115,10 +124,15 @@ def check_objects_order(objects: Sequence[ObjectPose]) -> None:
 
 def tilted_about_x(objects: Sequence[ObjectPose]) -> tuple[str, ...]:
     """Return the names of the objects that are tilted, and would be upright if w came first."""
-    known = [pose for pose in objects if pose.quaternion_xyzw is not None]
-    quaternions = np.array([pose.quaternion_xyzw for pose in known]).reshape(-1, 4)
+    known, quaternions = _turned(objects)
     only_if = (_off_way_deg(quaternions, UP) > OFF_UPRIGHT_DEG) & _upright_if_w_first(quaternions)
     return tuple(pose.name for pose, is_tilted in zip(known, only_if, strict=True) if is_tilted)
+
+
+def _turned(objects: Sequence[ObjectPose]) -> tuple[list[ObjectPose], Array]:
+    """Return the N objects whose rotations are known, and these (N, 4)."""
+    known = [pose for pose in objects if pose.quaternion_xyzw is not None]
+    return known, np.array([pose.quaternion_xyzw for pose in known]).reshape(-1, 4)
 
 
 def objects_order_findings(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]:
@@ -154,5 +168,10 @@ def _is_inclined(tilts_deg: Array) -> npt.NDArray[np.bool_]:
 
 def _upright_if_w_first(quaternions: Array) -> npt.NDArray[np.bool_]:
     """Return (N,) bool of quaternions (N, 4)."""
-    upright: npt.NDArray[np.bool_] = _off_way_deg(np.roll(quaternions, -1, axis=1), UP) < UPRIGHT_DEG
+    upright: npt.NDArray[np.bool_] = _off_way_deg(_w_first(quaternions), UP) < UPRIGHT_DEG
     return upright
+
+
+def _w_first(quaternions: Array) -> Array:
+    """Return quaternions (N, 4) as they are meant if w comes first."""
+    return np.roll(quaternions, -1, axis=1)

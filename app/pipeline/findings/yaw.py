@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.quaternion_order import MISREADINGS
+from app.pipeline.findings.quaternion_order import MISREADINGS, likeliest_meaning, off_mean_deg
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
 from app.pipeline.plans.support import Support
@@ -87,13 +87,12 @@ class TurningRow:
 
         A declared symmetry folds the object's rotations, which a mirrored hand cannot be compared with.
         """
-        as_read_deg, hands_xyzw = min(self._scatters_deg(self.row.hands)), self.row.hands.as_quat()
-        as_meant_deg = {
-            name: min(self._scatters_deg(Rotation.from_quat(hands_xyzw[:, order] * signs)))
-            for name, order, signs in (MISREADINGS if self.given is None else MISREADINGS[:1])
-        }
-        likely = min(as_meant_deg, key=as_meant_deg.__getitem__)
-        return (as_read_deg, likely) if as_meant_deg[likely] < MUCH_LESS * as_read_deg else (0.0, "")
+        readings = MISREADINGS if self.given is None else MISREADINGS[:1]
+        as_read_deg = min(self._scatters_deg(self.row.hands))
+        likely, as_meant_deg = likeliest_meaning(
+            self.row.hands.as_quat(), lambda hands: min(self._scatters_deg(hands)), readings
+        )
+        return (as_read_deg, likely) if as_meant_deg < MUCH_LESS * as_read_deg else (0.0, "")
 
     def by_other_yaw(self) -> tuple[float, str, str]:
         """Return the angle that a third of the hands exceed, a reading of yaws by which they do not, and the name.
@@ -102,7 +101,7 @@ class TurningRow:
         """
         as_read_deg = of_a_way(self.row.off_deg)
         readings, objects = (READINGS, self.objects) if self.given is None else (READINGS_OF_SYMMETRIC, self.given)
-        as_meant_deg = {text: of_a_way(_off_deg(read(objects, self.row.hands))) for text, read in readings.items()}
+        as_meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read in readings.items()}
         text = min(as_meant_deg, key=as_meant_deg.__getitem__)
         return (as_read_deg, text, self.name) if as_meant_deg[text] < MUCH_LESS * as_read_deg else (0.0, "", "")
 
@@ -130,7 +129,7 @@ def turning_findings(
 
     Args:
         symmetric: objects with a declared yaw symmetry.
-        given_xyzw: their rotations before it was applied; None where they are not known.
+        given_xyzw: their rotations before it was applied.
     """
     turning = list(_turning(support, asked, symmetric, given_xyzw or {}))
     if not turning:
@@ -187,10 +186,4 @@ def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xy
 
 
 def _scatter_deg(rotations: Rotation) -> float:
-    return float(np.median(_off_deg(rotations)))
-
-
-def _off_deg(rotations: Rotation) -> Array:
-    """Return (N,) angles from their mean."""
-    off: Array = np.degrees((rotations.mean().inv() * rotations).magnitude())
-    return off
+    return float(np.median(off_mean_deg(rotations)))
