@@ -3,17 +3,20 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
+
+import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, worst_severity
 from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING, ShownScenes
-from app.pipeline.findings.exchanged_names import exchanged_findings
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.gripper import dropping_findings, hand_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.outliers import (
     answer_findings,
     elsewhere_findings,
+    exchanged_findings,
     off_plans_m,
     prompt_findings,
 )
@@ -23,11 +26,11 @@ from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.findings.yaw import Rotations, turning_findings
-from app.pipeline.groups import by_plan, shown_together, usual_ways
+from app.pipeline.groups import by_plan, grouped, shown_together, usual_ways
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
-from app.pipeline.plans.by_scene import parting
+from app.pipeline.plans.by_scene import Parting, parting
 from app.pipeline.plans.rows import acting_rows
 from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
@@ -63,7 +66,7 @@ class Taught:
     def usual(self) -> tuple[Demonstration, ...]:
         """The demonstrations that prompts show in some scene."""
         shown = {item.id for item in shown_together(self.demonstrations)}
-        shown |= {item.id for group in self._alike.values() if parting(group) is not None for item in group}
+        shown |= {item.id for form, group in self._alike.items() if self._parted[form] is not None for item in group}
         return tuple(item for item in self.demonstrations if item.id in shown)
 
     @cached_property
@@ -75,8 +78,8 @@ class Taught:
         """
         words = {word for form in self._alike for word in form.split()}
         undecided = any(
-            len(usual_ways(alike)) > 1 if (parted := parting(alike)) is None else parted.quantity.axis is None
-            for alike in self._alike.values()
+            len(usual_ways(alike)) > 1 if (parted := self._parted[form]) is None else parted.quantity.axis is None
+            for form, alike in self._alike.items()
         )
         if len(self.demonstrations) < MIN_AGREEING or undecided or not PLACE_WORDS.isdisjoint(words):
             return frozenset(pose.name for item in self.demonstrations for pose in item.objects)
@@ -89,9 +92,8 @@ class Taught:
             name for _, rows in self.support.plans for row in rows for anchor in row.anchors for name in anchor.names
         }
         found |= {name for item in self.demonstrations for name in item.order.objects}
-        for alike in self._alike.values():
-            if (parted := parting(alike)) is not None:
-                found |= {parted.quantity.object_name, parted.quantity.seen_from}
+        parted = [item for item in self._parted.values() if item is not None]
+        found |= {name for item in parted for name in (item.quantity.object_name, item.quantity.seen_from)}
         pairs = [{pair.one, pair.other} for pair in self.scenes.pairs]
         return frozenset(found.union(*(pair for pair in pairs if pair & found)) - {""})
 
@@ -136,7 +138,6 @@ class Taught:
         """Yield a finding if a prompt that lacks some usual demonstrations implies other actions than all of them.
 
         Args:
-            parts: the parts of the instruction.
             plans: by a part's instruction, those of the prompt, placed in the scene.
             shown_ids: of the demonstrations in the prompt.
         """
@@ -150,12 +151,7 @@ class Taught:
     def of_answer(
         self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
     ) -> Iterator[Finding]:
-        """Yield findings about an answer whose prompt shows only some of the demonstrations (`shown_ids`).
-
-        Args:
-            parts: the parts of the instruction.
-            actions: the answer to all of them.
-        """
+        """Yield findings about an answer to all parts whose prompt shows only some of the demonstrations."""
         if self._lacks(shown_ids):
             for part in parts:
                 yield from answer_findings(self.support, part, actions, self.round_objects if len(parts) == 1 else None)
@@ -174,19 +170,22 @@ class Taught:
 
     @cached_property
     def _alike(self) -> dict[str, list[Demonstration]]:
-        found: dict[str, list[Demonstration]] = {}
-        for demonstration in self.demonstrations:
-            found.setdefault(demonstration.order.form, []).append(demonstration)
-        return found
+        """The demonstrations that ask for the same, by the form of their instruction."""
+        return grouped(self.demonstrations, attrgetter("order.form"))
 
     @cached_property
-    def _off_plan_m(self) -> dict[int, float]:
-        """By `id`, how far each demonstration in `usual` acts from where the others of its plan do.
+    def _parted(self) -> dict[str, Parting | None]:
+        """What decides between the ways of each form of instruction; None where nothing does, or there is one way."""
+        return {form: parting(alike) for form, alike in self._alike.items()}
+
+    @cached_property
+    def _off_plan_m(self) -> dict[Demonstration, float]:
+        """How far each demonstration in `usual` acts from where the others of its plan do.
 
         Between switches of the gripper, rows of one number may show different stages, as after a detour: a
         demonstration that acts there in another row acts alike.
         """
-        found: dict[int, float] = {}
+        found: dict[Demonstration, float] = {}
         for group, rows in self.support.plans:
             acting, switches = acting_rows(rows), group[0].switches
             for i, demonstration in enumerate(group):
@@ -194,45 +193,39 @@ class Taught:
                 at_switches_m = max((float(rows[j].off_m[i]) for j in switches), default=0.0)
                 if at_switches_m < BEYOND_NOISE_M < off_m and off_plans_m(self.support, demonstration) < TWO_WAYS_M:
                     off_m = at_switches_m
-                found[id(demonstration)] = off_m
+                found[demonstration] = off_m
         return found
 
     def _off_m(self, item: Demonstration) -> float:
         """Return how far it acts from where the others of its plan do, or from where the usual plans would act."""
-        if (shown_m := self._off_plan_m.get(id(item))) is not None:
+        if (shown_m := self._off_plan_m.get(item)) is not None:
             return shown_m
         return 0.0 if item.plan is None else off_plans_m(self.support, item)
 
-    @cached_property
-    def _hands(self) -> dict[int, RecordedHand]:
-        """The recorded hands by `id` of the demonstration, where they are known."""
-        return {id(item): hand for item, hand in zip(self.demonstrations, self.hands, strict=False)}
-
     def _hands_of(self, demonstrations: Sequence[Demonstration]) -> list[RecordedHand]:
-        return [self._hands[id(item)] for item in demonstrations if id(item) in self._hands]
+        """Return their recorded hands; none where these are not known."""
+        hands = dict(zip(self.demonstrations, self.hands, strict=False))
+        return [hands[item] for item in demonstrations if item in hands]
 
     def _of_forms(self, asked: str) -> Iterator[Finding]:
         """Yield findings for the requested instruction form, or for every form if it was not demonstrated."""
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
-            left_out = [id(item) not in self._off_plan_m for item in alike]
+            left_out = [item not in self._off_plan_m for item in alike]
             hands = self._hands_of(alike)
             yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
             yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             yield from path_findings([hand.kept for hand in hands])
-            of_each = [tuple(hand_findings(group, self._hands_of(group))) for group in (alike, *_of_ways(alike))]
+            groups = (alike, *_of_ways(self._parted[form]))
+            of_each = [tuple(hand_findings(group, self._hands_of(group))) for group in groups]
             yield from next((found for found in of_each if worst_severity(found) == "danger"), of_each[0])
 
 
-def _of_ways(alike: Sequence[Demonstration]) -> list[list[Demonstration]]:
+def _of_ways(parted: Parting | None) -> list[list[Demonstration]]:
     """Return the demonstrations of each way between which the scene decides: all of one way may be wrong."""
-    if (parted := parting(alike)) is None:
+    if parted is None:
         return []
-    numbers = parted.ways.tolist()
-    ways = [
-        [item for item, way in zip(parted.demonstrations, numbers, strict=True) if way == which]
-        for which in sorted(set(numbers))
-    ]
+    ways = [[parted.demonstrations[k] for k in np.flatnonzero(parted.ways == way)] for way in np.unique(parted.ways)]
     return [way for way in ways if len(way) >= MIN_DEMONSTRATIONS]

@@ -1,4 +1,4 @@
-"""Outlier demonstrations: they act elsewhere, or use the gripper differently.
+"""Outlier demonstrations: they act elsewhere, exchange names, or use the gripper differently.
 
 A prompt leaves out a rare plan and shows the robust center of each row, so that the answer does not follow them.
 """
@@ -7,14 +7,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, permutations
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.path_kept import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ACTS_ELSEWHERE, LEFT_OUT, NOT_SHOWN
+from app.pipeline.findings.rules import ACTS_ELSEWHERE, LEFT_OUT, NAMES_EXCHANGED, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import PlanRow, acting_rows, touching_rows
@@ -67,6 +67,41 @@ def elsewhere_findings(
     yield ACTS_ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
+def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
+    """Yield a finding if demonstrations (`alike`) would act where the usual plan acts if two names were exchanged back.
+
+    The instruction must name one of the two objects; otherwise the scene may decide between them.
+    """
+    kinds = Counter(demonstration.kind for demonstration in alike)
+    usual = kinds.most_common(1)[0][0]
+    if len(kinds) == 1 or not all(demonstration.actions for demonstration in alike):
+        return
+    support = Support.of([[item for item in alike if item.kind == usual]])
+    unlike = [item for item in alike if item.kind != usual and off_plans_m(support, item) > BEYOND_NOISE_M]
+    explained = Counter(names for item in unlike for names in _explaining_names(support, item))
+    if not explained:
+        return
+    (one, other), number = explained.most_common(1)[0]
+    share = number / len(alike)
+    message = (
+        f"In {number} of {len(alike)} demonstrations of {alike[0].instruction!r} the names of {one} and {other} seem"
+        " to be exchanged: with them exchanged back, the hand acts as in the others. Correct or delete these."
+    )
+    yield from NAMES_EXCHANGED.findings(share, message, "demonstrations", share=share)
+
+
+def _explaining_names(support: Support, shown: Demonstration) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of names whose exchange makes the demonstration act as the plan does."""
+    for one, other in permutations((pose.name for pose in shown.objects), 2):
+        if one in shown.order.objects and off_plans_m(support, _with_exchanged(shown, one, other)) < ALIKE_M:
+            yield one, other
+
+
+def _with_exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
+    names = {one: other, other: one}
+    return replace(shown, objects=tuple(replace(pose, name=names.get(pose.name, pose.name)) for pose in shown.objects))
+
+
 def answer_findings(
     support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str] | None
 ) -> Iterator[Finding]:
@@ -76,8 +111,7 @@ def answer_findings(
         support: the plans of all demonstrations of the task.
         asked: one part of the instruction.
         actions: the answer to all parts.
-        round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count; None where the
-            answer is to several parts, of which only places are compared.
+        round_objects: None where the answer is to several parts, of which only places are compared.
     """
     off_m = _answer_off_m(support, asked, actions, round_objects)
     message = (
@@ -98,11 +132,9 @@ def prompt_findings(
     Args:
         support: the plans of all demonstrations of the task.
         plans: those of the prompt's demonstrations, placed in the scene of `asked`.
-        round_objects: objects with a declared yaw symmetry, at which the hand's rotation does not count.
     """
-    off_m = min(
-        (_answer_off_m(support, asked, [row.action for row in plan], round_objects) for plan in plans), default=0.0
-    )
+    answers = [[row.action for row in plan] for plan in plans]
+    off_m = min((_answer_off_m(support, asked, answer, round_objects) for answer in answers), default=0.0)
     message = (
         f"The motion of the prompt's demonstrations {_difference(off_m)} all demonstrations of the task: the prompt has"
         " too few demonstrations to show what the hand follows. Raise num_demonstrations."
@@ -191,11 +223,7 @@ def _distances_by_role_m(shown: Demonstration) -> dict[str, float]:
 
 
 def gripper_outlier_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
-    """Yield a finding if a new demonstration's gripper switches differently than in most with the same instruction.
-
-    Args:
-        new, others: with the keyframes of their recordings.
-    """
+    """Yield a finding if a new demonstration's gripper switches differently than in most with the same instruction."""
     ways = Counter(_way(shown) for shown in others if shown.order.form == new.order.form)
     if ways.total() < MIN_OTHERS:
         return
