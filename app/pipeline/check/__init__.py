@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.check.causes import find_causes
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
@@ -16,7 +15,6 @@ from app.pipeline.keyframes.resting import path_left_m, paths_left_m
 from app.pipeline.plans import demonstrated
 from app.pipeline.plans.recording import Recording
 from app.pipeline.plans.rows import PlanRow, plan_rows, robust_center
-from roboprompt_client.types.poses import EndEffectorAction
 
 
 def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
@@ -40,8 +38,8 @@ def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], 
     errors = [_left_out(row) if len(group) > 1 else [] for row in rows]
     was_open = bool(of_id[group[0].id].motion.phases[0].gripper_open)
     checks = []
-    for k, (row, offs) in enumerate(zip(rows, errors, strict=True)):
-        checks.append(_row_check(group, k, row, offs, switches=row.gripper_open != was_open))
+    for row, offs in zip(rows, errors, strict=True):
+        checks.append(_row_check(group, row, offs, switches=row.gripper_open != was_open))
         was_open = row.gripper_open
     episodes = tuple(
         _episode_check(of_id[demonstration.id], demonstration, [offs[place] for offs in errors if offs])
@@ -50,14 +48,18 @@ def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], 
     return PlanCheck(group[0].order.form, shown, tuple(checks), episodes)
 
 
-def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[Off], *, switches: bool) -> RowCheck:
+def _row_check(group: Sequence[Demonstration], row: PlanRow, offs: list[Off], *, switches: bool) -> RowCheck:
     objects = tuple(dict.fromkeys(anchor.object_name for anchor in row.anchors if anchor.object_name))
-    varies = _variation([demonstration.actions[k] for demonstration in group])
-    check = RowCheck(objects, row.anchors[0].frame, row.gripper_open, switches, varies)
+    check = RowCheck(objects, row.anchors[0].frame, row.gripper_open, switches, _variation(row))
     if not offs:
         return check
     worst = max(range(len(offs)), key=lambda place: offs[place].together_m)
-    return replace(check, error=Off.median(offs), worst=offs[worst], worst_id=group[worst].id)
+    return replace(
+        check,
+        error=Off.median([off.m for off in offs], [off.deg for off in offs]),
+        worst=offs[worst],
+        worst_id=group[worst].id,
+    )
 
 
 def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:
@@ -79,14 +81,13 @@ def _left_out(row: PlanRow) -> list[Off]:
     for place, (offset_m, rotation) in enumerate(zip(row.offsets_m, row.rotations, strict=True)):
         others = np.arange(len(row.offsets_m)) != place
         center_m, mean = robust_center(row.offsets_m[others], row.rotations[others])
-        offs.append(Off.of(offset_m - center_m, mean.inv() * rotation))
+        turn_deg = float(np.degrees((mean.inv() * rotation).magnitude()))
+        offs.append(Off(float(np.linalg.norm(offset_m - center_m)), turn_deg))
     return offs
 
 
-def _variation(actions: Sequence[EndEffectorAction]) -> Off:
-    """Return the median distance of actions from their robust center in the world frame."""
-    positions_m = np.array([action.position_m for action in actions])
-    rotations = Rotation.from_quat([action.quaternion_xyzw for action in actions])
-    center_m, mean = robust_center(positions_m, rotations)
-    turns = mean.inv() * rotations
-    return Off.median([Off.of(way_m, turn) for way_m, turn in zip(positions_m - center_m, turns, strict=True)])
+def _variation(row: PlanRow) -> Off:
+    """Return the median distance of the hands from their robust center in the world frame."""
+    center_m, mean = robust_center(row.positions_m, row.hands)
+    turns_deg = np.degrees((mean.inv() * row.hands).magnitude())
+    return Off.median(np.linalg.norm(row.positions_m - center_m, axis=1), turns_deg)

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Manner, RuleName
 from app.pipeline.thresholds import M_PER_RAD
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 from roboprompt_client.types.severity import Severity
@@ -25,14 +25,9 @@ class Off:
     deg: float
 
     @classmethod
-    def of(cls, way_m: Array, turn: Rotation) -> "Off":
-        """Return it for the offset (3,) and the turn from one pose to the other."""
-        return cls(float(np.linalg.norm(way_m)), float(np.degrees(turn.magnitude())))
-
-    @classmethod
-    def median(cls, offs: Sequence["Off"]) -> "Off":
+    def median(cls, offs_m: Sequence[float] | Array, offs_deg: Sequence[float] | Array) -> "Off":
         """Return the median distance and the median angle."""
-        return cls(float(np.median([off.m for off in offs])), float(np.median([off.deg for off in offs])))
+        return cls(float(np.median(offs_m)), float(np.median(offs_deg)))
 
     @property
     def together_m(self) -> float:
@@ -171,8 +166,8 @@ def check_reply(episode: EpisodeCheck, actions: Sequence[EndEffectorAction]) -> 
 
 
 def _off_between(predicted: EndEffectorAction, shown: EndEffectorAction) -> Off:
-    turn = Rotation.from_quat(shown.quaternion_xyzw).inv() * Rotation.from_quat(predicted.quaternion_xyzw)
-    return Off.of(predicted.position_m - shown.position_m, turn)
+    turn_rad = quaternions.angle_between_rad(shown.quaternion_xyzw, predicted.quaternion_xyzw)
+    return Off(float(np.linalg.norm(predicted.position_m - shown.position_m)), math.degrees(turn_rad))
 
 
 def reply_findings(model: str, replies: Sequence[ReplyCheck]) -> tuple[Finding, ...]:

@@ -33,8 +33,7 @@ class ActingRow:
     """A row in which the hand acts on something, itself or with a held object.
 
     Attributes:
-        shown: the demonstrations of its plan.
-        index: of the row.
+        shown, rows: of its plan.
         touches: whether the hand itself acts; what is held may act anywhere, as in a bin.
         asked: the requested instruction.
         round_objects: objects with a declared yaw symmetry.
@@ -108,8 +107,10 @@ class ActingRow:
         row = self.row
         if len(self.shown) < FEWEST_EXPLAINED or row.scatter_m < EXPLAINED_M or not row.anchors[0].object_name:
             return 0.0, ""
-        seen_m = (row.positions_m - self._followed_m, row.offsets_m)  # along the world's axes, and the row's own
-        for name, inputs in self._causes().items():
+        followed = zip(self.shown, row.anchors, strict=True)
+        followed_m = np.array([item.object(anchor.object_name).position_m for item, anchor in followed])
+        seen_m = (row.positions_m - followed_m, row.offsets_m)  # along the world's axes, and the row's own
+        for name, inputs in self._causes(followed_m).items():
             varied = inputs[:, inputs.std(axis=0) > VARIES_M]
             freedom = len(self.shown) - varied.shape[1] - 1
             most_left = LEFT * min(1, freedom / FREEDOM) * (row.off_m**2).sum()
@@ -117,34 +118,27 @@ class ActingRow:
                 return float(row.off_m.max()), name
         return 0.0, ""
 
-    @property
-    def _followed_m(self) -> Array:
-        """(N, 3) the places of the object that the row follows."""
-        anchors = zip(self.shown, self.row.anchors, strict=True)
-        return np.array([item.object(anchor.object_name).position_m for item, anchor in anchors])
-
-    def _causes(self) -> dict[str, Array]:
-        """Return (N, K) quantities that may explain scatter, by their text."""
+    def _causes(self, followed_m: Array) -> dict[str, Array]:
+        """Return (N, K) quantities that may explain scatter about an object at `followed_m` (N, 3), by their text."""
         number = len(self.shown)
         starts_m = [item.start.position_m for item in self.shown if item.start is not None]
         causes = {
             "the order of the recordings": np.linspace(0, 1, number)[:, None],
             "where the hand starts": np.array(starts_m if len(starts_m) == number else np.zeros((number, 3))),
-            f"the place of {self.row.anchors[0].object_name}": self._followed_m,
+            f"the place of {self.row.anchors[0].object_name}": followed_m,
         }
         # what is held may depend on anything on its way
         for poses in zip(*(item.ordered_objects for item in self.shown), strict=False) if self.touches else ():
             other = all(pose.name != anchor.object_name for pose, anchor in zip(poses, self.row.anchors, strict=True))
             if other:
                 places_m = np.array([pose.position_m for pose in poses])
-                causes.setdefault(f"the place of {poses[0].name}", places_m - self._followed_m)
+                causes.setdefault(f"the place of {poses[0].name}", places_m - followed_m)
         return causes
 
     def places_in_two_m(self) -> float:
         """Return the distance between two clusters of places where the hand itself acts; 0 for one cluster."""
         row, least_m = self.row, rules.SCATTER_OF_PLACES_IN_TWO.levels["danger"]
-        clusters = None if self.loosely else two_ways(row.unturned, least_m=least_m)
-        if clusters is None:
+        if self.loosely or (clusters := two_ways(row.unturned, least_m=least_m)) is None:
             return 0.0
         return float(np.linalg.norm(row.offsets_m[clusters].mean(axis=0) - row.offsets_m[~clusters].mean(axis=0)))
 
@@ -166,8 +160,7 @@ class ActingRow:
         row = self.row
         only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
         least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
-        clusters = None if self.is_round else two_ways(only_turns, least_m=least_m)
-        if clusters is None:
+        if self.is_round or (clusters := two_ways(only_turns, least_m=least_m)) is None:
             return 0.0
         return math.degrees((row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()).magnitude())
 

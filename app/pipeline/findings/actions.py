@@ -12,12 +12,7 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrated_scenes import ShownScenes, distances_m, path_m
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.rules import (
-    PASSES_CLOSE,
-    SAMPLES_DISAGREE,
-    STRAYING_ACTION,
-    UNSUPPORTED,
-)
+from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING_ACTION, UNSUPPORTED
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_LISTED = 4  # numbers of actions that a message lists

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +12,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.places import FIXED_M, Range, ShownPlaces
-from app.pipeline.findings.rules import (
-    ARRANGEMENT,
-    ARRANGEMENT_OF_FOLLOWED,
-    ARRANGEMENT_OF_SIDES,
-    Rule,
-)
+from app.pipeline.findings.rules import ARRANGEMENT, ARRANGEMENT_OF_FOLLOWED, ARRANGEMENT_OF_SIDES, Rule
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.order.words import phrase_of
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchor, tilted_objects
@@ -129,11 +124,11 @@ class ShownScenes:
 
     @cached_property
     def least_apart_m(self) -> dict[tuple[str, str], float]:
-        """The least distance between two objects in any scene, by their names in either order."""
+        """The least distance between two objects in any scene, by their names."""
         names = [pose.name for pose in self.demonstrations[0].objects]
         return {
             (one, other): min(float(np.linalg.norm(_way_m(scene, one, other))) for scene in self.demonstrations)
-            for one, other in permutations(names, 2)
+            for one, other in product(names, repeat=2)
         }
 
 

@@ -68,13 +68,7 @@ class Compared:
 def source_findings(
     observed: Sequence[ObjectPose], shown: Sequence[Demonstration], compared: Sequence[Compared]
 ) -> Iterator[Finding]:
-    """Yield a finding for each object whose pose is from another source, unless an episode shows that both agree.
-
-    Args:
-        observed: the objects of the scene.
-        shown: the demonstrations.
-        compared: the given and found poses of the task's episodes that have both.
-    """
+    """Yield a finding for each object whose pose is from another source, unless an episode shows that both agree."""
     for pose in observed:
         taught = [item for one in shown for item in one.objects if item.name == pose.name]
         sources = {item.estimator for item in taught} - {pose.estimator}
@@ -156,11 +150,7 @@ def frame_findings(
 
 
 def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
-    """Yield a finding if recordings start with an object in the hand, which is not at it now.
-
-    Args:
-        scene: as it is observed.
-    """
+    """Yield a finding if recordings start with an object in the hand, which is not at it now."""
     if now is None or not hands:
         return
     holding = [hand for hand in hands if hand.acts and hand.acts[0].opens and not hand.starts_open]

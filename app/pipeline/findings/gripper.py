@@ -53,16 +53,12 @@ LEAPS = (
 
 
 def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
-    """Yield what is implausible in more than a third of the recordings of one instruction, and what all share.
-
-    Args:
-        alike: demonstrations that ask for the same, with their hands.
-    """
+    """Yield what is implausible in more than a third of the recordings of one instruction, and what all share."""
     if not hands:
         return
     pairs = list(zip(alike, hands, strict=True))
     faults = [
-        (rules.IMPLAUSIBLE_GRIPPER, fault) if (fault := _recorder_fault(pair[1]) or _gripper_fault(*pair)) else end
+        (rules.IMPLAUSIBLE_GRIPPER, fault) if (fault := _fault(*pair)) else end
         for pair, end in zip(pairs, end_faults(pairs), strict=True)
     ]
     for (rule, fault), number in Counter(item for item in faults if item is not None).items():
@@ -78,11 +74,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
 
 
 def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
-    """Yield a finding if demonstrations that are to be done one after the other end with something in the hand.
-
-    Args:
-        hands: of those that are strung together.
-    """
+    """Yield a finding if demonstrations that are to be done one after the other end with something in the hand."""
     holding = sum(hand.ends_holding and hand.starts_open for hand in hands)
     if 2 * holding > len(hands):
         message = (
@@ -112,10 +104,11 @@ def _acts_on_a_part(pairs: Sequence[Recorded]) -> bool:
     return any(off_m < PART_M and off_m < MUCH_LESS * seen_m[role, "w"] for role, off_m in own_m.items())
 
 
-def _recorder_fault(hand: RecordedHand) -> str | None:
+def _fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
+    """Return what is implausible in a recording: of the recorder, else of the gripper."""
     if hand.leaps:
         return LEAPS
-    return FLICKERS if hand.flickers else None
+    return FLICKERS if hand.flickers else _gripper_fault(demonstration, hand)
 
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:

@@ -74,13 +74,8 @@ class Reversals(NamedTuple):
     certain: int
     possible: int
 
-    @classmethod
-    def of(cls, positions_m: Array) -> "Reversals":
-        """Count them in a path (T, 3)."""
-        return cls(*(_count(positions_m, *limits) for limits in (CERTAIN, POSSIBLE)))
 
-
-def _count(positions_m: Array, segment_m: float, cosine: float) -> int:
+def _reversals(positions_m: Array, segment_m: float, cosine: float) -> int:
     """Count the corners sharper than `cosine` in the path, resampled to steps of at least `segment_m`."""
     kept = [0]
     while (far := np.linalg.norm(positions_m[kept[-1] :] - positions_m[kept[-1]], axis=1) >= segment_m).any():
@@ -156,7 +151,7 @@ class RecordedHand:
             min(trajectory.positions_m[[0, -1], 2]) - trajectory.positions_m[:, 2].min() > DIPS_M,
             _slides(trajectory.positions_m),
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
-            Reversals.of(trajectory.positions_m),
+            Reversals(*(_reversals(trajectory.positions_m, *limits) for limits in (CERTAIN, POSSIBLE))),
             _leaps(trajectory.positions_m),
             _flickers(motion),
         )

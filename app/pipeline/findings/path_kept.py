@@ -39,9 +39,6 @@ def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:
 
     The hand acts where the gripper switches; the nearest action with the same gripper state counts. Without a switch it
     acts at its lowest place, which the straight path from action to action may pass.
-
-    Args:
-        actions: at least one.
     """
     positions_m = motion.trajectory.positions_m
     if not motion.acting_switches:

@@ -51,8 +51,6 @@ def upload_findings(
         new: the demonstration, with the keyframes that `rule` finds in `motion`.
         tracked: the objects in the order of the trajectory's tracks.
         alike: the objects that came with one name.
-        compared: the objects whose poses were given, and found in images as well.
-        extra: of the upload.
         others: the task's demonstrations.
 
     Raises:
@@ -70,11 +68,7 @@ def upload_findings(
 
 
 def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> tuple[Finding, ...]:
-    """Return the findings, causes first.
-
-    Args:
-        keyframes: found by `rule`.
-    """
+    """Return the findings, causes first."""
     return (*_steps(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
 
 
@@ -158,7 +152,6 @@ def contact_findings(motion: Motion, names: Sequence[str], extra: Mapping[str, A
 
     Args:
         names: the objects that the trajectory tracks, in its order.
-        extra: of the upload, with `commanded_positions` if they are known.
 
     Raises:
         InvalidInputError: if `extra` has commanded positions of another shape.
@@ -192,11 +185,7 @@ def _pushed(motion: Motion, names: Sequence[str]) -> Iterator[Finding]:
 
 
 def _holds(motion: Motion, away_m: Array) -> bool:
-    """Return whether the hand closes on an object, and not before it comes near.
-
-    Args:
-        away_m: (T,) the object's distance from the hand.
-    """
+    """Return whether the hand closes on an object at a distance (T,), and not before it comes near."""
     closed = [away_m[phase.first : phase.last + 1] for phase in motion.phases if not phase.gripper_open]
     return any(each[0] < AT_OBJECT_M and each.min() > each[0] - NEARER_M for each in closed)
 

@@ -22,12 +22,7 @@ class Stranger(NamedTuple):
 
 
 def strangers(asked: Order, taught: Sequence[str]) -> Iterator[Stranger]:
-    """Yield the objects of each clause that are of another kind than the taught ones in their role.
-
-    Args:
-        asked: an instruction in the form of taught ones.
-        taught: the instructions of the demonstrations.
-    """
+    """Yield the objects of each clause that are of another kind than the taught ones in their role."""
     shown = [clause for text in taught for clause in Order(text, asked.names).clauses]
     known = {name for clause in shown for name in clause.objects}
     usual = {(clause.verb, place, name) for clause in shown for place, name in enumerate(clause.objects)}

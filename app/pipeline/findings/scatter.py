@@ -21,25 +21,19 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
     Prompts show the robust center of the demonstrations, so that the standard error of the center counts. If more than
     a third of them are far from it, there is no common center, however many they are. Where the hand grasps or presses
     something, a standard error beyond the tolerance of a grasp is a danger.
-
-    Args:
-        round_objects: objects with a declared yaw symmetry.
     """
     acting = [
         ActingRow(shown, rows, k, k in touching_rows(rows), asked, round_objects)
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
-    causes = [
-        (rank, item, *cause)
-        for item in acting
-        for rank, cause in enumerate((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)))
-    ]
-    found = [cause for cause in causes if cause[2].severity(cause[3]) is not None]
-    if found:  # the first cause, where it is worst
-        _, item, rule, value, message = min(found, key=lambda cause: (cause[0], -cause[3]))
-        yield from item.findings(rule, value, message)
-    elif scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
+    each = ((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)) for item in acting)
+    for causes in zip(*each, strict=True):
+        (rule, value, message), item = max(zip(causes, acting, strict=True), key=lambda pair: pair[0][1])
+        if rule.severity(value) is not None:  # the first cause, where it is worst
+            yield from item.findings(rule, value, message)
+            return
+    if scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
         yield _scattered(scattered)
 
 

@@ -9,13 +9,7 @@ import numpy.typing as npt
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules, worst_severity
 from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
-from app.pipeline.findings.places import (
-    FIXED_M,
-    MANY,
-    MIN_DEMONSTRATIONS,
-    ShownPlaces,
-    estimated_error_m,
-)
+from app.pipeline.findings.places import FIXED_M, MANY, MIN_DEMONSTRATIONS, ShownPlaces, estimated_error_m
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.severity import SEVERITIES

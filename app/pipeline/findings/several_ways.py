@@ -120,15 +120,13 @@ def _same_outcome(one: Group, other: Group, round_objects: frozenset[str]) -> bo
     """
     if _act_alike(one, other, round_objects):
         return True
-    return grasps_along_approach([*one, *other]) and _act_alike(one, _half_turned(other), round_objects)
-
-
-def _half_turned(group: Group) -> Group:
-    return tuple(replace(shown, actions=tuple(map(half_turned, shown.actions))) for shown in group)
+    turned = tuple(replace(shown, actions=tuple(map(half_turned, shown.actions))) for shown in other)
+    return grasps_along_approach([*one, *other]) and _act_alike(one, turned, round_objects)
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG or not all(map(_is_aligned, (one, other))):
+    aligned = all(len({len(shown.actions) for shown in way}) == 1 for way in (one, other))
+    if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG or not aligned:
         return False
     first, second = _acting_only(one), _acting_only(other)
     both = [*first, *second]
@@ -139,10 +137,6 @@ def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
     if any(two_ways(row) is not None or SCATTER_OF_A_THIRD.severity(row.way_off_m) is not None for row in rows):
         return False
     return not any(_turned_apart(row, beside, round_objects) for row, beside in each)
-
-
-def _is_aligned(group: Group) -> bool:
-    return len({len(demonstration.actions) for demonstration in group}) == 1
 
 
 def _turned_apart(one: PlanRow, other: PlanRow, round_objects: frozenset[str]) -> bool:

@@ -33,10 +33,6 @@ UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
     """Refuse a recording without motion, or whose numbers are not meters, radians and quaternions xyzw.
 
-    Args:
-        objects: the given poses.
-        cameras: those of the first frame's images.
-
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
     """
@@ -51,11 +47,7 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
 
 
 def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
-    """Yield findings about units, frames and rates that are probably wrong, but may be meant.
-
-    Args:
-        objects: as given, or found at the first frame.
-    """
+    """Yield findings about units, frames and rates that are probably wrong, but may be meant."""
     if len(trajectory) < FEW_FRAMES:
         message = f"The recording has only {len(trajectory)} frames. Record at a higher rate."
         numbers = {"num_frames": len(trajectory)}
