@@ -1,6 +1,6 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,8 +68,8 @@ class TurningRow:
     taken_aside_m: Array | None
     takes: bool
 
-    def beside_m(self) -> float:
-        """Return how far beside the object the hand acts, if it turns with the object and its place does not; else 0.
+    def beside(self) -> tuple[Finding, ...]:
+        """Return a finding if the hand acts beside the object and turns with it, but its place does not.
 
         What is let go of may belong there. In another frame the hand would have taken it as far beside.
         """
@@ -77,36 +77,47 @@ class TurningRow:
         turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
         far_m = float(np.linalg.norm(self.row.center_m[:2]))
         if not turns_with_it or self.row.anchors[0].place_turns or self.row.anchors[0].along:
-            return 0.0
-        if self.taken_aside_m is None:
-            return far_m
-        return far_m if np.linalg.norm(self.taken_aside_m - self.aside_m) < far_m / 2 else 0.0
+            return ()
+        if self.taken_aside_m is not None and np.linalg.norm(self.taken_aside_m - self.aside_m) >= far_m / 2:
+            return ()
+        message = (
+            f"The hand turns with {self.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has"
+            " it, however it is turned. Give hand and objects in one frame."
+        )
+        return rules.BESIDE_THE_OBJECT.findings(far_m, message, f"objects[{self.name}]", beside_m=far_m)
 
-    def by_other_quaternions(self) -> tuple[float, str]:
-        """Return how far the hand scatters about object and world, and as what quaternions it hardly would; or 0.
+    def by_other_quaternions(self) -> tuple[Finding, ...]:
+        """Return a finding if the hand scatters about object and world, and hardly would with other quaternions.
 
         A declared symmetry folds the object's rotations, which a mirrored hand cannot be compared with.
         """
         readings = MISREADINGS if self.given is None else MISREADINGS[:1]
-        as_read_deg = min(self._scatters_deg(self.row.hands))
-        likely, as_meant_deg = likeliest_meaning(
-            self.row.hands.as_quat(), lambda hands: min(self._scatters_deg(hands)), readings
+        off_deg, hands_xyzw = min(self._scatters_deg(self.row.hands)), self.row.hands.as_quat()
+        likely, meant_deg = likeliest_meaning(hands_xyzw, lambda hands: min(self._scatters_deg(hands)), readings)
+        if meant_deg >= MUCH_LESS * off_deg:
+            return ()
+        message = (
+            f"Where the hand acts, its rotations scatter by {off_deg:.0f} degrees; it would turn as {self.name} does if"
+            f" its quaternions were {likely}. Send the hand's rotations in the world frame, order x y z w."
         )
-        return (as_read_deg, likely) if as_meant_deg < MUCH_LESS * as_read_deg else (0.0, "")
+        return rules.W_FIRST.findings(off_deg, message, "demonstrations", off_deg=off_deg)
 
-    def by_other_yaw(self) -> tuple[float, str, str]:
-        """Return the angle that a third of the hands exceed, a reading of yaws by which they do not, and the name.
-
-        (0, "", "") if there is no such reading.
-        """
-        as_read_deg = of_a_way(self.row.off_deg)
+    def by_other_yaw(self) -> tuple[Finding, ...]:
+        """Return a finding if a third of the hands are turned otherwise, and are not by another reading of yaws."""
+        off_deg = of_a_way(self.row.off_deg)
         readings, objects = (READINGS, self.objects) if self.given is None else (READINGS_OF_SYMMETRIC, self.given)
-        as_meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read in readings.items()}
-        text = min(as_meant_deg, key=as_meant_deg.__getitem__)
-        return (as_read_deg, text, self.name) if as_meant_deg[text] < MUCH_LESS * as_read_deg else (0.0, "", "")
+        meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read in readings.items()}
+        reading = min(meant_deg, key=meant_deg.__getitem__)
+        if meant_deg[reading] >= MUCH_LESS * off_deg:
+            return ()
+        message = (
+            f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all"
+            f" would turn with {self.name} if it {reading}. Check the sign and unit of yaws, and yaw_symmetry_deg."
+        )
+        return rules.YAW_MISREAD.findings(off_deg, message, f"objects[{self.name}]", off_deg=off_deg)
 
-    def scatter_findings(self) -> Sequence[Finding]:
-        """Return at most one finding, of hands that do not take an object without symmetry alike."""
+    def scattered(self) -> tuple[Finding, ...]:
+        """Return a finding if hands do not take an object without symmetry alike."""
         off_deg = of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
         turns = _scatter_deg(self.objects) > TURNS_DEG
         rule = rules.SCATTER_OF_HANDS if turns else rules.SCATTER_OF_HANDS_AT_UNTURNED
@@ -132,31 +143,15 @@ def turning_findings(
         given_xyzw: their rotations before it was applied.
     """
     turning = list(_turning(support, asked, symmetric, given_xyzw or {}))
-    if not turning:
-        return
-    item = max(turning, key=TurningRow.beside_m)
-    far_m = item.beside_m()
-    message = (
-        f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has it,"
-        " however it is turned. Give hand and objects in one frame."
-    )
-    yield from rules.BESIDE_THE_OBJECT.findings(far_m, message, f"objects[{item.name}]", beside_m=far_m)
-    item = max(turning, key=TurningRow.by_other_quaternions)
-    off_deg, likely = item.by_other_quaternions()
-    message = (
-        f"Where the hand acts, its rotations scatter by {off_deg:.0f} degrees; it would turn as {item.name} does if its"
-        f" quaternions were {likely}. Send the hand's rotations in the world frame, order x y z w."
-    )
-    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", off_deg=off_deg)
-    off_deg, reading, name = max(each.by_other_yaw() for each in turning)
-    message = (
-        f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all would"
-        f" turn with {name} if it {reading}. Check the sign and unit of yaws, and yaw_symmetry_deg."
-    )
-    misread = rules.YAW_MISREAD.findings(off_deg, message, f"objects[{name}]", off_deg=off_deg)
-    scattered = [finding for each in turning for finding in each.scatter_findings()]
-    severest = sorted(scattered, key=lambda each: (SEVERITIES.index(each.severity), each.numbers["off_deg"]))[-1:]
-    yield from misread or severest
+    yield from _worst(map(TurningRow.beside, turning))
+    yield from _worst(map(TurningRow.by_other_quaternions, turning))
+    yield from _worst(map(TurningRow.by_other_yaw, turning)) or _worst(map(TurningRow.scattered, turning))
+
+
+def _worst(of_each: Iterable[tuple[Finding, ...]]) -> list[Finding]:
+    """Return the severest finding, of several the one with the largest number; none if there is none."""
+    found = [finding for findings in of_each for finding in findings]
+    return sorted(found, key=lambda each: (SEVERITIES.index(each.severity), *each.numbers.values()), reverse=True)[:1]
 
 
 def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[TurningRow]:
