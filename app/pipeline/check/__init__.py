@@ -54,12 +54,8 @@ def _row_check(group: Sequence[Demonstration], row: PlanRow, offs: list[Off], *,
     if not offs:
         return check
     worst = max(range(len(offs)), key=lambda place: offs[place].together_m)
-    return replace(
-        check,
-        error=Off.median([off.m for off in offs], [off.deg for off in offs]),
-        worst=offs[worst],
-        worst_id=group[worst].id,
-    )
+    error = Off.median([off.m for off in offs], [off.deg for off in offs])
+    return replace(check, error=error, worst=offs[worst], worst_id=group[worst].id)
 
 
 def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:

@@ -36,15 +36,15 @@ class Act(NamedTuple):
     Attributes:
         opens: False where it closes.
         away_m: the distances of the objects from the hand there, by name.
-        earlier_m, later_m: the least distance from the nearest of them since the gripper switched before, or the
-            recording began; and until it switches again, or the recording ends.
-        moved_m: the distance of the hand from there at that time; 10 degrees count as 1 cm.
+        least_m: the least distance from the nearest of them between the switches before and after this one.
+        at_object: whether the hand is at the nearest object, not on its way to it.
+        moved_m: the distance to where the hand is at the next switch, or at the end; 10 degrees count as 1 cm.
     """
 
     opens: bool
     away_m: Mapping[str, float]
-    earlier_m: float
-    later_m: float
+    least_m: float
+    at_object: bool
     moved_m: float
 
     @property
@@ -56,16 +56,6 @@ class Act(NamedTuple):
     def nearest_m(self) -> float:
         """Its distance."""
         return self.away_m[self.nearest]
-
-    @property
-    def least_m(self) -> float:
-        """The least distance from it between the switches before and after this one."""
-        return min(self.earlier_m, self.later_m)
-
-    @property
-    def at_object(self) -> bool:
-        """Whether the hand is at the nearest object, not on its way to it."""
-        return self.nearest_m < AT_OBJECT_M and self.later_m >= self.nearest_m - NEARER_M
 
 
 class Reversals(NamedTuple):
@@ -161,10 +151,12 @@ def _act(motion: Motion, switch: Switch, first: int, end: int, shown: Demonstrat
     trajectory, frame = motion.trajectory, switch.frame
     of_name = dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True))
     nearest_m = away_m[:, away_m[frame].argmin()]
-    earlier_m, later_m = float(nearest_m[first : frame + 1].min()), float(nearest_m[frame : end + 1].min())
+    near_m = min(of_name.values())
+    at_object = near_m < AT_OBJECT_M and bool(nearest_m[frame : end + 1].min() >= near_m - NEARER_M)
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
-    return Act(switch.opens, of_name, earlier_m, later_m, way_m + M_PER_RAD * turn_rad)
+    least_m = float(nearest_m[first : end + 1].min())
+    return Act(switch.opens, of_name, least_m, at_object, way_m + M_PER_RAD * turn_rad)
 
 
 def _slides(positions_m: Array) -> bool:

@@ -25,9 +25,8 @@ MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
 MAX_JOINT_RAD = 4 * np.pi
 FEW_FRAMES = 5
 
-LOWEST_RAD, HIGHEST_RAD = (
-    best(np.array([limits[k] for limits in LIMITS_RAD.values()]), axis=0) for k, best in enumerate((np.min, np.max))
-)
+LOWEST_RAD = np.min([low for low, _ in LIMITS_RAD.values()], axis=0)
+HIGHEST_RAD = np.max([high for _, high in LIMITS_RAD.values()], axis=0)
 LIMIT_MARGIN_RAD = 0.05
 COMPARED = 40  # frames of a recording
 STEP_M, STEPS = 1e-4, 6
