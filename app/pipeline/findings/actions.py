@@ -90,8 +90,7 @@ def passing_findings(
     if len(shown.demonstrations) < MIN_DEMONSTRATIONS or not actions:
         return
     hand_m = path_m(query.start, actions)
-    roles: dict[str, str | int] = {name: place for place, name in enumerate(query.order.objects)}
-    kept_m = [(pose, shown.passed_m.get(roles.get(pose.name, pose.name))) for pose in query.objects]
+    kept_m = [(pose, shown.passed_m.get(query.order.placeholder(pose.name))) for pose in query.objects]
     for pose, least_m in (*kept_m, *((pose, math.inf) for pose in bystanders)):
         all_m = distances_m(hand_m, pose.position_m)
         near_m = float(all_m.min())

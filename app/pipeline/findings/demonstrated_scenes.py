@@ -76,15 +76,14 @@ class ShownScenes:
         return {name: ShownPlaces.of([item.object(name) for item in self.demonstrations]) for name in names}
 
     @cached_property
-    def passed_m(self) -> dict[str | int, float]:
-        """The least distances of hands from objects, by name and by the place of the name in the instruction."""
-        found: dict[str | int, float] = {}
+    def passed_m(self) -> dict[str, float]:
+        """The least distances of hands from objects, by name and by role in the instruction, as `<0>`."""
+        found: dict[str, float] = {}
         for shown in self.demonstrations:
             for pose in shown.objects if shown.actions else ():
                 near_m = float(distances_m(path_m(shown.start, shown.actions), pose.position_m).min())
-                keys: list[str | int] = [pose.name]
-                keys += [k for k, name in enumerate(shown.order.objects) if name == pose.name]
-                found.update({key: min(near_m, found.get(key, math.inf)) for key in keys})
+                for key in (pose.name, shown.order.placeholder(pose.name)):
+                    found[key] = min(near_m, found.get(key, math.inf))
         return found
 
     @cached_property

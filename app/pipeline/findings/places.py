@@ -50,7 +50,7 @@ class Range(NamedTuple):
 
     def outside(self, value: Array) -> Array:
         """Return (K,) how far a value is outside of the range."""
-        outside: Array = np.maximum(value - self.high, 0) + np.maximum(self.low - value, 0)
+        outside: Array = np.abs(value - np.clip(value, self.low, self.high))
         return outside
 
 
