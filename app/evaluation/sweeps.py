@@ -172,7 +172,7 @@ SWEEPS: Mapping[str, Sweep] = {
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
     "moving": Sweep(
         "a cube that moves at 2, 5 or 10 cm/s (in turn with the scenes) and was demonstrated at rest: as answered,"
-        " looking again, and aiming where two looks say that it will be",
+        " looking again, and aiming ahead of it by the velocity that two observations show",
         (AS_ANSWERED, LOOKING, replace(LOOKING, label="look again and lead", lead_s=LEAD_S)),
         tasks=tuple(MOVING_TASKS),
     ),
