@@ -22,10 +22,10 @@ _STATE = select(_TASKS.c.name, _TASKS.c.created_at, _TASKS.c.version).where(_TAS
 
 
 def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord | None:
-    """The task, if there is one; raises ForbiddenTaskError.
+    """The task, if there is one; with `lock` nobody else changes it until this transaction ends.
 
-    Args:
-        lock: no other transaction changes it until this one ends.
+    Raises:
+        ForbiddenTaskError: if the key is not for it.
     """
     present().require_task(name)
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
@@ -34,9 +34,9 @@ def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord
     return None if row is None else TaskRecord(**row._mapping)
 
 
-def get(connection: Connection, name: str) -> TaskRecord:
-    """The task; raises NotFoundError, ForbiddenTaskError."""
-    if (task := find(connection, name)) is None:
+def get(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord:
+    """As `find`; raises NotFoundError, too."""
+    if (task := find(connection, name, lock=lock)) is None:
         raise NotFoundError("task", name)
     return task
 
@@ -50,9 +50,7 @@ def state(connection: Connection, name: str) -> TaskState:
 
 def lock(connection: Connection, name: str) -> TaskRecord:
     """The task, which no other transaction changes until this one ends; raises NotFoundError."""
-    if (task := find(connection, name, lock=True)) is None:
-        raise NotFoundError("task", name)
-    return task
+    return get(connection, name, lock=True)
 
 
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
