@@ -15,7 +15,7 @@ from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
 from app.store.store import Store
-from app.store.visibility import of_visible_predictions, present
+from app.store.visibility import Visibility, of_visible_predictions, present, seeing
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
@@ -141,8 +141,8 @@ def _older_than(store: Store, moment: datetime) -> tuple[str, ...]:
 
 def _erase(store: Store, ids: tuple[str, ...]) -> int:
     """Delete predictions, with their entry in the audit log; return how many."""
-    with store.write() as connection:
+    with seeing(Visibility(actor="retention")), store.write() as connection:
         number = erase_predictions(connection, without_cases(connection, ids))
         if number:
-            audit.record(connection, "predictions.expired", "", {"predictions": number}, actor="retention")
+            audit.record(connection, "predictions.expired", "", {"predictions": number})
     return number

@@ -83,22 +83,16 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
     return lock(connection, name)
 
 
-def update_settings(connection: Connection, name: str, settings: JsonObject, *, actor: str | None = None) -> TaskRecord:
+def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
     """Replace the task's settings; if they differ the version grows, and the audit log has what bounds motion.
 
-    The earlier ones are kept, see `replaced_settings`.
-
-    Args:
-        actor: in whose name, as in `audit.record`.
-
-    Raises:
-        NotFoundError: if there is no such task.
+    The earlier ones are kept, see `replaced_settings`. Raises NotFoundError.
     """
     task = lock(connection, name)
     if task.settings != settings:
-        replaced_settings.keep(connection, task, settings, actor)
+        replaced_settings.keep(connection, task, settings)
         change(connection, name, {"settings": settings})
-        record_limits(connection, name, task.settings, settings, actor=actor)
+        record_limits(connection, name, task.settings, settings)
     return get(connection, name)
 
 
@@ -109,14 +103,13 @@ def record_limits(
     after: JsonObject,
     *,
     action: str = "limits.changed",
-    actor: str | None = None,
 ) -> None:
     """Add an entry to the audit log if the settings' bounds of motion differ."""
     changed = [bound for bound in _BOUNDS if before.get(bound) != after.get(bound)]
     if changed:
         both = {"before": before, "after": after}
         details = {when: {bound: values.get(bound) for bound in changed} for when, values in both.items()}
-        audit.record(connection, action, name, details, actor)
+        audit.record(connection, action, name, details)
 
 
 def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None:
