@@ -175,16 +175,13 @@ def _unpack(store: Store, archive: tarfile.TarFile, database: Path, path: Path) 
 
 def _members(archive: tarfile.TarFile, path: Path) -> Iterator[tarfile.TarInfo]:
     """Yield the archive's members; refuse links, devices and sparse files, which no backup has."""
-    while True:
-        try:
-            member = archive.next()
-        except (KeyError, ValueError, OverflowError, RecursionError, EOFError, TypeError) as error:
-            raise _damaged(path, f"its headers make no sense: {error!r:.200}") from error
-        if member is None:
-            return
-        if not member.isreg() or member.issparse() or member.size < 0:
-            raise _damaged(path, f"{member.name!r:.200} is no plain file: it does not belong there")
-        yield member
+    try:
+        for member in archive:
+            if not member.isreg() or member.issparse() or member.size < 0:
+                raise _damaged(path, f"{member.name!r:.200} is no plain file: it does not belong there")
+            yield member
+    except (KeyError, ValueError, OverflowError, RecursionError, EOFError, TypeError) as error:
+        raise _damaged(path, f"its headers make no sense: {error!r:.200}") from error
 
 
 def _is_whole(source: Connection) -> bool:

@@ -13,11 +13,9 @@ import os
 import stat
 import time
 import weakref
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from app.store.errors import StoreUnavailableError, disk_errors
@@ -101,7 +99,7 @@ class Turn:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(OSError):  # of a disk that became read-only; `Turns.sweep` removes the file later
             self._path.unlink()  # before it is unlocked: another process that has it open finds that it is gone
         self._close()
@@ -171,25 +169,21 @@ class UnderWayNotes:
 
     def all(self) -> tuple[UnderWay, ...]:
         """Return the unfinished predictions, oldest first; delete notes past their deadline."""
-        return tuple(sorted(self._living(time.time()), key=lambda note: note.started_s))
+        notes = [note for path in self._folder.glob("*.json") if (note := self._living(path)) is not None]
+        return tuple(sorted(notes, key=lambda note: note.started_s))
 
-    def _living(self, now_s: float) -> Iterator[UnderWay]:
-        for path in self._folder.glob("*.json"):
+    def _living(self, path: Path) -> UnderWay | None:
+        note = None
+        with suppress(FileNotFoundError):  # it ended just now
             try:
                 note = UnderWay(**json.loads(path.read_bytes()))
-            except FileNotFoundError:
-                continue  # it ended just now
+                ends_s = note.deadline_s
             except (ValueError, TypeError):  # it is being written, or its writer was killed meanwhile
-                note = None
-            if note is not None and note.deadline_s >= now_s:
-                yield note
-            elif note is not None or self._is_old(path, now_s):
+                ends_s = path.stat().st_mtime + WRITTEN_WITHIN_S
+            if ends_s < time.time():
                 self.end(path.stem)
-
-    def _is_old(self, path: Path, now_s: float) -> bool:
-        with suppress(OSError):
-            return path.stat().st_mtime < now_s - WRITTEN_WITHIN_S
-        return False
+                return None
+        return note
 
     def _path(self, note_id: str) -> Path:
         return self._folder / f"{note_id}.json"

@@ -65,13 +65,6 @@ def erase_task(connection: Connection, name: str) -> None:
     audit.record(connection, "task.deleted", name, held)
 
 
-def without_cases(connection: Connection, ids: Sequence[str]) -> tuple[str, ...]:
-    """Return the predictions that are no cases, and do not become any until the transaction ends."""
-    chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
-    connection.execute(chosen.with_for_update())
-    return tuple(connection.scalars(chosen.where(_IS_NO_CASE)))
-
-
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:
     """The ids of at most `limit` predictions that were made before and are no cases, oldest first."""
     query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment, _IS_NO_CASE)
@@ -140,9 +133,11 @@ def _older_than(store: Store, moment: datetime) -> tuple[str, ...]:
 
 
 def _erase(store: Store, ids: tuple[str, ...]) -> int:
-    """Delete predictions, with their entry in the audit log; return how many."""
+    """Delete predictions that are no cases, with their entry in the audit log; return how many."""
     with seeing(Visibility(actor="retention")), store.write() as connection:
-        number = erase_predictions(connection, without_cases(connection, ids))
+        chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
+        connection.execute(chosen.with_for_update())  # none becomes a case meanwhile
+        number = erase_predictions(connection, list(connection.scalars(chosen.where(_IS_NO_CASE))))
         if number:
             audit.record(connection, "predictions.expired", "", {"predictions": number})
     return number

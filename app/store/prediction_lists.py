@@ -1,14 +1,13 @@
 """Lists of predictions for pages: without prompts, ordered by outcome; and the success of each configuration."""
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from datetime import datetime
 from hashlib import sha256
 from statistics import median
-from typing import Any, Literal
+from typing import Literal
 
-from sqlalchemy import Connection, Row, case, func, or_, select
+from sqlalchemy import Connection, case, func, or_, select
 
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
@@ -84,7 +83,7 @@ def list_page(
     """At most `limit` predictions: the newest first, or by their fate and then the newest."""
     fates = FATES if order == "failures" else FATES[::-1]
     groups = [or_(*OF_FATE.values())] if order == "newest" else [OF_FATE[fate] for fate in fates]
-    found: list[tuple[int, Row[Any]]] = []
+    found: list[tuple[int, PredictionSummary]] = []
     for number, fits in enumerate(groups):
         if cursor is not None and number < cursor.group:
             continue
@@ -92,11 +91,12 @@ def list_page(
         if cursor is not None and number == cursor.group:
             query = query.where(_P.c.sequence < cursor.sequence)
         room = limit + 1 - len(found)
-        found += [(number, row) for row in connection.execute(query.order_by(_P.c.sequence.desc()).limit(room))]
+        rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(room))
+        found += [(number, PredictionSummary(**row._mapping)) for row in rows]
         if len(found) > limit:
             group, last = found[limit - 1]
-            return SummaryPage(_summaries(found[:limit]), ListCursor(group, last.sequence))
-    return SummaryPage(_summaries(found), None)
+            return SummaryPage(tuple(item for _, item in found[:limit]), ListCursor(group, last.sequence))
+    return SummaryPage(tuple(item for _, item in found), None)
 
 
 def models(connection: Connection) -> tuple[str, ...]:
@@ -109,10 +109,6 @@ def usual_llm_ms(connection: Connection, model: str) -> float | None:
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
     latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(NUM_TIMED))
     return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
-
-
-def _summaries(found: Sequence[tuple[int, Row[Any]]]) -> tuple[PredictionSummary, ...]:
-    return tuple(PredictionSummary(**row._mapping) for _, row in found)
 
 
 @dataclass(frozen=True)
