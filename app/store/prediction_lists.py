@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from dataclasses import astuple, dataclass, fields
-from datetime import datetime
 from hashlib import sha256
 from statistics import median
 from typing import Literal
@@ -11,9 +10,8 @@ from sqlalchemy import Connection, case, func, or_, select
 
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
-from app.store.filters import FATES, OF_FATE, Fate, PredictionFilter, num_demonstrations
-from app.store.records import PredictionRecord, PredictionStatus
-from app.store.values import JsonObject, ObjectRecord
+from app.store.filters import FATES, OF_FATE, PredictionFilter, num_demonstrations
+from app.store.records import PredictionRecord, PredictionSummary
 from app.store.visibility import of_visible_predictions
 
 ListOrder = Literal["successes", "newest", "failures"]
@@ -21,38 +19,6 @@ ListOrder = Literal["successes", "newest", "failures"]
 _P = tables.predictions
 NUM_TIMED = 20  # latest answers of a model, whose median duration says how long the next one takes
 MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
-
-
-@dataclass(frozen=True, kw_only=True)
-class PredictionSummary:
-    """A prediction without its prompt and reply; its objects are as they were observed."""
-
-    sequence: int
-    id: str
-    task: str
-    instruction: str
-    model: str
-    representation: str
-    prompt_format: str
-    status: PredictionStatus
-    error: str | None
-    outcome_success: bool | None
-    outcome_note: str | None
-    created_at: datetime
-    objects: tuple[ObjectRecord, ...]
-    findings: tuple[JsonObject, ...] | None
-    num_demonstrations: int
-
-    @property
-    def dangers(self) -> list[str]:
-        return [item["code"] for item in self.findings or () if item["severity"] == "danger"]
-
-    @property
-    def fate(self) -> Fate:
-        """`refused`: no actions, so that the robot could not even try."""
-        if self.outcome_success is not None:
-            return "success" if self.outcome_success else "failure"
-        return "unknown" if self.status == "ok" else "refused"
 
 
 _SUMMARY = [
