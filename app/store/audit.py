@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, insert, select
+from sqlalchemy import Connection, insert, select
 
 from app.store import tables
 from app.store.database import lock
@@ -66,13 +66,13 @@ def record(connection: Connection, action: str, subject: str, details: Mapping[s
 def newest(connection: Connection) -> AuditEntry | None:
     """Return the last entry, or None."""
     row = connection.execute(select(_LOG).order_by(_LOG.c.number.desc()).limit(1)).first()
-    return None if row is None else _entry(row)
+    return None if row is None else AuditEntry(**row._mapping)
 
 
 def entries(connection: Connection) -> Iterator[AuditEntry]:
     """Every entry, oldest first."""
     query = select(_LOG).order_by(_LOG.c.number).execution_options(yield_per=1000)
-    return map(_entry, connection.execute(query))
+    return (AuditEntry(**row._mapping) for row in connection.execute(query))
 
 
 def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
@@ -94,7 +94,3 @@ def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
             raise BrokenChainError(number, "was changed: its content does not match its digest")
         previous = entry.digest
         yield entry
-
-
-def _entry(row: Row[Any]) -> AuditEntry:
-    return AuditEntry(**row._mapping)

@@ -41,7 +41,7 @@ def private_file(path: Path) -> None:
     among them (https://sqlite.org/howtocorrupt.html, 2.2), and another process would then delete the log in use.
     """
     try:
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), FILE_MODE))
+        os.close(private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_EXCL))
     except FileExistsError:
         status = path.stat()
         if status.st_mode & OTHERS and status.st_uid == os.geteuid():
@@ -125,7 +125,7 @@ class Turns:
     def _take(self, path: Path) -> Turn | None:
         with disk_errors("turns of requests"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
-            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT)
             with suppress(BlockingIOError, FileNotFoundError):
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 if os.fstat(descriptor).st_ino == path.stat().st_ino:
