@@ -10,7 +10,7 @@ from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from app.store import audit, replaced_settings, tables
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import TaskCounts, TaskRecord, TaskState
+from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
@@ -18,7 +18,6 @@ _TASKS = tables.tasks
 _BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 # Every prediction asks this, and building the statement would take as long as running it.
 _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
-_STATE = select(_TASKS.c.name, _TASKS.c.created_at, _TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
 
 
 def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord | None:
@@ -39,13 +38,6 @@ def get(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord:
     if (task := find(connection, name, lock=lock)) is None:
         raise NotFoundError("task", name)
     return task
-
-
-def state(connection: Connection, name: str) -> TaskState:
-    """The task's state, which costs less to read than the task; raises NotFoundError."""
-    if (row := connection.execute(_STATE, {"name": name}).first()) is None:
-        raise NotFoundError("task", name)
-    return (row.name, row.created_at, row.version)
 
 
 def lock(connection: Connection, name: str) -> TaskRecord:
