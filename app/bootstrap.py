@@ -35,17 +35,9 @@ logger = logging.getLogger(__name__)
 
 
 def open_store(settings: Settings) -> Store:
-    """The store of these settings, at the newest schema. Blocking.
-
-    Raises:
-        StoreError: if the data folder or the database cannot be used.
-    """
-    return Store.open(
-        settings.data,
-        settings.database_url,
-        settings.blobs_url,
-        server_connections=settings.database_connections,
-    )
+    """The store of these settings, as `Store.open` opens it. Blocking."""
+    connections = settings.database_connections
+    return Store.open(settings.data, settings.database_url, settings.blobs_url, server_connections=connections)
 
 
 @contextlib.asynccontextmanager

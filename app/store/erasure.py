@@ -98,17 +98,12 @@ def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mappi
 def keep_house(store: Store, max_age: timedelta | None = None, max_bytes: int | None = None) -> int:
     """Delete predictions beyond the limits, then sweep, unless another process has done so within the hour.
 
-    Synchronous: call it in a thread.
-
     Args:
         max_age: of a prediction; None: any.
         max_bytes: of all predictions with their images; the oldest go first. None: any number.
 
     Returns:
         How many images were removed: those that were put within the hour stay.
-
-    Raises:
-        StoreError: if the store fails.
     """
 
     def forget() -> None:

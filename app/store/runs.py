@@ -31,8 +31,7 @@ class RunRecord:
 def report(connection: Connection, run_id: str, task: str, state: JsonObject) -> bool:
     """Record a robot's report of a new run, or of a run of the same key. Return whether the robot must stop.
 
-    Raises:
-        NotFoundError: if there is no such task, or the run is another key's or task's.
+    Raises NotFoundError if there is no such task, or the run is another key's or task's.
     """
     present().require_task(task)
     lock(connection, f"run {run_id}")  # a client that gave up waiting says it again

@@ -114,8 +114,7 @@ def check_foreign_keys(connection: Connection) -> None:
 def require_plain(path: Path) -> None:
     """Refuse a file from elsewhere that holds what SQLite would run: a view, trigger or virtual table.
 
-    Raises:
-        CorruptDataError: naming it; or if the file is no database.
+    Raises CorruptDataError, also for a file that is no database.
     """
     query = "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index') OR sql LIKE 'CREATE VIRTUAL%'"
     try:

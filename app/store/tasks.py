@@ -21,10 +21,9 @@ _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
 
 
 def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord | None:
-    """The task, if there is one; with `lock` nobody else changes it until this transaction ends.
+    """The task, if there is one; with `lock` no other transaction changes it until this one ends.
 
-    Raises:
-        ForbiddenTaskError: if the key is not for it.
+    Raises ForbiddenTaskError.
     """
     present().require_task(name)
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
@@ -118,8 +117,7 @@ def rewrite(connection: Connection, name: str) -> None:
 def require_version(connection: Connection, name: str, version: int) -> None:
     """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
 
-    Raises:
-        ConflictError, NotFoundError: if something did: read again and repeat the work.
+    Raises ConflictError, NotFoundError.
     """
     if (current := lock(connection, name).version) != version:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
