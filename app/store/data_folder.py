@@ -13,10 +13,11 @@ import os
 import stat
 import time
 import weakref
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Self
+from typing import BinaryIO, Self
 
 from app.store.errors import StoreUnavailableError, disk_errors
 
@@ -32,6 +33,20 @@ logger = logging.getLogger(__name__)
 def private_opener(path: str, flags: int) -> int:
     """For `open(..., opener=private_opener)`: a file that it makes is the user's alone."""
     return os.open(path, flags, FILE_MODE)
+
+
+@contextmanager
+def durably_written(path: Path, temporary: Path) -> Iterator[BinaryIO]:
+    """A private file that takes the place of `path` at the end of the block, whole and synced; else it goes."""
+    try:
+        with open(temporary, "wb", opener=private_opener) as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def private_file(path: Path) -> None:

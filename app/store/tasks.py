@@ -88,12 +88,7 @@ def update_settings(connection: Connection, name: str, settings: JsonObject) -> 
 
 
 def record_limits(
-    connection: Connection,
-    name: str,
-    before: JsonObject,
-    after: JsonObject,
-    *,
-    action: str = "limits.changed",
+    connection: Connection, name: str, before: JsonObject, after: JsonObject, *, action: str = "limits.changed"
 ) -> None:
     """Add an entry to the audit log if the settings' bounds of motion differ."""
     changed = [bound for bound in _BOUNDS if before.get(bound) != after.get(bound)]
