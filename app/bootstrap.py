@@ -35,17 +35,9 @@ logger = logging.getLogger(__name__)
 
 
 def open_store(settings: Settings) -> Store:
-    """The store of these settings, at the newest schema. Blocking.
-
-    Raises:
-        StoreError: if the data folder or the database cannot be used.
-    """
-    return Store.open(
-        settings.data,
-        settings.database_url,
-        settings.blobs_url,
-        server_connections=settings.database_connections,
-    )
+    """The store of these settings, as `Store.open` opens it. Blocking."""
+    connections = settings.database_connections
+    return Store.open(settings.data, settings.database_url, settings.blobs_url, server_connections=connections)
 
 
 @contextlib.asynccontextmanager
@@ -68,11 +60,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
     )
-    days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
-    max_age = None if days is None else timedelta(days=days)
-    max_bytes = None if gigabytes is None else int(gigabytes * 1000 * MEGA)
-    housekeeping = _every_hour("housekeeping", partial(keep_house, store, max_age, max_bytes))
-    background: list[asyncio.Task[object]] = [asyncio.create_task(housekeeping)]
+    background: list[asyncio.Task[object]] = [asyncio.create_task(_keep_house(store, settings))]
     jobs = [asyncio.create_task(_run_jobs(services.run_jobs))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
@@ -86,10 +74,13 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         await services.aclose()
 
 
-async def _every_hour(what: str, work: Callable[[], int]) -> None:
-    """Work now and every hour, until cancelled."""
+async def _keep_house(store: Store, settings: Settings) -> None:
+    """Delete what the settings do not keep now and every hour, until cancelled."""
+    days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
+    max_age = None if days is None else timedelta(days=days)
+    max_bytes = None if gigabytes is None else int(gigabytes * 1000 * MEGA)
     while True:
-        await _tried(what, work)
+        await _tried("housekeeping", partial(keep_house, store, max_age, max_bytes))
         await asyncio.sleep(HOUSEKEEPING_S)
 
 

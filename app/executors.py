@@ -41,7 +41,7 @@ class Executor(Protocol):
         ...
 
     def close(self) -> None:
-        """Drop what has not begun and free the workers."""
+        """Drop what has not begun, wait for what has, and free the workers."""
         ...
 
 
@@ -61,7 +61,6 @@ class LocalExecutor:
         self._pool = self._new_pool()
 
     def submit(self, job: Callable[..., Result], /, *arguments: object) -> Future[Result]:
-        """Run a module's function in a process; arguments and result can be pickled."""
         with self._lock:
             try:
                 return self._pool.submit(job, *arguments)
@@ -70,7 +69,6 @@ class LocalExecutor:
                 return self._pool.submit(job, *arguments)
 
     def close(self) -> None:
-        """Drop what has not begun, wait for what has."""
         self._pool.shutdown(cancel_futures=True)
 
     def _new_pool(self) -> ProcessPoolExecutor:
@@ -144,11 +142,9 @@ class ForeignExecutor:
         self._started: list[tuple[Connection, subprocess.Popen[bytes]]] = []
 
     def submit(self, job: Callable[..., Result], /, *arguments: object) -> Future[Result]:
-        """Run a module's function in a process; arguments and result can be pickled."""
         return self._threads.submit(self._run, job, arguments)
 
     def close(self) -> None:
-        """Drop what has not begun, wait for what has, and end the processes."""
         self._threads.shutdown(cancel_futures=True)
         for connection, process in self._started:
             connection.close()

@@ -24,7 +24,7 @@ from app.store import episodes, tasks, trajectories
 from app.store.records import EpisodeDraft
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
-from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.camera import Camera, camera_json
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -59,7 +59,8 @@ def fill(data: Path, num_episodes: int) -> str:
         for number in range(NUM_TASKS):
             tasks.get_or_create(connection, f"task_{number}", settings)
         for number in range(num_episodes):
-            camera = CameraRecord.of(Camera("front", 500, 500, 320, 240, np.eye(4)), digests[number % NUM_IMAGES])
+            calibration = camera_json(Camera("front", 500, 500, 320, 240, np.eye(4)))
+            camera = CameraRecord(calibration, digests[number % NUM_IMAGES])
             record = episodes.add(connection, draft(f"task_{number % NUM_TASKS}", trajectory, camera))
     store.close()
     assert record is not None

@@ -26,10 +26,9 @@ from app.api.access_rules import (
     credential_of,
 )
 from app.api.problems import Kind, problem, store_problem
-from app.services.api_keys import Caller, audit_name
+from app.services.api_keys import Caller
 from app.services.container import Services
 from app.services.errors import ExpiredKeyError
-from app.store.audit import acting
 from app.store.errors import StoreError
 from app.store.visibility import Visibility, seeing
 from roboprompt_client.http import is_loopback
@@ -108,7 +107,7 @@ class AccessControl:
         if refusal is not None:
             await refusal(scope, receive, send)
             return
-        with acting(audit_name(caller)), seeing(_EVERYTHING if caller is None else caller.visibility):
+        with seeing(_EVERYTHING if caller is None else caller.visibility):
             await self._app(scope, receive, send)
 
     async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:

@@ -162,7 +162,7 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
 
 def _prompt(system: str, user: str) -> JsonObject | None:
     """A `PromptOut`, for those who may read the demonstrations in it; the store leaves out what it must not show."""
-    return {"system": system, "user": user} if present().demonstrations and user else None
+    return {"system": system, "user": user} if present().reads and user else None
 
 
 def understood_document(order: Order) -> JsonObject:

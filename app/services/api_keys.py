@@ -18,7 +18,7 @@ from datetime import UTC, datetime, timedelta
 import anyio.to_thread
 
 from app.services.errors import ExpiredKeyError
-from app.store import api_keys, audit
+from app.store import api_keys
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import StoreError
 from app.store.store import Store
@@ -53,11 +53,6 @@ class Caller:
 
     def may(self, accepted: frozenset[str]) -> bool:
         return "admin" in self.scopes or not accepted.isdisjoint(self.scopes)
-
-
-def audit_name(caller: Caller | None) -> str:
-    """How the audit log names who sent a request."""
-    return audit.LOCAL if caller is None else f"{caller.name} ({caller.key_id})"
 
 
 class KeyRing:
@@ -155,7 +150,8 @@ def caller_from(record: ApiKeyRecord) -> Caller:
     scopes = frozenset(record.scopes)
     admin = "admin" in scopes
     reads = admin or "read" in scopes
-    visibility = Visibility(record.id, record.tasks, others=reads, demonstrations=reads, judges_others=admin)
+    actor = f"{record.name} ({record.id})"
+    visibility = Visibility(record.id, record.tasks, reads=reads, judges_others=admin, actor=actor)
     return Caller(record.id, record.name, scopes, visibility)
 
 

@@ -38,7 +38,7 @@ from app.untrusted_arrays import film_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.http import is_loopback
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.camera import Camera, RgbdFrame, camera_json
 from roboprompt_client.types.film import npz_from_film
 from roboprompt_client.types.poses import ObjectPose
 
@@ -62,7 +62,7 @@ def put_images(
     for camera in cameras:
         sent = images[camera.name]
         digests = [None if data is None else blobs.put(data) for data in (sent.rgb, sent.depth, sent.mask)]
-        records.append(CameraRecord.of(camera, *digests))
+        records.append(CameraRecord(camera_json(camera), *digests))
     return tuple(records)
 
 

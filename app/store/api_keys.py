@@ -56,8 +56,7 @@ def name_of(connection: Connection, key_id: str | None) -> str | None:
 
 def revoke(connection: Connection, key_id: str) -> None:
     """Revoke a key; revoking it twice changes nothing. Raises NotFoundError."""
-    name: str | None = connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))
-    if name is None:
+    if (name := name_of(connection, key_id)) is None:
         raise NotFoundError("API key", key_id)
     query = update(_KEYS).where(_KEYS.c.id == key_id, _KEYS.c.revoked_at.is_(None))
     if connection.execute(query.values(revoked_at=datetime.now(UTC))).rowcount:

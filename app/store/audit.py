@@ -8,22 +8,19 @@ import hashlib
 import itertools
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, insert, select
+from sqlalchemy import Connection, insert, select
 
 from app.store import tables
 from app.store.database import lock
+from app.store.visibility import present
 
-LOCAL = "local"  # the command line, or a service that requires no keys
 NO_DIGEST = "0" * 64  # in the first entry, which has none before it
 _LOG = tables.audit_log
 _LOCK = "roboprompt audit log"
-_actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class AuditEntry:
 
     number: int  # 1, 2, 3
     at: datetime
-    actor: str  # the API key by its name and id, or `local`
+    actor: str  # `Visibility.actor`
     action: str  # e.g. `key.created`
     subject: str  # what it was done to: an id or a name
     details: str  # JSON, with what an entry of its action holds
@@ -54,40 +51,14 @@ class BrokenChainError(Exception):
         self.number = number
 
 
-@contextmanager
-def acting(name: str) -> Iterator[None]:
-    """Name this actor in the entries that are made inside the block."""
-    token = _actor.set(name)
-    try:
-        yield
-    finally:
-        _actor.reset(token)
-
-
-def actor() -> str:
-    """Return whose request this is, as entries name it."""
-    return _actor.get()
-
-
-def record(
-    connection: Connection,
-    action: str,
-    subject: str,
-    details: Mapping[str, Any] | None = None,
-    actor: str | None = None,
-) -> None:
-    """Add an entry; call it last in the transaction that it describes, so that both are stored or neither.
-
-    Args:
-        details: JSON.
-        actor: None: whose request it is (`acting`), else `local`.
-    """
+def record(connection: Connection, action: str, subject: str, details: Mapping[str, Any] | None = None) -> None:
+    """Add an entry with details in JSON; call it last in the transaction, so that both are stored or neither."""
     lock(connection, _LOCK)
     last = connection.execute(select(_LOG.c.number, _LOG.c.digest).order_by(_LOG.c.number.desc()).limit(1)).first()
     text = json.dumps(details or {}, sort_keys=True, separators=(",", ":"))
     # As text even if it was changed to another type: the log goes on, and `verified` shows where it broke.
     number, previous = (1, NO_DIGEST) if last is None else (last.number + 1, str(last.digest))
-    entry = AuditEntry(number, datetime.now(UTC), actor or _actor.get(), action, subject, text, previous, "")
+    entry = AuditEntry(number, datetime.now(UTC), present().actor, action, subject, text, previous, "")
     values = {**asdict(entry), "digest": entry.expected_digest()}
     connection.execute(insert(_LOG).values(values))
 
@@ -95,13 +66,13 @@ def record(
 def newest(connection: Connection) -> AuditEntry | None:
     """Return the last entry, or None."""
     row = connection.execute(select(_LOG).order_by(_LOG.c.number.desc()).limit(1)).first()
-    return None if row is None else _entry(row)
+    return None if row is None else AuditEntry(**row._mapping)
 
 
 def entries(connection: Connection) -> Iterator[AuditEntry]:
     """Every entry, oldest first."""
     query = select(_LOG).order_by(_LOG.c.number).execution_options(yield_per=1000)
-    return map(_entry, connection.execute(query))
+    return (AuditEntry(**row._mapping) for row in connection.execute(query))
 
 
 def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
@@ -123,7 +94,3 @@ def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
             raise BrokenChainError(number, "was changed: its content does not match its digest")
         previous = entry.digest
         yield entry
-
-
-def _entry(row: Row[Any]) -> AuditEntry:
-    return AuditEntry(**row._mapping)

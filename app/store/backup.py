@@ -7,7 +7,6 @@ be damaged, or made to do harm.
 
 import hashlib
 import logging
-import os
 import shutil
 import tarfile
 import tempfile
@@ -21,7 +20,7 @@ from typing import Any
 from sqlalchemy import Connection, Table, exc, exists, func, insert, select, text
 
 from app.store import api_keys, audit, sqlite, tables
-from app.store.data_folder import private_opener
+from app.store.data_folder import durably_written
 from app.store.database import Database, migrate
 from app.store.errors import ConflictError, CorruptDataError, disk_errors
 from app.store.store import Store, blob_digests
@@ -49,22 +48,15 @@ def back_up(store: Store, path: Path) -> BackupSummary:
         StoreUnavailableError, CorruptDataError: if it cannot be written, or a stored blob is damaged or gone.
     """
     temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        with disk_errors("backup"), tempfile.TemporaryDirectory(prefix="roboprompt-backup-", dir=path.parent) as folder:
-            rows, digests = _snapshot(store, Path(folder) / DATABASE_NAME)
-            with open(temporary, "wb", opener=private_opener) as file:
-                with tarfile.open(fileobj=file, mode="w:") as archive:
-                    archive.add(Path(folder) / DATABASE_NAME, DATABASE_NAME)
-                    for digest in sorted(digests):
-                        data = store.blobs.read(digest)
-                        member = tarfile.TarInfo(f"{BLOB_PREFIX}{digest}")
-                        member.size = len(data)
-                        archive.addfile(member, BytesIO(data))
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with disk_errors("backup"), tempfile.TemporaryDirectory(prefix="roboprompt-backup-", dir=path.parent) as folder:
+        rows, digests = _snapshot(store, Path(folder) / DATABASE_NAME)
+        with durably_written(path, temporary) as file, tarfile.open(fileobj=file, mode="w:") as archive:
+            archive.add(Path(folder) / DATABASE_NAME, DATABASE_NAME)
+            for digest in sorted(digests):
+                data = store.blobs.read(digest)
+                member = tarfile.TarInfo(f"{BLOB_PREFIX}{digest}")
+                member.size = len(data)
+                archive.addfile(member, BytesIO(data))
     return BackupSummary(rows, len(digests))
 
 
@@ -175,16 +167,13 @@ def _unpack(store: Store, archive: tarfile.TarFile, database: Path, path: Path) 
 
 def _members(archive: tarfile.TarFile, path: Path) -> Iterator[tarfile.TarInfo]:
     """Yield the archive's members; refuse links, devices and sparse files, which no backup has."""
-    while True:
-        try:
-            member = archive.next()
-        except (KeyError, ValueError, OverflowError, RecursionError, EOFError, TypeError) as error:
-            raise _damaged(path, f"its headers make no sense: {error!r:.200}") from error
-        if member is None:
-            return
-        if not member.isreg() or member.issparse() or member.size < 0:
-            raise _damaged(path, f"{member.name!r:.200} is no plain file: it does not belong there")
-        yield member
+    try:
+        for member in archive:
+            if not member.isreg() or member.issparse() or member.size < 0:
+                raise _damaged(path, f"{member.name!r:.200} is no plain file: it does not belong there")
+            yield member
+    except (KeyError, ValueError, OverflowError, RecursionError, EOFError, TypeError) as error:
+        raise _damaged(path, f"its headers make no sense: {error!r:.200}") from error
 
 
 def _is_whole(source: Connection) -> bool:

@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
-from app.store.data_folder import FILE_MODE, FOLDER_MODE, private_opener
+from app.store.data_folder import FILE_MODE, FOLDER_MODE, durably_written
 from app.store.errors import CorruptDataError, StoreUnavailableError, disk_errors
 
-_TEMPORARY_PREFIX = ".tmp-"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _QUOTED_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 
@@ -72,7 +71,8 @@ class FileBlobStore:
             if not self._renew(path):
                 for folder in (path.parent.parent, path.parent):
                     folder.mkdir(FOLDER_MODE, exist_ok=True)
-                _write_durably(path, data)
+                with durably_written(path, path.with_name(f".tmp-{uuid4().hex}")) as file:
+                    file.write(data)
             # Also for a blob that was there: the request that wrote it may not have synced it yet.
             self._sync_entry(path)
         return digest
@@ -148,19 +148,6 @@ def digest_path(digest: str) -> str:
     if not _DIGEST.fullmatch(digest):
         raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
     return f"{digest[:2]}/{digest[2:4]}/{digest}"
-
-
-def _write_durably(path: Path, data: bytes) -> None:
-    temporary = path.with_name(f"{_TEMPORARY_PREFIX}{uuid4().hex}")
-    try:
-        with open(temporary, "xb", opener=private_opener) as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def _sync_folder(folder: Path) -> None:

@@ -14,11 +14,10 @@ import stat
 import time
 import weakref
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import BinaryIO, Self
 
 from app.store.errors import StoreUnavailableError, disk_errors
 
@@ -36,6 +35,20 @@ def private_opener(path: str, flags: int) -> int:
     return os.open(path, flags, FILE_MODE)
 
 
+@contextmanager
+def durably_written(path: Path, temporary: Path) -> Iterator[BinaryIO]:
+    """A private file that takes the place of `path` at the end of the block, whole and synced; else it goes."""
+    try:
+        with open(temporary, "wb", opener=private_opener) as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
 def private_file(path: Path) -> None:
     """Make the file if it is not there, and take it from others if it is; raises OSError.
 
@@ -43,7 +56,7 @@ def private_file(path: Path) -> None:
     among them (https://sqlite.org/howtocorrupt.html, 2.2), and another process would then delete the log in use.
     """
     try:
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), FILE_MODE))
+        os.close(private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_EXCL))
     except FileExistsError:
         status = path.stat()
         if status.st_mode & OTHERS and status.st_uid == os.geteuid():
@@ -101,7 +114,7 @@ class Turn:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(OSError):  # of a disk that became read-only; `Turns.sweep` removes the file later
             self._path.unlink()  # before it is unlocked: another process that has it open finds that it is gone
         self._close()
@@ -127,7 +140,7 @@ class Turns:
     def _take(self, path: Path) -> Turn | None:
         with disk_errors("turns of requests"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
-            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT)
             with suppress(BlockingIOError, FileNotFoundError):
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 if os.fstat(descriptor).st_ino == path.stat().st_ino:
@@ -171,25 +184,21 @@ class UnderWayNotes:
 
     def all(self) -> tuple[UnderWay, ...]:
         """Return the unfinished predictions, oldest first; delete notes past their deadline."""
-        return tuple(sorted(self._living(time.time()), key=lambda note: note.started_s))
+        notes = [note for path in self._folder.glob("*.json") if (note := self._living(path)) is not None]
+        return tuple(sorted(notes, key=lambda note: note.started_s))
 
-    def _living(self, now_s: float) -> Iterator[UnderWay]:
-        for path in self._folder.glob("*.json"):
+    def _living(self, path: Path) -> UnderWay | None:
+        note = None
+        with suppress(FileNotFoundError):  # it ended just now
             try:
                 note = UnderWay(**json.loads(path.read_bytes()))
-            except FileNotFoundError:
-                continue  # it ended just now
+                ends_s = note.deadline_s
             except (ValueError, TypeError):  # it is being written, or its writer was killed meanwhile
-                note = None
-            if note is not None and note.deadline_s >= now_s:
-                yield note
-            elif note is not None or self._is_old(path, now_s):
+                ends_s = path.stat().st_mtime + WRITTEN_WITHIN_S
+            if ends_s < time.time():
                 self.end(path.stem)
-
-    def _is_old(self, path: Path, now_s: float) -> bool:
-        with suppress(OSError):
-            return path.stat().st_mtime < now_s - WRITTEN_WITHIN_S
-        return False
+                return None
+        return note
 
     def _path(self, note_id: str) -> Path:
         return self._folder / f"{note_id}.json"

@@ -1,6 +1,7 @@
 """Engine, transactions, migrations, and where the database's errors become ours. Synchronous: call it in a thread."""
 
 import json
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
@@ -13,7 +14,7 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, QueuePool, create_engine, exc, inspect, make_url
 
-from app.store import sqlite
+from app.store import postgres, sqlite
 from app.store.errors import CorruptDataError, SchemaVersionError, StoreUnavailableError, unavailable
 from roboprompt_client.version import VERSION
 
@@ -47,13 +48,10 @@ class Database:
         self.engine = _engine(url, self.max_connections, busy_timeout_s, ping=not self.is_sqlite)
         self.name = self.engine.url.render_as_string(hide_password=True)
         self.busy_timeout_s = busy_timeout_s
-        self._readers, self._writers = self.engine, None
+        self._readers, self._writers = self.engine, threading.Lock()
         if self.is_sqlite:
             sqlite.configure(self.engine, busy_timeout_s)
-            self._writers = sqlite.WriterQueue(busy_timeout_s)
         else:
-            from app.store import postgres
-
             postgres.configure(self.engine, busy_timeout_s)
             self._readers = self.engine.execution_options(**postgres.READ_OPTIONS)
 
@@ -70,7 +68,7 @@ class Database:
         Do not nest it. On SQLite it is alone in writing. On PostgreSQL what it reads may change before its commit
         unless it holds a lock: that of the task (`tasks.lock`, `tasks.get_or_create`), or one of `lock`.
         """
-        turn = self._writers.turn() if self._writers else nullcontext()
+        turn = sqlite.writers_turn(self._writers, self.busy_timeout_s) if self.is_sqlite else nullcontext()
         with self.errors(), turn, self.engine.connect() as connection, begin_write(connection):
             yield connection
 
@@ -98,8 +96,6 @@ class Database:
             # SQLite reports a damaged file by the base class; the other subclasses are mistakes of ours.
             passing, damaged, reason = False, type(error) is exc.DatabaseError, str(error.orig)
         else:
-            from app.store import postgres
-
             passing, damaged, reason = postgres.meaning(error)
         if passing or isinstance(error, exc.OperationalError):
             return unavailable("database", reason, f"{self.name}: {error.orig}")
@@ -127,8 +123,6 @@ def _engine(url: str, connections: int, timeout_s: float, *, ping: bool) -> Engi
 def lock(connection: Connection, name: str) -> None:
     """Keep other transactions out that take the lock `name`, until this one ends; call it in a write transaction."""
     if connection.dialect.name != "sqlite":  # where writers are alone anyway
-        from app.store import postgres
-
         postgres.lock(connection, name)
 
 
@@ -195,8 +189,6 @@ def migration_transaction(database: Database) -> Iterator[Connection]:
             sqlite.prepare_for_migration(connection, database.busy_timeout_s)
         with begin_write(connection):
             if not database.is_sqlite:
-                from app.store import postgres
-
                 postgres.lock_for_migration(connection)
             yield connection
             if database.is_sqlite:

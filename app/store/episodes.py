@@ -132,8 +132,7 @@ def list_ids(connection: Connection, task: str) -> tuple[str, ...]:
 def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, Any]) -> EpisodeRecord:
     """The episode with other values of these fields; if prompts may change its task's version grows.
 
-    Raises:
-        NotFoundError: if the episode was deleted since.
+    Raises NotFoundError if the episode was deleted since.
     """
     changed = {name: value for name, value in changes.items() if value != getattr(record, name)}
     if not changed:
@@ -158,8 +157,7 @@ def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, An
 def remove(connection: Connection, episode_id: str) -> str:
     """Delete an episode; returns its task, whose version grows, and whose object names go with the last episode.
 
-    Raises:
-        NotFoundError: if there is no such episode.
+    Raises NotFoundError.
     """
     task: str | None = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
     if task is None or not present().has_task(task):

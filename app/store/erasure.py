@@ -15,7 +15,7 @@ from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
 from app.store.store import Store
-from app.store.visibility import of_visible_predictions, present
+from app.store.visibility import Visibility, of_visible_predictions, present, seeing
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
@@ -65,13 +65,6 @@ def erase_task(connection: Connection, name: str) -> None:
     audit.record(connection, "task.deleted", name, held)
 
 
-def without_cases(connection: Connection, ids: Sequence[str]) -> tuple[str, ...]:
-    """Return the predictions that are no cases, and do not become any until the transaction ends."""
-    chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
-    connection.execute(chosen.with_for_update())
-    return tuple(connection.scalars(chosen.where(_IS_NO_CASE)))
-
-
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:
     """The ids of at most `limit` predictions that were made before and are no cases, oldest first."""
     query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment, _IS_NO_CASE)
@@ -105,17 +98,12 @@ def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mappi
 def keep_house(store: Store, max_age: timedelta | None = None, max_bytes: int | None = None) -> int:
     """Delete predictions beyond the limits, then sweep, unless another process has done so within the hour.
 
-    Synchronous: call it in a thread.
-
     Args:
         max_age: of a prediction; None: any.
         max_bytes: of all predictions with their images; the oldest go first. None: any number.
 
     Returns:
         How many images were removed: those that were put within the hour stay.
-
-    Raises:
-        StoreError: if the store fails.
     """
 
     def forget() -> None:
@@ -140,9 +128,11 @@ def _older_than(store: Store, moment: datetime) -> tuple[str, ...]:
 
 
 def _erase(store: Store, ids: tuple[str, ...]) -> int:
-    """Delete predictions, with their entry in the audit log; return how many."""
-    with store.write() as connection:
-        number = erase_predictions(connection, without_cases(connection, ids))
+    """Delete predictions that are no cases, with their entry in the audit log; return how many."""
+    with seeing(Visibility(actor="retention")), store.write() as connection:
+        chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
+        connection.execute(chosen.with_for_update())  # none becomes a case meanwhile
+        number = erase_predictions(connection, list(connection.scalars(chosen.where(_IS_NO_CASE))))
         if number:
-            audit.record(connection, "predictions.expired", "", {"predictions": number}, actor="retention")
+            audit.record(connection, "predictions.expired", "", {"predictions": number})
     return number

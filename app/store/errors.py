@@ -26,9 +26,10 @@ class NotFoundError(StoreError):
     """Nothing of that kind (`task`, `episode`, ...) and id is stored."""
 
     def __init__(self, kind: str, id: str) -> None:  # noqa: A002
-        super().__init__(f"there is no {kind} {id!r}")
-        self.kind = kind
-        self.id = id
+        super().__init__(kind, id)  # all that pickling keeps
+
+    def __str__(self) -> str:
+        return "there is no {} {!r}".format(*self.args)
 
 
 class ConflictError(StoreError):
@@ -43,13 +44,11 @@ class ForbiddenTaskError(ForbiddenError):
     """The key that asks is for other tasks, the `allowed`."""
 
     def __init__(self, task: str, allowed: Sequence[str]) -> None:
-        super().__init__(f"the key is not for the task {task!r}, only for {', '.join(map(repr, allowed))}")
-        self.task = task
+        super().__init__(task, tuple(allowed))
         self.allowed = tuple(allowed)
 
-    def __reduce__(self) -> tuple[type["ForbiddenTaskError"], tuple[str, tuple[str, ...]]]:
-        """See `InvalidInputError`."""
-        return type(self), (self.task, self.allowed)
+    def __str__(self) -> str:
+        return f"the key is not for the task {self.args[0]!r}, only for {', '.join(map(repr, self.allowed))}"
 
 
 class StoreUnavailableError(StoreError):
@@ -98,11 +97,7 @@ class CorruptDataError(StoreError):
     """A stored value of a kind (`trajectory`, `blob`, `database`) and id is damaged or gone, for a reason."""
 
     def __init__(self, kind: str, id: str, reason: str) -> None:  # noqa: A002
-        super().__init__(f"stored {kind} {id} is damaged: {reason}; restore it from a backup")
-        self.kind = kind
-        self.id = id
-        self.reason = reason
+        super().__init__(kind, id, reason)
 
-    def __reduce__(self) -> tuple[type["CorruptDataError"], tuple[str, str, str]]:
-        """See `InvalidInputError`."""
-        return type(self), (self.kind, self.id, self.reason)
+    def __str__(self) -> str:
+        return "stored {} {} is damaged: {}; restore it from a backup".format(*self.args)

@@ -8,10 +8,9 @@ from typing import Any, Literal, get_args
 from sqlalchemy import ColumnElement, Connection, Row, Select, Table, Text, and_, cast, func, or_, select
 
 from app.store import tables
-from app.store.records import Page, T
+from app.store.records import Fate, Page, T
 from app.store.visibility import of_visible_predictions, of_visible_tasks
 
-Fate = Literal["failure", "refused", "unknown", "success"]
 FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
 
 _E, _P, _KEYS = tables.episodes, tables.predictions, tables.api_keys

@@ -45,7 +45,8 @@ class ObjectBlobStore:
         digest = hashlib.sha256(data).hexdigest()
         path = digest_path(digest)
         with _errors():
-            if not self._is_fresh(path):
+            age = self._age(path)
+            if age is None or age >= TRUSTED_AGE:
                 obstore.put(self._store, path, data)
         return digest
 
@@ -72,10 +73,6 @@ class ObjectBlobStore:
                     if item["path"].rpartition("/")[2] not in referenced:
                         removed += self._remove_if_older(item["path"], limit)
         return removed
-
-    def _is_fresh(self, path: str) -> bool:
-        age = self._age(path)
-        return age is not None and age < TRUSTED_AGE
 
     def _age(self, path: str) -> timedelta | None:
         try:

@@ -1,8 +1,5 @@
-"""All that is special to PostgreSQL."""
+"""All that is special to PostgreSQL. Its driver, psycopg, is installed only with the extra `postgres`."""
 
-import psycopg
-from psycopg.adapt import Buffer
-from psycopg.types.string import StrDumper
 from sqlalchemy import Connection, Engine, event, exc, func, select
 from sqlalchemy.pool import ConnectionPoolEntry
 
@@ -15,20 +12,23 @@ _MIGRATION_LOCK = "roboprompt migration"
 _MIGRATION_LOCK_TIMEOUT = "10min"  # another process may be rewriting a large table
 
 
-class _NulFreeDumper(StrDumper):
-    """PostgreSQL stores no NUL in a text: U+FFFD takes its place, so that what is asked for with one is not found."""
-
-    def dump(self, obj: str) -> Buffer | None:
-        return super().dump(obj.replace("\0", "\N{REPLACEMENT CHARACTER}"))
-
-
 def configure(engine: Engine, lock_timeout_s: float) -> None:
     """Durable commits, bounded waits for locks, and texts with NUL."""
+    import psycopg
+    from psycopg.adapt import Buffer
+    from psycopg.types.string import StrDumper
+
+    class NulFreeDumper(StrDumper):
+        """PostgreSQL stores no NUL: U+FFFD takes its place, so that what is asked for with one is not found."""
+
+        def dump(self, obj: str) -> Buffer | None:
+            return super().dump(obj.replace("\0", "\N{REPLACEMENT CHARACTER}"))
+
     settings = (f"lock_timeout = {round(lock_timeout_s * 1000)}", "synchronous_commit = on")
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: psycopg.Connection, _: ConnectionPoolEntry) -> None:
-        connection.adapters.register_dumper(str, _NulFreeDumper)
+        connection.adapters.register_dumper(str, NulFreeDumper)
         for setting in settings:
             connection.execute(f"SET {setting}")
         connection.commit()

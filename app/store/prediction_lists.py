@@ -1,20 +1,17 @@
 """Lists of predictions for pages: without prompts, ordered by outcome; and the success of each configuration."""
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
-from datetime import datetime
 from hashlib import sha256
 from statistics import median
-from typing import Any, Literal
+from typing import Literal
 
-from sqlalchemy import Connection, Row, case, func, or_, select
+from sqlalchemy import Connection, case, func, or_, select
 
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
-from app.store.filters import FATES, OF_FATE, Fate, PredictionFilter, num_demonstrations
-from app.store.records import PredictionRecord, PredictionStatus
-from app.store.values import JsonObject, ObjectRecord
+from app.store.filters import FATES, OF_FATE, PredictionFilter, num_demonstrations
+from app.store.records import PredictionRecord, PredictionSummary
 from app.store.visibility import of_visible_predictions
 
 ListOrder = Literal["successes", "newest", "failures"]
@@ -22,38 +19,6 @@ ListOrder = Literal["successes", "newest", "failures"]
 _P = tables.predictions
 NUM_TIMED = 20  # latest answers of a model, whose median duration says how long the next one takes
 MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
-
-
-@dataclass(frozen=True, kw_only=True)
-class PredictionSummary:
-    """A prediction without its prompt and reply; its objects are as they were observed."""
-
-    sequence: int
-    id: str
-    task: str
-    instruction: str
-    model: str
-    representation: str
-    prompt_format: str
-    status: PredictionStatus
-    error: str | None
-    outcome_success: bool | None
-    outcome_note: str | None
-    created_at: datetime
-    objects: tuple[ObjectRecord, ...]
-    findings: tuple[JsonObject, ...] | None
-    num_demonstrations: int
-
-    @property
-    def dangers(self) -> list[str]:
-        return [item["code"] for item in self.findings or () if item["severity"] == "danger"]
-
-    @property
-    def fate(self) -> Fate:
-        """`refused`: no actions, so that the robot could not even try."""
-        if self.outcome_success is not None:
-            return "success" if self.outcome_success else "failure"
-        return "unknown" if self.status == "ok" else "refused"
 
 
 _SUMMARY = [
@@ -84,7 +49,7 @@ def list_page(
     """At most `limit` predictions: the newest first, or by their fate and then the newest."""
     fates = FATES if order == "failures" else FATES[::-1]
     groups = [or_(*OF_FATE.values())] if order == "newest" else [OF_FATE[fate] for fate in fates]
-    found: list[tuple[int, Row[Any]]] = []
+    found: list[tuple[int, PredictionSummary]] = []
     for number, fits in enumerate(groups):
         if cursor is not None and number < cursor.group:
             continue
@@ -92,11 +57,12 @@ def list_page(
         if cursor is not None and number == cursor.group:
             query = query.where(_P.c.sequence < cursor.sequence)
         room = limit + 1 - len(found)
-        found += [(number, row) for row in connection.execute(query.order_by(_P.c.sequence.desc()).limit(room))]
+        rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(room))
+        found += [(number, PredictionSummary(**row._mapping)) for row in rows]
         if len(found) > limit:
             group, last = found[limit - 1]
-            return SummaryPage(_summaries(found[:limit]), ListCursor(group, last.sequence))
-    return SummaryPage(_summaries(found), None)
+            return SummaryPage(tuple(item for _, item in found[:limit]), ListCursor(group, last.sequence))
+    return SummaryPage(tuple(item for _, item in found), None)
 
 
 def models(connection: Connection) -> tuple[str, ...]:
@@ -109,10 +75,6 @@ def usual_llm_ms(connection: Connection, model: str) -> float | None:
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
     latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(NUM_TIMED))
     return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
-
-
-def _summaries(found: Sequence[tuple[int, Row[Any]]]) -> tuple[PredictionSummary, ...]:
-    return tuple(PredictionSummary(**row._mapping) for _, row in found)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 T = TypeVar("T")
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
+Fate = Literal["failure", "refused", "unknown", "success"]
 JobStatus = Literal["queued", "running", "done", "failed"]
 
 
@@ -124,18 +125,8 @@ class Extraction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictionDraft:
-    """A new prediction.
-
-    Attributes:
-        request: as the caller sent it.
-        reply_text: None if the model gave none; `actions` None if the reply had none; `error` None if all went well.
-        objects: as they were observed.
-        cameras: with the images that were sent, if any.
-        samples: where several replies were asked for, each of them and whether it entered.
-        grounding: how the instruction was understood (`Grounded.to_json`).
-        findings: what deserves a look (`Finding.to_json`), causes first.
-    """
+class _AskedPrediction:
+    """What lists, too, have of a prediction; `error` is None if all went well, `findings` are `Finding.to_json`."""
 
     task: str
     instruction: str
@@ -143,18 +134,61 @@ class PredictionDraft:
     representation: str
     prompt_format: str
     status: PredictionStatus
+    error: str | None
+    objects: tuple[ObjectRecord, ...]  # as they were observed
+    findings: tuple[JsonObject, ...]  # what deserves a look, causes first
+
+
+@dataclass(frozen=True, kw_only=True)
+class _StoredPrediction(_AskedPrediction):
+    """What lists have of a stored one; its outcome is None until somebody records one."""
+
+    id: str
+    sequence: int
+    created_at: datetime
+    outcome_success: bool | None
+    outcome_note: str | None
+
+    @property
+    def fate(self) -> Fate:
+        """`refused`: no actions, so that the robot could not even try."""
+        if self.outcome_success is not None:
+            return "success" if self.outcome_success else "failure"
+        return "unknown" if self.status == "ok" else "refused"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionSummary(_StoredPrediction):
+    """A prediction without its prompt and reply."""
+
+    num_demonstrations: int
+
+    @property
+    def dangers(self) -> list[str]:
+        return [item["code"] for item in self.findings if item["severity"] == "danger"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionDraft(_AskedPrediction):
+    """A new prediction.
+
+    Attributes:
+        request: as the caller sent it.
+        reply_text: None if the model gave none; `actions` None if the reply had none.
+        cameras: with the images that were sent, if any.
+        samples: where several replies were asked for, each of them and whether it entered.
+        grounding: how the instruction was understood (`Grounded.to_json`).
+    """
+
     request: JsonObject
     demonstration_ids: tuple[str, ...]
     prompt_system: str
     prompt_user: str
     reply_text: str | None
     actions: tuple[JsonObject, ...] | None
-    error: str | None
     usage: JsonObject  # numbers of tokens, and `cost_usd`, null if no price was known
     timings_ms: JsonObject
-    objects: tuple[ObjectRecord, ...]
     grounding: JsonObject
-    findings: tuple[JsonObject, ...]
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
 
@@ -169,14 +203,9 @@ class PredictionDraft:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictionRecord(PredictionDraft):
-    """A stored prediction; its outcome is None until somebody records one."""
+class PredictionRecord(PredictionDraft, _StoredPrediction):
+    """A stored prediction."""
 
-    id: str
-    sequence: int
-    created_at: datetime
-    outcome_success: bool | None
-    outcome_note: str | None
     outcome_at: datetime | None
     key_id: str | None  # of the API key that asked for it; None where none was needed
 

@@ -5,9 +5,10 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, delete, insert, select
 
-from app.store import audit, tables
+from app.store import tables
 from app.store.records import TaskRecord
 from app.store.values import JsonObject
+from app.store.visibility import present
 
 MAX_KEPT = 100  # of a task, the newest
 _REPLACED = tables.replaced_settings
@@ -30,11 +31,11 @@ def differing(before: JsonObject, after: JsonObject) -> list[str]:
     return [name for name in {**one, **other} if one.get(name) != other.get(name)]
 
 
-def keep(connection: Connection, task: TaskRecord, after: JsonObject, actor: str | None = None) -> None:
+def keep(connection: Connection, task: TaskRecord, after: JsonObject) -> None:
     """Keep the task's settings before they are replaced, unless only values change that follow from episodes."""
     if not differing(task.settings, after):
         return
-    record = ReplacedSettings(task.name, task.version, datetime.now(UTC), actor or audit.actor(), task.settings)
+    record = ReplacedSettings(task.name, task.version, datetime.now(UTC), present().actor, task.settings)
     connection.execute(insert(_REPLACED).values(vars(record)))
     of_task = select(_REPLACED.c.version).where(_REPLACED.c.task == task.name).order_by(_REPLACED.c.version.desc())
     if (oldest := connection.scalar(of_task.offset(MAX_KEPT).limit(1))) is not None:

@@ -1,10 +1,9 @@
 """Queries on runs: robots that carry something out now. Each runs on the caller's transaction."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
-from sqlalchemy import Connection, Row, and_, delete, insert, select, update
+from sqlalchemy import Connection, and_, delete, insert, select, update
 
 from app.store import audit, tables, tasks
 from app.store.database import lock
@@ -22,6 +21,7 @@ class RunRecord:
 
     id: str
     task: str
+    key_id: str | None  # of the API key that reports it; None where none was needed
     state: JsonObject
     stop: bool
     created_at: datetime
@@ -31,8 +31,7 @@ class RunRecord:
 def report(connection: Connection, run_id: str, task: str, state: JsonObject) -> bool:
     """Record a robot's report of a new run, or of a run of the same key. Return whether the robot must stop.
 
-    Raises:
-        NotFoundError: if there is no such task, or the run is another key's or task's.
+    Raises NotFoundError if there is no such task, or the run is another key's or task's.
     """
     present().require_task(task)
     lock(connection, f"run {run_id}")  # a client that gave up waiting says it again
@@ -68,7 +67,7 @@ def stop(connection: Connection, run_id: str) -> RunRecord:
     if not row.stop:
         connection.execute(update(_RUNS).where(_RUNS.c.id == run_id).values(stop=True))
         audit.record(connection, "run.stopped", run_id, {"task": row.task})
-    return _record(row, stop=True)
+    return replace(RunRecord(**row._mapping), stop=True)
 
 
 def living(connection: Connection) -> tuple[RunRecord, ...]:
@@ -76,9 +75,4 @@ def living(connection: Connection) -> tuple[RunRecord, ...]:
     since = datetime.now(UTC) - LIVING
     query = of_visible_tasks(select(_RUNS).where(_RUNS.c.heard_at >= since), _RUNS.c.task).order_by(_RUNS.c.created_at)
     rows = connection.execute(query)
-    return tuple(_record(row) for row in rows if present().has_prediction(row.task, row.key_id))
-
-
-def _record(row: Row[Any], **changes: Any) -> RunRecord:  # noqa: ANN401
-    values = {name: value for name, value in row._mapping.items() if name != "key_id"}
-    return RunRecord(**{**values, **changes})
+    return tuple(RunRecord(**row._mapping) for row in rows if present().has_prediction(row.task, row.key_id))

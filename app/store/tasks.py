@@ -10,7 +10,7 @@ from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from app.store import audit, replaced_settings, tables
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import TaskCounts, TaskRecord, TaskState
+from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
@@ -18,14 +18,12 @@ _TASKS = tables.tasks
 _BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 # Every prediction asks this, and building the statement would take as long as running it.
 _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
-_STATE = select(_TASKS.c.name, _TASKS.c.created_at, _TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
 
 
 def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord | None:
-    """The task, if there is one; raises ForbiddenTaskError.
+    """The task, if there is one; with `lock` no other transaction changes it until this one ends.
 
-    Args:
-        lock: no other transaction changes it until this one ends.
+    Raises ForbiddenTaskError.
     """
     present().require_task(name)
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
@@ -34,25 +32,16 @@ def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord
     return None if row is None else TaskRecord(**row._mapping)
 
 
-def get(connection: Connection, name: str) -> TaskRecord:
-    """The task; raises NotFoundError, ForbiddenTaskError."""
-    if (task := find(connection, name)) is None:
+def get(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord:
+    """As `find`; raises NotFoundError, too."""
+    if (task := find(connection, name, lock=lock)) is None:
         raise NotFoundError("task", name)
     return task
-
-
-def state(connection: Connection, name: str) -> TaskState:
-    """The task's state, which costs less to read than the task; raises NotFoundError."""
-    if (row := connection.execute(_STATE, {"name": name}).first()) is None:
-        raise NotFoundError("task", name)
-    return (row.name, row.created_at, row.version)
 
 
 def lock(connection: Connection, name: str) -> TaskRecord:
     """The task, which no other transaction changes until this one ends; raises NotFoundError."""
-    if (task := find(connection, name, lock=True)) is None:
-        raise NotFoundError("task", name)
-    return task
+    return get(connection, name, lock=True)
 
 
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
@@ -85,40 +74,28 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
     return lock(connection, name)
 
 
-def update_settings(connection: Connection, name: str, settings: JsonObject, *, actor: str | None = None) -> TaskRecord:
+def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
     """Replace the task's settings; if they differ the version grows, and the audit log has what bounds motion.
 
-    The earlier ones are kept, see `replaced_settings`.
-
-    Args:
-        actor: in whose name, as in `audit.record`.
-
-    Raises:
-        NotFoundError: if there is no such task.
+    The earlier ones are kept, see `replaced_settings`. Raises NotFoundError.
     """
     task = lock(connection, name)
     if task.settings != settings:
-        replaced_settings.keep(connection, task, settings, actor)
+        replaced_settings.keep(connection, task, settings)
         change(connection, name, {"settings": settings})
-        record_limits(connection, name, task.settings, settings, actor=actor)
+        record_limits(connection, name, task.settings, settings)
     return get(connection, name)
 
 
 def record_limits(
-    connection: Connection,
-    name: str,
-    before: JsonObject,
-    after: JsonObject,
-    *,
-    action: str = "limits.changed",
-    actor: str | None = None,
+    connection: Connection, name: str, before: JsonObject, after: JsonObject, *, action: str = "limits.changed"
 ) -> None:
     """Add an entry to the audit log if the settings' bounds of motion differ."""
     changed = [bound for bound in _BOUNDS if before.get(bound) != after.get(bound)]
     if changed:
         both = {"before": before, "after": after}
         details = {when: {bound: values.get(bound) for bound in changed} for when, values in both.items()}
-        audit.record(connection, action, name, details, actor)
+        audit.record(connection, action, name, details)
 
 
 def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None:
@@ -135,8 +112,7 @@ def rewrite(connection: Connection, name: str) -> None:
 def require_version(connection: Connection, name: str, version: int) -> None:
     """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
 
-    Raises:
-        ConflictError, NotFoundError: if something did: read again and repeat the work.
+    Raises ConflictError, NotFoundError.
     """
     if (current := lock(connection, name).version) != version:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")

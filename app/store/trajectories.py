@@ -14,12 +14,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, Row, select
 
 from app.store import tables
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import kept_frames
-from app.store.values import JsonObject
 from app.store.visibility import of_visible_tasks
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -91,33 +90,25 @@ def _shape_of_frame(name: str, num_joints: int, num_objects: int) -> tuple[int, 
     return shapes.get(name, ())
 
 
-def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
-    """What is kept of the trajectories of several episodes, in the order of `ids`.
-
-    Raises:
-        NotFoundError, CorruptDataError: of one of them.
-    """
-    query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
-    found: dict[str, tuple[Any, ...]] = {row.id: tuple(row) for row in connection.execute(query)}
-    for episode_id in ids:
-        if episode_id not in found:
-            raise NotFoundError("episode", episode_id)
-    return tuple(_kept(*found[episode_id]) for episode_id in ids)
-
-
-def get_trajectory(connection: Connection, episode_id: str, *, whole: bool = False) -> Trajectory:
-    """The episode's trajectory; raises NotFoundError, CorruptDataError.
+def get_trajectories(connection: Connection, ids: Sequence[str], *, whole: bool = False) -> tuple[Trajectory, ...]:
+    """The trajectories of visible episodes, in the order of `ids`; raises NotFoundError, CorruptDataError.
 
     Args:
         whole: with what was trimmed off.
     """
-    query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
-    row = connection.execute(of_visible_tasks(query, _EPISODES.c.task)).first()
-    if row is None:
-        raise NotFoundError("episode", episode_id)
-    return unpack(row.trajectory, episode_id) if whole else _kept(*row)
+    query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
+    found = {row.id: row for row in connection.execute(of_visible_tasks(query, _EPISODES.c.task))}
+    for episode_id in ids:
+        if episode_id not in found:
+            raise NotFoundError("episode", episode_id)
+    return tuple(_unpacked(found[episode_id], whole=whole) for episode_id in ids)
 
 
-def _kept(episode_id: str, trim: JsonObject | None, blob: bytes) -> Trajectory:
-    trajectory = unpack(blob, episode_id)
-    return trajectory if trim is None else trajectory.part(*kept_frames(trim))
+def get_trajectory(connection: Connection, episode_id: str, *, whole: bool = False) -> Trajectory:
+    """As `get_trajectories`, of one episode."""
+    return get_trajectories(connection, [episode_id], whole=whole)[0]
+
+
+def _unpacked(row: Row[Any], *, whole: bool) -> Trajectory:
+    trajectory = unpack(row.trajectory, row.id)
+    return trajectory if whole or row.trim is None else trajectory.part(*kept_frames(row.trim))

@@ -12,7 +12,7 @@ import numpy as np
 from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Integer, TypeDecorator
 
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.camera import Camera, camera_from_json, camera_json
+from roboprompt_client.types.camera import Camera, camera_from_json
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
@@ -23,12 +23,15 @@ def _floats(values: Array) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
-def _without_units(record: object) -> JsonObject:
-    return {name.removesuffix("_m"): value for name, value in vars(record).items()}
+class _Record:
+    """A value in a column: fields that JSON has, where they lose their unit."""
+
+    def to_json(self) -> JsonObject:
+        return {name.removesuffix("_m"): value for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True)
-class ObjectRecord:
+class ObjectRecord(_Record):
     """An object's pose at a frame of an episode: position (3) m, and quaternion (4) or None, in the world frame."""
 
     name: str
@@ -50,9 +53,6 @@ class ObjectRecord:
         found = (self.estimator, self.cameras, self.confidence, self.reason)
         return ObjectPose(self.name, np.array(self.position_m), quaternion, *found)
 
-    def to_json(self) -> dict[str, Any]:
-        return _without_units(self)
-
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
         quaternion = value["quaternion_xyzw"]
@@ -68,7 +68,7 @@ class ObjectRecord:
 
 
 @dataclass(frozen=True)
-class KeyframeRecord:
+class KeyframeRecord(_Record):
     """The action at frame `index` of an episode: position (3) m and quaternion (4) in the world frame."""
 
     index: int
@@ -84,9 +84,6 @@ class KeyframeRecord:
     def action(self) -> EndEffectorAction:
         return EndEffectorAction(np.array(self.position_m), np.array(self.quaternion_xyzw), self.gripper_open)
 
-    def to_json(self) -> dict[str, Any]:
-        return _without_units(self)
-
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
         position, quaternion = tuple(value["position"]), tuple(value["quaternion_xyzw"])
@@ -94,23 +91,13 @@ class KeyframeRecord:
 
 
 @dataclass(frozen=True)
-class CameraRecord:
+class CameraRecord(_Record):
     """A camera, and the digests of its encoded images of the first frame, as uploaded."""
 
     calibration: JsonObject  # as an upload's metadata has it (`camera_json`)
     rgb_digest: str | None = None
     depth_digest: str | None = None
     mask_digest: str | None = None
-
-    @classmethod
-    def of(
-        cls,
-        camera: Camera,
-        rgb_digest: str | None = None,
-        depth_digest: str | None = None,
-        mask_digest: str | None = None,
-    ) -> Self:
-        return cls(camera_json(camera), rgb_digest, depth_digest, mask_digest)
 
     @property
     def name(self) -> str:
@@ -125,9 +112,6 @@ class CameraRecord:
 
     def camera(self) -> Camera:
         return camera_from_json(self.calibration)
-
-    def to_json(self) -> dict[str, Any]:
-        return dict(vars(self))
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:

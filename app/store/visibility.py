@@ -1,4 +1,4 @@
-"""The visibility of a request. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
+"""Who asks, and what they may see. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,9 +21,9 @@ class Visibility:
 
     key_id: str = NO_KEY  # whose request it is
     tasks: tuple[str, ...] | None = None  # the only tasks that the key is for; None: any
-    others: bool = True  # whether predictions that others asked for are seen
-    demonstrations: bool = True  # whether what was taught is seen: prompts, which hold it, too
+    reads: bool = True  # whether predictions that others asked for, and demonstrations, which prompts hold, are seen
     judges_others: bool = True  # whether the outcome of others' predictions may be recorded
+    actor: str = "local"  # who asks, as the audit log has it; without a key the command line, or a service without keys
 
     def has_task(self, name: str) -> bool:
         return self.tasks is None or name in self.tasks
@@ -34,7 +34,7 @@ class Visibility:
             raise ForbiddenTaskError(name, self.tasks)
 
     def has_prediction(self, task: str, key_id: str | None) -> bool:
-        return self.has_task(task) and (self.others or key_id == self.key_id)
+        return self.has_task(task) and (self.reads or key_id == self.key_id)
 
     def require_own(self, key_id: str | None) -> None:
         """Refuse to record the outcome of what another key asked for; raises ForbiddenError."""
@@ -43,7 +43,7 @@ class Visibility:
 
     def require_demonstrations(self) -> None:
         """Refuse to show demonstrations to a key that may not read them; raises ForbiddenError."""
-        if not self.demonstrations:
+        if not self.reads:
             raise ForbiddenError("a dry run shows the demonstrations: this needs a key with the scope read, too")
 
 
@@ -58,7 +58,7 @@ def present() -> Visibility:
 
 @contextmanager
 def seeing(visibility: Visibility) -> Iterator[None]:
-    """Restrict the queries inside the block to this visibility."""
+    """Restrict the queries inside the block to this visibility, and log them as its actor's."""
     token = _present.set(visibility)
     try:
         yield
@@ -79,4 +79,4 @@ def of_visible_predictions(query: Select[Any], task: str | None = None) -> Selec
     """Return `query` narrowed to the visible predictions of a task or of all; raise ForbiddenTaskError."""
     query = of_visible_tasks(query, _PREDICTIONS.c.task, task)
     visibility = present()
-    return query if visibility.others else query.where(_PREDICTIONS.c.key_id == visibility.key_id)
+    return query if visibility.reads else query.where(_PREDICTIONS.c.key_id == visibility.key_id)

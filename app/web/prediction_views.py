@@ -16,7 +16,6 @@ from app.services.predict.evidence import Explanation, configuration, explanatio
 from app.services.predict.known import KnownReader
 from app.services.task_settings import TaskSettings
 from app.store import episodes, prediction_lists, predictions
-from app.store.filters import Fate
 from app.store.prediction_lists import Configuration, Counts
 from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
@@ -51,13 +50,6 @@ class PredictionView:
     settings: TaskSettings
     demonstrations: Mapping[str, EpisodeRecord]
     explanation: Explanation
-
-    @property
-    def fate(self) -> Fate:
-        """As lists tell it."""
-        if self.record.outcome_success is not None:
-            return "success" if self.record.outcome_success else "failure"
-        return "unknown" if self.record.status == "ok" else "refused"
 
     @property
     def prompt(self) -> tuple[Span, ...]:

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.overlay import PALETTE
 from app.pipeline.order.vocabulary import COLORS
 from app.services.setting_parts import WorkspaceSettings
-from app.store.prediction_lists import PredictionSummary
-from app.store.records import EpisodeRecord
+from app.store.records import EpisodeRecord, PredictionSummary
 from app.store.values import JsonObject, ObjectRecord
 from roboprompt_client.types.arrays import Array
 

@@ -3,8 +3,9 @@
 import pytest
 
 from app.services.teach.history import settings_history
-from app.store import audit, erasure, replaced_settings, tasks
+from app.store import erasure, replaced_settings, tasks
 from app.store.errors import NotFoundError
+from app.store.visibility import Visibility, seeing
 from tests.services.conftest import scripted, store  # noqa: F401  # fixtures
 from tests.services.test_upload_episode import respond, upload
 
@@ -22,7 +23,7 @@ def history(services, name="pick"):
 def test_a_change_is_kept_with_its_author_and_what_undoes_it(services):
     services.configure_task("pick", {})
     assert history(services) == []
-    with audit.acting("ann (1234)"):
+    with seeing(Visibility(actor="ann (1234)")):
         services.configure_task("pick", {"num_demonstrations": 3, "robot_base": (0, 0, 0.5)})
     services.configure_task("pick", {"num_demonstrations": 5})
     newest, oldest = history(services)

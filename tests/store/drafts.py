@@ -8,7 +8,7 @@ from app.perception.base import ObjectQuery
 from app.store import episodes, predictions, tasks, trajectories
 from app.store.records import EpisodeDraft, PredictionDraft
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
-from roboprompt_client.types.camera import Camera
+from roboprompt_client.types.camera import Camera, camera_json
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -36,7 +36,7 @@ def trajectory(num_frames=30, seed=0, optional_arrays=True):
 def camera_record(**digests):
     camera_to_world = np.eye(4)
     camera_to_world[:3, 3] = 0.1, -1 / 3, 1.2
-    return CameraRecord.of(Camera("front", 500.5, 501.5, 320.0, 240.0, camera_to_world), **digests)
+    return CameraRecord(camera_json(Camera("front", 500.5, 501.5, 320.0, 240.0, camera_to_world)), **digests)
 
 
 def object_record(name, seed=0):

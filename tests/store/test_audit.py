@@ -1,6 +1,7 @@
 from concurrent.futures import ThreadPoolExecutor
 
 from app.store import audit
+from app.store.visibility import Visibility, seeing
 
 
 def note(store, subject):
@@ -22,7 +23,7 @@ def test_writers_at_the_same_time_make_one_chain(store):
 
 
 def test_the_author_of_a_change_is_known_only_during_it(store):
-    with audit.acting("robot-1 (abc)"):
+    with seeing(Visibility(actor="robot-1 (abc)")):
         note(store, "1")
     note(store, "2")
     assert [entry.actor for entry in verified(store)] == ["robot-1 (abc)", "local"]

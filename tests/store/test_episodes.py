@@ -10,6 +10,7 @@ from app.store.filters import EpisodeFilter
 from app.store.records import Extraction
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+from roboprompt_client.types.camera import camera_json
 
 from .drafts import TASK, camera_record, episode_draft, object_record, read, upload, write
 from .drafts import trajectory as recorded
@@ -32,7 +33,7 @@ def test_everything_comes_back(store):
 
 def test_records_become_the_pipelines_values_and_back():
     camera, pose, action = camera_record(mask_digest="c" * 64), object_record("cube"), episode_draft().keyframes[0]
-    assert CameraRecord.of(camera.camera(), mask_digest="c" * 64) == camera
+    assert CameraRecord(camera_json(camera.camera()), mask_digest="c" * 64) == camera
     assert ObjectRecord.of(pose.pose()) == pose
     restored = KeyframeRecord.of(action.index, action.action())
     assert restored.position_m == action.position_m

@@ -76,7 +76,7 @@ def test_authors_are_those_of_what_a_key_sees(store, keys):
         prediction_by(store, number)
     for table in (tables.episodes, tables.predictions):
         assert read(store, authors, table) == ("ann", "bob")
-    with seeing(Visibility("key2", others=False)):
+    with seeing(Visibility("key2", reads=False)):
         assert read(store, authors, tables.predictions) == ("bob",)
     with seeing(Visibility("key2", tasks=("other",))):
         assert read(store, authors, tables.episodes) == ()

@@ -8,7 +8,7 @@ from app.store.visibility import Visibility, seeing
 
 from .drafts import predict, prediction_draft, write
 
-ROBOT, RIVAL = (Visibility(key, others=False, demonstrations=False, judges_others=False) for key in ("robot", "rival"))
+ROBOT, RIVAL = (Visibility(key, reads=False, judges_others=False) for key in ("robot", "rival"))
 
 
 def test_what_was_sent_without_a_key_has_no_owner(store):

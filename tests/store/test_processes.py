@@ -1,6 +1,7 @@
 import errno
 import gc
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from app.store.data_folder import Turns, UnderWay, UnderWayNotes
-from app.store.errors import StoreUnavailableError
+from app.store.errors import CorruptDataError, ForbiddenTaskError, NotFoundError, StoreUnavailableError
 
 HOLDER = """
 import sys
@@ -128,3 +129,16 @@ def test_a_note_that_cannot_be_deleted_is_not_shown(tmp_path, monkeypatch):
     assert notes.all() == ()
     with Turns(tmp_path / "turns").take("a"):
         pass
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (NotFoundError("task", "a"), "there is no task 'a'"),
+        (CorruptDataError("blob", "a", "gone"), "stored blob a is damaged: gone; restore it from a backup"),
+        (ForbiddenTaskError("a", ["b", "c"]), "the key is not for the task 'a', only for 'b', 'c'"),
+    ],
+)
+def test_errors_of_workers_reach_their_parent(error, text):
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), text, vars(error))

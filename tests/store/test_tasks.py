@@ -26,7 +26,7 @@ def test_unknown_task(store):
         for query in (tasks.get, lambda connection, name: tasks.update_settings(connection, name, {})):
             with pytest.raises(NotFoundError, match="there is no task 'nope'") as caught:
                 query(connection, "nope")
-            assert (caught.value.kind, caught.value.id) == ("task", "nope")
+            assert caught.value.args == ("task", "nope")
 
 
 def test_version_grows_only_when_settings_differ(store):

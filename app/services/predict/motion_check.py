@@ -20,7 +20,7 @@ MAX_LIMITS = 64  # tasks whose limits are kept
 
 
 class CurrentLimits:
-    """Reads the present limits of motion of tasks; of an unchanged task only its state is read."""
+    """Reads the present limits of motion of tasks; those of an unchanged task are kept."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -28,11 +28,10 @@ class CurrentLimits:
 
     def read(self, connection: Connection, task: str) -> MotionLimits:
         """The task's limits; raises NotFoundError if there is no such task."""
-
-        def build() -> MotionLimits:
-            return TaskSettings.of(connection, task).limits_of_motion()
-
-        return self._built.get_or_make(tasks.state(connection, task), build)
+        found = tasks.get(connection, task)
+        return self._built.get_or_make(
+            found.state, lambda: TaskSettings.model_validate(found.settings).limits_of_motion()
+        )
 
     async def now(self, task: str) -> MotionLimits:
         """The same on a connection of its own, in a thread."""

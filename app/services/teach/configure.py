@@ -18,6 +18,7 @@ from app.store.errors import ConflictError, CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
+from app.store.visibility import Visibility, seeing
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.types.names import checked_name
 
@@ -268,7 +269,8 @@ class RunJobs:
             jobs.finish(connection, job)
             shown = episodes.demonstrations(connection, job.task) if settings.workspace.preset == "auto" else ()
             after = with_workspace(settings, shown, job.changes).model_dump(mode="json")
-            changed = tasks.update_settings(connection, job.task, after, actor=f"job {job.id}")
+            with seeing(Visibility(actor=f"job {job.id}")):
+                changed = tasks.update_settings(connection, job.task, after)
             if changed.version == task.version:  # keyframes may differ all the same, and prompts are kept by version
                 tasks.change(connection, job.task, {})
         logger.info("job %s is done", job.id)

@@ -13,8 +13,9 @@ from app.api.schemas.lists import Filtered
 from app.llm.computed import YARDSTICKS
 from app.services.statistics import task_stats
 from app.store import episodes, prediction_lists, predictions, tables, tasks
-from app.store.filters import FATES, Fate, PredictionFilter, authors
+from app.store.filters import FATES, PredictionFilter, authors
 from app.store.prediction_lists import ListCursor, ListOrder
+from app.store.records import Fate
 from app.web.page import HEADERS, FormQuery, PageRoute, query_of, render, render_part
 from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
