@@ -151,7 +151,7 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
     return {
         "task": question.request.task,
         **understood_document(question.grounded),
-        "objects": [ObjectRecord.of(pose).to_json() for pose in question.known.scene.observed],
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.known.observed],
         "model": question.known.profile.name,
         **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),

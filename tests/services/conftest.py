@@ -1,5 +1,6 @@
 """Use cases on a store of their own, with scripted models."""
 
+from dataclasses import replace
 from itertools import cycle
 
 import pytest
@@ -13,6 +14,7 @@ from app.services.container import Services
 from app.services.limits import Limits
 from app.services.predict.ask import question_of
 from app.services.predict.known import KnownReader
+from app.services.predict.request import PredictOptions
 from tests.stores import opened
 
 ONE_ACTION = "[[50, 50, 20, 0, 36, 36, 1]]"
@@ -58,6 +60,11 @@ def nearest(store):
 @pytest.fixture
 def unavailable():
     return ModelUnavailableError("the dog ate the weights")
+
+
+def with_options(request, **changes):
+    """The request with these options, which are checked, and the others as they are."""
+    return replace(request, options=PredictOptions.model_validate(request.options.model_dump() | changes))
 
 
 def written(services, profile, request):

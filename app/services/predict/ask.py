@@ -138,7 +138,8 @@ class PredictActions:
     async def _asked(self, question: Question) -> AsyncIterator[Reply]:
         """Yield the reply for the block to read; meanwhile the prediction is shown, and no prefix is read ahead."""
         async with self._models.using(question.known.profile.name) as model:
-            reply = SampledReply(question, model) if question.samples else Reply(question, model)
+            several = question.request.options.num_samples > 1
+            reply = SampledReply(question, model) if several else Reply(question, model)
             try:
                 with self._warmer.giving_way():
                     async with _shown(self._under_way, question):

@@ -47,15 +47,14 @@ def understand(request: PredictRequest, instruction: str, known: Known, taught: 
         UngroundedInstructionError, UnfamiliarInstructionError: if it is unclear, or may mean an object that is not the
             task's.
     """
-    scene = known.scene
-    order = _grounded(request, instruction, taught, known.task.settings, scene.objects)
-    if scene.bystanders:
-        everything = (*scene.objects, *scene.bystanders)
+    order = _grounded(request, instruction, taught, known.task.settings, known.objects)
+    if known.bystanders:
+        everything = (*known.objects, *known.bystanders)
         with_others = _grounded(request, instruction, taught, known.task.settings, everything)
         if with_others.objects != order.objects:
             meant = ", ".join(name for name in with_others.objects if name not in order.objects)
             message = f"may mean {meant}, which demonstrations do not have"
-            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in scene.objects))
+            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
     if request.alike:
         check_named(order, known.taught.followed(order), request.alike)
     return order

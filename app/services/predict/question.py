@@ -16,13 +16,12 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
-from app.services.predict.demonstrations import Prefix, write_prefix
 from app.services.predict.known import Known
 from app.services.predict.placed import Plans, place_plans
+from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
-SEEDS = 2**31  # the most that every backend takes
 LISTED = 3  # instructions that a sentence names
 
 
@@ -41,7 +40,6 @@ class Question:
         max_actions: the largest number of actions that the answer may have.
         turned: whether the hand is turned by 180 degrees from what a reply says, in `plans` and in the actions.
         findings: those known before the LLM is asked.
-        samples: if several replies are requested, the question for each, with its own seed.
     """
 
     request: PredictRequest
@@ -55,7 +53,6 @@ class Question:
     max_actions: int
     turned: bool = False
     findings: tuple[Finding, ...] = ()
-    samples: tuple["Question", ...] = ()
 
     @property
     def deadline_s(self) -> float:
@@ -73,9 +70,9 @@ def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[
     """
     plans = known.demonstrations.plans
     named = request.options.episode_ids is not None
-    choice = None if named or plans is None else plans(known.scene.objects)
+    choice = None if named or plans is None else plans(known.objects)
     shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
-    return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.scene.absent), findings
+    return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.absent), findings
 
 
 def write_question(
@@ -95,7 +92,7 @@ def write_question(
     template = prefix.template
     limits.check_prompt(len(template.system) + len(template.prefix))
     start = _start(request.end_effector) if known.style.from_start else None
-    seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
+    seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
     plans, turned, max_actions = place_plans(
         prefix.support, parts, request.options, known.task, known.taught, request.end_effector
@@ -104,10 +101,7 @@ def write_question(
     if request.frames:
         request = request.without_frames()
     question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
-    question = replace(question, findings=(*why, *doubts_before(question), *turned))
-    if request.options.num_samples == 1:
-        return question
-    return replace(question, samples=tuple(_sample(question, k) for k in range(request.options.num_samples)))
+    return replace(question, findings=(*why, *doubts_before(question), *turned))
 
 
 def _start(end_effector: Pose | None) -> EndEffectorAction | None:
@@ -116,17 +110,12 @@ def _start(end_effector: Pose | None) -> EndEffectorAction | None:
     return EndEffectorAction(np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), True)
 
 
-def _sample(question: Question, number: int) -> Question:
-    seed = (question.request.options.seed + number) % SEEDS
-    return replace(question, request=question.request.with_options(seed=seed))
-
-
 def doubts_before(question: Question) -> Iterator[Finding]:
     """Yield the findings before the LLM is asked, causes first: objects, words, demonstrations, scene."""
     known, order, seen, hand = question.known, question.grounded, question.seen, question.request.end_effector
-    scene, taught = known.scene, known.taught
+    taught = known.taught
     followed = taught.followed(order)
-    yield from other_objects(scene.absent, [pose.name for pose in scene.bystanders])
+    yield from other_objects(known.absent, [pose.name for pose in known.bystanders])
     yield from alike_findings(question.request.alike)
     yield from symmetry_findings(known.task.symmetries or {})
     yield from _words(order, question.prefix.instructions)

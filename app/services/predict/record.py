@@ -123,7 +123,7 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         error=error,
         usage={} if reply.text is None else {**vars(reply.usage), "cost_usd": reply.cost_usd},
         timings_ms=dict(timings().ms),
-        objects=tuple(map(ObjectRecord.of, question.known.scene.observed)),
+        objects=tuple(map(ObjectRecord.of, question.known.observed)),
         samples=reply.samples,
         grounding=question.grounded.to_json(),
         findings=tuple(finding.to_json() for finding in findings),
