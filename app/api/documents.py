@@ -176,7 +176,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
     return {
         "id": prediction.id,
         "actions": [item.document for item in reply.actions],
-        **_asked(prediction.question, reply.prompt),
+        **_asked(reply.question, reply.prompt),
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
         "cost_usd": reply.cost_usd,

@@ -71,7 +71,6 @@ class KeyRing:
         self._store = store
         self._known_for_s = known_for_s
         self._records: Mapping[str, ApiKeyRecord] = {}
-        self._callers: dict[str, Caller] = {}
         self._read_at_s = -float("inf")
         self._reading = asyncio.Lock()
         self._noted_at_s: dict[str, float] = {}
@@ -112,7 +111,7 @@ class KeyRing:
         if record.expires_at is not None and record.expires_at <= datetime.now(UTC):
             raise ExpiredKeyError(record.name, record.expires_at)
         self._note_use(record.id)
-        return self._callers[record.id]
+        return caller_from(record)
 
     def _note_use(self, key_id: str) -> None:
         """Store the time of use in the background, at most once a minute: no request waits for it."""
@@ -135,7 +134,6 @@ class KeyRing:
                 if time.monotonic() - self._read_at_s > self._known_for_s:
                     started_s = time.monotonic()
                     self._records = await anyio.to_thread.run_sync(self._read)
-                    self._callers = {record.id: caller_from(record) for record in self._records.values()}
                     self._read_at_s = started_s
         return self._records
 

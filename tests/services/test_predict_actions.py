@@ -113,8 +113,8 @@ UNCLEAR = replace(REQUEST, instruction="soulevez le cube, s'il vous plaît")
 def test_a_chat_model_is_asked_what_unclear_words_mean(store, taught):
     asked = []
     prediction = ask(taught("1", ONE_ACTION, asked=asked), UNCLEAR)
-    assert prediction.question.grounded.text == "pick up the cube"
-    assert [phrase.to_json() for phrase in prediction.question.grounded.phrases] == [
+    assert prediction.reply.question.grounded.text == "pick up the cube"
+    assert [phrase.to_json() for phrase in prediction.reply.question.grounded.phrases] == [
         {"phrase": UNCLEAR.instruction, "object": "cube", "by": "llm"}
     ]
     assert "1. pick up the cube" in asked[0].prompt.user

@@ -63,14 +63,9 @@ class KnownReader:
     """
 
     def __init__(
-        self,
-        store: Store,
-        profile_of: Callable[[str | None], ModelProfile],
-        pose_servers: PoseServers | None = None,
+        self, store: Store, profile_of: Callable[[str | None], ModelProfile], pose_servers: PoseServers
     ) -> None:
-        self._store = store
-        self.profile_of = profile_of
-        self._pose_servers = pose_servers or PoseServers()
+        self._store, self.profile_of, self._pose_servers = store, profile_of, pose_servers
         self._kept: Cache[TaskState, TaskVersion] = Cache(MAX_TASKS)
 
     def __call__(self, request: PredictRequest) -> Known:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.pipeline.alike import alike_findings
+from app.pipeline.alike import alike_findings, check_named
 from app.pipeline.episode import Query
+from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.roles import strangers
@@ -16,11 +17,14 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
-from app.services.predict.known import Known
+from app.services.measures import timed
+from app.services.predict.instruction import parsed
+from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
 from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
-from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.names import checked_instruction
+from roboprompt_client.types.poses import EndEffectorAction
 
 LISTED = 3  # instructions that a sentence names
 
@@ -60,13 +64,36 @@ class Question:
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
 
 
+def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
+    """Return the question: read the task, choose the demonstrations, parse the instruction, write the prompt.
+
+    Synchronous: call it in a thread.
+
+    Raises:
+        as `KnownReader`, `write_prefix`, `understand` and `place_plans`.
+        InvalidInputError: if the prompt is too long, or an object lacks a rotation that demonstrations have.
+    """
+    instruction = checked_instruction("instruction", request.instruction)
+    known = read(request)
+    with timed("prompt"):
+        prefix, why = choose_prefix(request, known)
+    with timed("words"):
+        order = understand(request, instruction, known, prefix.instructions)
+    template, hand = prefix.template, request.end_effector
+    limits.check_prompt(len(template.system) + len(template.prefix))
+    start = None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
+    seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
+    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
+    plans, turned, max_actions = place_plans(prefix.support, parts, request.options, known.task, known.taught, hand)
+    prompt, kept = template.ask(parts[0], max_actions), request.without_frames()
+    question = Question(kept, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
+    return replace(question, findings=(*why, *doubts_before(question), *turned))
+
+
 def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
     """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
 
     Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
-
-    Raises:
-        as `write_prefix`.
     """
     plans = known.demonstrations.plans
     named = request.options.episode_ids is not None
@@ -75,39 +102,23 @@ def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[
     return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.absent), findings
 
 
-def write_question(
-    request: PredictRequest, known: Known, prefix: Prefix, why: Sequence[Finding], order: Order, limits: Limits
-) -> Question:
-    """Return the question that `request` asks its model.
-
-    Args:
-        why: findings about the choice of the prefix.
-        order: the parsed instruction.
+def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
+    """Return the parsed instruction.
 
     Raises:
-        SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
-        InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
-            of the instruction take more actions than the request allows.
+        UngroundedInstructionError: also if it may mean an object that is not the task's; as `parsed`.
     """
-    template = prefix.template
-    limits.check_prompt(len(template.system) + len(template.prefix))
-    start = _start(request.end_effector) if known.style.from_start else None
-    seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
-    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned, max_actions = place_plans(
-        prefix.support, parts, request.options, known.task, known.taught, request.end_effector
-    )
-    prompt = template.ask(parts[0], max_actions)
-    if request.frames:
-        request = request.without_frames()
-    question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
-    return replace(question, findings=(*why, *doubts_before(question), *turned))
-
-
-def _start(end_effector: Pose | None) -> EndEffectorAction | None:
-    if end_effector is None:
-        return None
-    return EndEffectorAction(np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), True)
+    order = parsed(request, instruction, taught, known.task.settings, known.objects)
+    if known.bystanders:
+        everything = (*known.objects, *known.bystanders)
+        with_others = parsed(request, instruction, taught, known.task.settings, everything)
+        if with_others.objects != order.objects:
+            meant = ", ".join(name for name in with_others.objects if name not in order.objects)
+            message = f"may mean {meant}, which demonstrations do not have"
+            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
+    if request.alike:
+        check_named(order, known.taught.followed(order), request.alike)
+    return order
 
 
 def doubts_before(question: Question) -> Iterator[Finding]:
