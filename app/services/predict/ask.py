@@ -20,7 +20,7 @@ from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
-from app.services.predict.motion_check import CurrentLimits, MotionCheck
+from app.services.predict.motion_check import MotionCheck
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question, question_of
 from app.services.predict.record import FAILURES, Prediction, PredictionRecorder
@@ -55,7 +55,7 @@ class PredictActions:
         warmer: PrefixWarmer,
         record: PredictionRecorder | None,
     ) -> None:
-        self._current, self._under_way = CurrentLimits(store), store.under_way
+        self._under_way = store.under_way
         self._models, self._known, self._limits, self._warmer, self._record = models, known, limits, warmer, record
 
     async def __call__(self, request: PredictRequest) -> Prediction:
@@ -103,7 +103,7 @@ class PredictActions:
             RefusedReplyError: if its reply is not a list of valid actions, the demonstrations do not support an action,
                 or an action breaks a present limit of motion; recorded, carries the reply.
         """
-        motion = MotionCheck(self._current, question)
+        motion = MotionCheck(self._known, question)
         async with self._asked(question) as reply:
             async for actions in reply.whole():
                 await motion.check(item.action for item in actions)
@@ -120,7 +120,7 @@ class PredictActions:
         """
         if self._record is not None:
             await self._record.require_writable(question.request.task)
-        motion = MotionCheck(self._current, question)
+        motion = MotionCheck(self._known, question)
         async with self._asked(question) as reply, aclosing(reply.stream()) as arriving:
             async for item in arriving:
                 if isinstance(item, TextDelta | Reading):

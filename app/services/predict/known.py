@@ -24,6 +24,7 @@ from app.store.errors import ConflictError
 from app.store.filters import EpisodeFilter
 from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_TASKS = 64  # whose present version is kept, each with a few choices of demonstrations
@@ -136,6 +137,20 @@ class KnownReader:
     def task(self, connection: Connection, name: str) -> TaskReading:
         """Return a task in the transaction of `connection`; raises NotFoundError."""
         return TaskReading(connection, name, self._kept)
+
+    def limits(self, connection: Connection, task: str) -> MotionLimits:
+        """Return the task's present limits of motion; of an unchanged task only its state is read.
+
+        Raises:
+            NotFoundError: if there is no such task.
+        """
+        state = tasks.state(connection, task)
+        return self._kept.get_or_make(state, lambda: TaskVersion(tasks.get(connection, task))).limits
+
+    def present_limits(self, task: str) -> MotionLimits:
+        """The same in a transaction of its own."""
+        with self._store.read() as connection:
+            return self.limits(connection, task)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
