@@ -61,15 +61,10 @@ def audit_name(caller: Caller | None) -> str:
 
 
 class KeyRing:
-    """Recognizes keys without a database read per request, and notes when they are used. For one event loop.
+    """Recognizes keys without a database read per request, and notes when they are used. For one event loop."""
 
-    Args:
-        known_for_s: how long what was read of the keys holds.
-    """
-
-    def __init__(self, store: Store, known_for_s: float = KNOWN_FOR_S) -> None:
+    def __init__(self, store: Store) -> None:
         self._store = store
-        self._known_for_s = known_for_s
         self._records: Mapping[str, ApiKeyRecord] = {}
         self._read_at_s = -float("inf")
         self._reading = asyncio.Lock()
@@ -129,9 +124,9 @@ class KeyRing:
             logger.warning("when a key was used could not be written down: %s", error)
 
     async def _current(self) -> Mapping[str, ApiKeyRecord]:
-        if time.monotonic() - self._read_at_s > self._known_for_s:
+        if time.monotonic() - self._read_at_s > KNOWN_FOR_S:
             async with self._reading:
-                if time.monotonic() - self._read_at_s > self._known_for_s:
+                if time.monotonic() - self._read_at_s > KNOWN_FOR_S:
                     started_s = time.monotonic()
                     self._records = await anyio.to_thread.run_sync(self._read)
                     self._read_at_s = started_s

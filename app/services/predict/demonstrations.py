@@ -1,6 +1,5 @@
 """A task's demonstrations within one read transaction, cached by the task's version."""
 
-import random
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -113,7 +112,6 @@ class TaskVersion:
         self.limits = self.settings.limits_of_motion()
         self.scenes: Scenes | None = None  # 10,000 of three objects take 1 MB
         self.symmetries: Symmetries | None = None
-        self.diverse: dict[int, Ids] = {}
         self.demonstrations: Cache[Ids, Demonstrations] = Cache(MAX_CHOICES)
         self.taught: dict[bool, Taught] = {}
 
@@ -136,11 +134,7 @@ class TaskReading:
         self._read: dict[Ids, Sequence[Recording]] = {}
 
     def selected(self, options: PredictOptions, objects: Sequence[ObjectPose]) -> Demonstrations:
-        """Return the demonstrations that a request names, or that its selection finds.
-
-        Args:
-            objects: as observed, for the selection `nearest`; it puts the nearest last, where a language model attends
-                to it most.
+        """Return the demonstrations that a request names, or that its selection finds for these observed objects.
 
         Raises:
             InvalidInputError: for a named episode that is left out of prompts.
@@ -150,19 +144,7 @@ class TaskReading:
             self._require_shown(options.episode_ids)
             return self.demonstrations(options.episode_ids)
         number = options.num_demonstrations or self.kept.settings.num_demonstrations
-        if options.selection == "diverse":
-            return self.demonstrations(self._diverse(number))
-        scenes = self._scenes
-        match options.selection:
-            case "first":
-                ids = scenes.ids[:number]
-            case "recent":
-                ids = scenes.ids[-number:]
-            case "random":
-                ids = tuple(random.Random(options.seed).sample(scenes.ids, min(number, len(scenes.ids))))
-            case "nearest":
-                ids = scenes.nearest_last(objects, number)
-        return self.demonstrations(ids)
+        return self.demonstrations(self._scenes.selected(options, number, objects))
 
     def _require_shown(self, ids: Ids) -> None:
         left_out = episodes.left_out_of(self._connection, ids)
@@ -170,11 +152,6 @@ class TaskReading:
             if id_ in left_out:
                 remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
                 raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
-
-    def _diverse(self, number: int) -> Ids:
-        if number not in self.kept.diverse:
-            self.kept.diverse[number] = self._scenes.most_diverse(number)
-        return self.kept.diverse[number]
 
     @property
     def _scenes(self) -> Scenes:
@@ -218,7 +195,7 @@ class TaskReading:
     @property
     def _held_against(self) -> Ids:
         """The ids of the demonstrations with which answers are compared."""
-        return self._diverse(MAX_HELD_AGAINST)
+        return self._scenes.most_diverse(MAX_HELD_AGAINST)
 
     def taught(self, from_start: bool) -> Taught:
         """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.
