@@ -19,7 +19,6 @@ from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.task_settings import TaskSettings
 from app.services.vision import PoseServers, check_colors, poses_of
 from app.store import episodes, tasks
-from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.filters import EpisodeFilter
 from app.store.records import TaskRecord, TaskState
@@ -92,7 +91,7 @@ class KnownReader:
                 check_meters("end_effector.position", place_m, kept.workspace)
             if looked_with is None:
                 with timed("poses"):
-                    poses = observed_poses(request, record, kept, self._store.blobs)
+                    poses = self._poses(request, record, kept)
             elif looked_with != (record.settings, record.object_names):
                 message = f"task {record.name!r} changed while its images were looked at: send the request again"
                 raise ConflictError(message)
@@ -128,11 +127,30 @@ class KnownReader:
         with timed("read"), self._store.read() as connection:
             record = tasks.get(connection, request.task)
             newest = episodes.list_page(connection, EpisodeFilter(task=request.task), 1).items
-        task, blobs = TaskVersion(record), self._store.blobs
+        task, usual = TaskVersion(record), (camera for episode in newest for camera in episode.cameras)
         self._pose_servers.check(task.settings.object_models)
         with timed("poses"):
-            check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
-            return (record.settings, record.object_names), observed_poses(request, record, task, blobs)
+            check_colors(self._store.blobs, usual, request.frames)
+            return (record.settings, record.object_names), self._poses(request, record, task)
+
+    def _poses(self, request: PredictRequest, record: TaskRecord, task: TaskVersion) -> tuple[ObjectPose, ...]:
+        """Return the poses of a request's objects; some of the task's may be absent, and others present.
+
+        Raises:
+            NoDemonstrationsError: if the task has no demonstrations.
+            ObjectSetError: if names are given twice or are spelled otherwise.
+            as `estimate_poses` and `check_scene_units`.
+        """
+        sent, names = [query.name for query in request.objects], record.object_names
+        if names is None:
+            raise NoDemonstrationsError(record.name)
+        check_object_names(sent, names, needed=())
+        if called := next((alike.called for alike in request.alike if alike.called in names), None):
+            message = f"given twice: {called}, of which demonstrations have one"
+            raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
+        poses = poses_of(request.objects, task.settings, request.frames, self._store.blobs, given_first=True)
+        check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
+        return poses
 
     def task(self, connection: Connection, name: str) -> TaskReading:
         """Return a task in the transaction of `connection`; raises NotFoundError."""
@@ -162,26 +180,5 @@ class KnownReader:
         with self._store.read() as connection:
             task = self.task(connection, task_name)
             style = PromptStyle.of(request, task.kept.settings, self.profile_of(None))
-            task.taught(style.from_start)  # raises an error without demonstrations
+            task.taught(style.from_start)  # refuses a task without demonstrations
             return task.selected(request.options, ()), task.kept.settings, style
-
-
-def observed_poses(
-    request: PredictRequest, record: TaskRecord, task: TaskVersion, blobs: BlobStore
-) -> tuple[ObjectPose, ...]:
-    """Return the poses of a request's objects; some of the task's may be absent, and others present.
-
-    Raises:
-        NoDemonstrationsError: if the task has no demonstrations.
-        ObjectSetError: if names are given twice or are spelled otherwise; as `estimate_poses` and `check_scene_units`.
-    """
-    sent, names = [query.name for query in request.objects], record.object_names
-    if names is None:
-        raise NoDemonstrationsError(record.name)
-    check_object_names(sent, names, needed=())
-    if called := next((alike.called for alike in request.alike if alike.called in names), None):
-        message = f"given twice: {called}, of which demonstrations have one"
-        raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
-    poses = poses_of(request.objects, task.settings, request.frames, blobs, given_first=True)
-    check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
-    return poses
