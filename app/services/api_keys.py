@@ -124,12 +124,10 @@ class KeyRing:
             logger.warning("when a key was used could not be written down: %s", error)
 
     async def _current(self) -> Mapping[str, ApiKeyRecord]:
-        if time.monotonic() - self._read_at_s > KNOWN_FOR_S:
-            async with self._reading:
-                if time.monotonic() - self._read_at_s > KNOWN_FOR_S:
-                    started_s = time.monotonic()
-                    self._records = await anyio.to_thread.run_sync(self._read)
-                    self._read_at_s = started_s
+        async with self._reading:
+            if (now_s := time.monotonic()) - self._read_at_s > KNOWN_FOR_S:
+                self._records = await anyio.to_thread.run_sync(self._read)
+                self._read_at_s = now_s
         return self._records
 
     def _read(self) -> Mapping[str, ApiKeyRecord]:

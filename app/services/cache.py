@@ -17,11 +17,17 @@ class Cache(Generic[K, V]):
         self._values: OrderedDict[K, V] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get_or_make(self, key: K, make: Callable[[], V]) -> V:
+    def get(self, key: K) -> V | None:
+        """Return the kept value; None if there is none."""
         with self._lock:
-            if key in self._values:
-                self._values.move_to_end(key)
-                return self._values[key]
+            if key not in self._values:
+                return None
+            self._values.move_to_end(key)
+            return self._values[key]
+
+    def get_or_make(self, key: K, make: Callable[[], V]) -> V:
+        if (known := self.get(key)) is not None:
+            return known
         value = make()
         with self._lock:
             self._values[key] = value

@@ -162,8 +162,8 @@ class KnownReader:
         Raises:
             NotFoundError: if there is no such task.
         """
-        state = tasks.state(connection, task)
-        return self._kept.get_or_make(state, lambda: TaskVersion(tasks.get(connection, task))).limits
+        kept = self._kept.get(tasks.state(connection, task)) or self.task(connection, task).kept
+        return kept.limits
 
     def present_limits(self, task: str) -> MotionLimits:
         """The same in a transaction of its own."""
