@@ -25,7 +25,7 @@ from app.pipeline.findings.scene import scene_findings
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.findings.yaw import turning_findings
 from app.services.cache import Cache
-from app.services.predict.task_reading import TaskReading
+from app.services.predict.demonstrations import TaskReading
 from app.store.store import Store
 from benchmarks import scenes, service_time
 from roboprompt_client.types.poses import Pose

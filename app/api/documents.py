@@ -151,7 +151,7 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
     return {
         "task": question.request.task,
         **understood_document(question.grounded),
-        "objects": [ObjectRecord.of(pose).to_json() for pose in question.known.scene.observed],
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.known.observed],
         "model": question.known.profile.name,
         **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),
@@ -176,7 +176,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
     return {
         "id": prediction.id,
         "actions": [item.document for item in reply.actions],
-        **_asked(prediction.question, reply.prompt),
+        **_asked(reply.question, reply.prompt),
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
         "cost_usd": reply.cost_usd,

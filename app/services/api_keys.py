@@ -56,17 +56,11 @@ class Caller:
 
 
 class KeyRing:
-    """Recognizes keys without a database read per request, and notes when they are used. For one event loop.
+    """Recognizes keys without a database read per request, and notes when they are used. For one event loop."""
 
-    Args:
-        known_for_s: how long what was read of the keys holds.
-    """
-
-    def __init__(self, store: Store, known_for_s: float = KNOWN_FOR_S) -> None:
+    def __init__(self, store: Store) -> None:
         self._store = store
-        self._known_for_s = known_for_s
         self._records: Mapping[str, ApiKeyRecord] = {}
-        self._callers: dict[str, Caller] = {}
         self._read_at_s = -float("inf")
         self._reading = asyncio.Lock()
         self._noted_at_s: dict[str, float] = {}
@@ -107,7 +101,7 @@ class KeyRing:
         if record.expires_at is not None and record.expires_at <= datetime.now(UTC):
             raise ExpiredKeyError(record.name, record.expires_at)
         self._note_use(record.id)
-        return self._callers[record.id]
+        return caller_from(record)
 
     def _note_use(self, key_id: str) -> None:
         """Store the time of use in the background, at most once a minute: no request waits for it."""
@@ -125,13 +119,10 @@ class KeyRing:
             logger.warning("when a key was used could not be written down: %s", error)
 
     async def _current(self) -> Mapping[str, ApiKeyRecord]:
-        if time.monotonic() - self._read_at_s > self._known_for_s:
-            async with self._reading:
-                if time.monotonic() - self._read_at_s > self._known_for_s:
-                    started_s = time.monotonic()
-                    self._records = await anyio.to_thread.run_sync(self._read)
-                    self._callers = {record.id: caller_from(record) for record in self._records.values()}
-                    self._read_at_s = started_s
+        async with self._reading:
+            if (now_s := time.monotonic()) - self._read_at_s > KNOWN_FOR_S:
+                self._records = await anyio.to_thread.run_sync(self._read)
+                self._read_at_s = now_s
         return self._records
 
     def _read(self) -> Mapping[str, ApiKeyRecord]:

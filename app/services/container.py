@@ -64,7 +64,7 @@ class Services:
         self.check_task = CheckTask(store, self._profile_of, PredictActions(*parts, None))
         self.keys = KeyRing(store)
         self.sessions = Sessions(store, self.keys)
-        self.repeated_predictions = RepeatedPredictions(store)
+        self.repeated_predictions = RepeatedPredictions(store, self.known)
         self.run_jobs = RunJobs(store, on_done=self.prefix_warmer.changed)
         self.teaching = anyio.CapacityLimiter(TEACHING_AT_ONCE)
 

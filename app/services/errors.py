@@ -8,16 +8,7 @@ from roboprompt_client.errors import RoboPromptError, UnsafeActionError
 RefusedReply = ReplyParseError | UnsafeActionError | UnsupportedActionError
 
 
-class ServiceError(RoboPromptError):
-    """A use case cannot go on.
-
-    ├── ExpiredKeyError         the key was right and has expired
-    ├── NoDemonstrationsError   the task has no episode yet
-    └── RefusedReplyError       an LLM's reply is recorded, and not passed on; `cause` says why
-    """
-
-
-class ExpiredKeyError(ServiceError):
+class ExpiredKeyError(RoboPromptError):
     """The key was right and has expired.
 
     Args:
@@ -29,7 +20,7 @@ class ExpiredKeyError(ServiceError):
         super().__init__(f"the key {name!r} expired at {expired_at:%Y-%m-%d %H:%M} UTC")
 
 
-class NoDemonstrationsError(ServiceError):
+class NoDemonstrationsError(RoboPromptError):
     """The task has no episode yet, or leaves all out of prompts, so that there is nothing to learn from."""
 
     def __init__(self, task: str) -> None:
@@ -38,7 +29,7 @@ class NoDemonstrationsError(ServiceError):
         )
 
 
-class RefusedReplyError(ServiceError):
+class RefusedReplyError(RoboPromptError):
     """An LLM's reply is recorded, and not passed on.
 
     Args:

@@ -12,7 +12,7 @@ from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from roboprompt_client.arms.urdf import MAX_CHARS, UrdfGeometry
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion.limits import HAND_RADIUS_M, Box, MotionLimits
+from roboprompt_client.motion.limits import HAND_RADIUS_M
 from roboprompt_client.types.arrays import MAX_M
 from roboprompt_client.types.trajectory import MAX_JOINTS
 
@@ -186,8 +186,3 @@ class MotionLimitsSettings(_Settings):
     hand_radius_m: Annotated[
         Number, Field(ge=0, le=1, description="of a sphere around the end effector, which keeps out of the boxes")
     ] = HAND_RADIUS_M
-
-    def limits(self, workspace: WorkspaceSettings) -> MotionLimits:
-        keep_out = tuple(Box(box.min, box.max) for box in self.keep_out)
-        step_m, step_deg = self.max_step_m, self.max_step_rotation_deg
-        return MotionLimits(Box(workspace.min, workspace.max), keep_out, step_m, step_deg, self.hand_radius_m)

@@ -36,7 +36,7 @@ from app.store import tasks
 from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion.limits import MotionLimits
+from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, Trajectory
@@ -181,7 +181,10 @@ class TaskSettings(BaseModel):
                 return PandaGeometry(self.arm)
 
     def limits_of_motion(self) -> MotionLimits:
-        return self.motion_limits.limits(self.workspace)
+        bounds, box = self.motion_limits, self.workspace
+        keep_out = tuple(Box(item.min, item.max) for item in bounds.keep_out)
+        step_m, step_deg = bounds.max_step_m, bounds.max_step_rotation_deg
+        return MotionLimits(Box(box.min, box.max), keep_out, step_m, step_deg, bounds.hand_radius_m)
 
     def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":
         """With these settings; of workspace, keyframes and motion limits only what the change names.

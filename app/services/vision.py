@@ -161,22 +161,18 @@ def poses_of(
     *,
     given_first: bool,
 ) -> tuple[ObjectPose, ...]:
-    """The poses of a task's objects; raises as `with_templates` and `estimate_poses`."""
-    queries = with_templates(with_models(objects, settings), blobs)
+    """The poses of a task's objects; raises as `with_template` and `estimate_poses`."""
+    queries = [with_template(query, blobs) for query in with_models(objects, settings)]
     return tuple(estimate_poses(settings.pose_estimator, queries, frames, given_first=given_first))
 
 
-def with_templates(queries: Sequence[ObjectQuery], blobs: BlobStore) -> tuple[ObjectQuery, ...]:
-    """The queries, those of registered objects with their templates.
+def with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
+    """The query of an object; of a registered one with its template.
 
     Raises:
-        ObjectModelError: if a template is not stored.
+        ObjectModelError: if the template is not stored.
         StoreUnavailableError: if it cannot be read.
     """
-    return tuple(_with_template(query, blobs) for query in queries)
-
-
-def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
     if not isinstance(query.model, RegisteredModel):
         return query
     digest = query.model.template
@@ -261,4 +257,4 @@ def find_poses(queries: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], blob
             raise InvalidInputError(where, "is missing", REMEDY)
         if isinstance(query.model, RemoteModel):  # servers that ask each other would never end
             raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks, registered")
-    return estimate_poses("masks", with_templates(queries, blobs), frames)
+    return estimate_poses("masks", [with_template(query, blobs) for query in queries], frames)

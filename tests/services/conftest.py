@@ -1,5 +1,6 @@
 """Use cases on a store of their own, with scripted models."""
 
+from dataclasses import replace
 from itertools import cycle
 
 import pytest
@@ -11,8 +12,10 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.container import Services
 from app.services.limits import Limits
-from app.services.predict.ask import question_of
 from app.services.predict.known import KnownReader
+from app.services.predict.question import question_of
+from app.services.predict.request import PredictOptions
+from app.services.vision import PoseServers
 from tests.stores import opened
 
 ONE_ACTION = "[[50, 50, 20, 0, 36, 36, 1]]"
@@ -60,6 +63,11 @@ def unavailable():
     return ModelUnavailableError("the dog ate the weights")
 
 
+def with_options(request, **changes):
+    """The request with these options, which are checked, and the others as they are."""
+    return replace(request, options=PredictOptions.model_validate(request.options.model_dump() | changes))
+
+
 def written(services, profile, request):
     """The question to a model of that profile."""
-    return question_of(request, KnownReader(services.store, lambda name: profile), Limits())
+    return question_of(request, KnownReader(services.store, lambda name: profile, PoseServers()), Limits())

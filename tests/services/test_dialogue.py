@@ -19,6 +19,7 @@ from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload_checks import Upload
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
+from tests.services.conftest import with_options
 from tests.services.test_predict_actions import ask, recorded
 from tests.services.test_upload_episode import respond, upload
 
@@ -97,7 +98,7 @@ def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all
 
 
 def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
-    prediction = ask(taught(RELATIVE, FAR), TWICE.with_options(unsupported="allow"))
+    prediction = ask(taught(RELATIVE, FAR), with_options(TWICE, unsupported="allow"))
     assert len(prediction.reply.actions) == 6
     dangers = [(finding.code, finding.where) for finding in prediction.findings if finding.severity == "danger"]
     assert ("unsupported-action", "actions[4]") in dangers
@@ -124,7 +125,7 @@ def test_what_stands_in_the_way_is_a_finding_of_answer_record_and_stream(scripte
 
 def test_too_many_clauses_for_the_actions_allowed(taught):
     services = taught(RELATIVE)
-    thrice = TWICE.with_options(max_actions=3)
+    thrice = with_options(TWICE, max_actions=3)
     with pytest.raises(InvalidInputError, match="is 3, but the 2 parts of the instruction take 6 actions or more"):
         ask(services, thrice)
 
@@ -134,12 +135,12 @@ def test_actions_are_allowed_as_the_plans_need_unless_the_request_says_how_many(
     nine = replace(TWICE, instruction=", then ".join(["pick up the cube"] * 9))
     assert len(ask(services, nine).reply.actions) == 27
     with pytest.raises(InvalidInputError, match="is 25, but the 9 parts of the instruction take 27 actions or more"):
-        ask(services, nine.with_options(max_actions=25))
+        ask(services, with_options(nine, max_actions=25))
 
 
 def test_the_papers_format_asks_for_a_whole_instruction_at_once(taught):
     services = taught(f"[{ROW}]")
-    both = TWICE.with_options(representation="absolute", unsupported="allow")
+    both = with_options(TWICE, representation="absolute", unsupported="allow")
     assert "then" in ask(services, both).reply.prompt.query
 
 
@@ -171,7 +172,7 @@ def test_a_model_that_fails_after_a_clause_keeps_what_it_said(taught):
 
 
 def test_the_text_comes_in_pieces_if_it_is_wished(taught):
-    items, error = streamed(taught(RELATIVE), REQUEST.with_options(stream_text=True))
+    items, error = streamed(taught(RELATIVE), with_options(REQUEST, stream_text=True))
     assert error is None
     pieces = [item.text for item in items if isinstance(item, TextDelta)]
     assert len(pieces) > 3
@@ -181,7 +182,7 @@ def test_the_text_comes_in_pieces_if_it_is_wished(taught):
 
 
 def test_pieces_of_a_reply_that_goes_wrong_come_before_the_error(taught):
-    items, error = streamed(taught("no list of actions"), REQUEST.with_options(stream_text=True))
+    items, error = streamed(taught("no list of actions"), with_options(REQUEST, stream_text=True))
     assert isinstance(error.cause, ReplyParseError)
     assert "".join(item.text for item in items) == error.reply_text == "no list of actions"
 

@@ -16,7 +16,7 @@ from app.services.teach.upload_checks import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
-from tests.services.conftest import ONE_ACTION, written
+from tests.services.conftest import ONE_ACTION, with_options, written
 from tests.services.test_dialogue import RELATIVE
 from tests.services.test_upload_episode import respond
 
@@ -45,7 +45,7 @@ def services(scripted):
 
 
 def question(services, instruction=REQUEST.instruction, objects=OBJECTS, **options):
-    request = replace(REQUEST.with_options(**options), instruction=instruction, objects=objects)
+    request = replace(with_options(REQUEST, **options), instruction=instruction, objects=objects)
     return written(services, PROFILE, request)
 
 

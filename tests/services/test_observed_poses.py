@@ -51,7 +51,7 @@ def test_symmetric_objects_are_answered_and_stored_as_they_were_observed(nearest
     prediction = asyncio.run(nearest.predict_actions(PredictRequest("lift", "lift the cube", sent)))
 
     assert ("symmetry-shown" in {finding.code for finding in prediction.findings}) == (not settings)
-    (turned,) = prediction.question.seen.objects
+    (turned,) = prediction.reply.question.seen.objects
     assert np.allclose(Rotation.from_quat(turned.quaternion_xyzw).as_euler("zyx", degrees=True)[0], 10)
     (answered,) = prediction_document(prediction)["objects"]
     with nearest.store.read() as connection:

@@ -14,6 +14,7 @@ from app.services.teach.upload_checks import Upload
 from app.store import tasks
 
 from ..pipeline.recordings import pick_and_place, resting
+from .conftest import with_options
 from .test_upload_episode import respond
 
 INSTRUCTION = "put the cube on the plate"
@@ -80,7 +81,7 @@ def test_what_rows_follow_must_be_there(services, missing):
 def test_a_scene_without_any_object_of_the_task_says_what_is_missing(services, selection):
     request = PredictRequest("tidy", INSTRUCTION, queries({"vase": (0.1, 0.2, 0.02)}))
     with pytest.raises(ObjectSetError, match="missing: cube, plate"):
-        asyncio.run(services.predict_actions(request.with_options(selection=selection)))
+        asyncio.run(services.predict_actions(with_options(request, selection=selection)))
 
 
 @pytest.mark.parametrize("instruction", ["put the milk box on the plate", "put the cube in the basket"])

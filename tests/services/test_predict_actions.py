@@ -8,11 +8,11 @@ from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.services.errors import RefusedReplyError
-from app.services.predict import task_reading
+from app.services.predict import demonstrations
 from app.services.predict.demonstrations import recordings_of
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.store import predictions
-from tests.services.conftest import ONE_ACTION
+from tests.services.conftest import ONE_ACTION, with_options
 from tests.services.test_upload_episode import respond, upload
 
 CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
@@ -50,7 +50,7 @@ def test_actions_are_decoded_and_recorded(store, taught):
 def test_a_reply_cut_off_between_actions_is_not_taken_for_a_whole_one(store, taught):
     services = taught("[[50, 50, 20, 0, 36, 36, 1]] " + "and so on " * 200)
     with pytest.raises(RefusedReplyError, match="cut off"):
-        ask(services, REQUEST.with_options(max_actions=1))
+        ask(services, with_options(REQUEST, max_actions=1))
     assert recorded(store)[0].status == "parse_error"
 
 
@@ -65,7 +65,7 @@ def test_a_model_that_fails_is_recorded(store, taught, unavailable):
 def test_the_deadline_is_the_requests_or_else_the_models(taught):
     for profile, options in ((SCRIPTED, {"timeout_s": 0.1}), (replace(SCRIPTED, timeout_s=0.1), {})):
         with pytest.raises(ModelTimeoutError):
-            ask(taught(ONE_ACTION, delay_s=5.0, profile=profile), REQUEST.with_options(**options))
+            ask(taught(ONE_ACTION, delay_s=5.0, profile=profile), with_options(REQUEST, **options))
 
 
 def prefix(services, request=REQUEST):
@@ -88,7 +88,7 @@ def test_template_is_made_once_per_task_version(taught):
 def test_recordings_are_read_once_per_task_version(taught, monkeypatch):
     """Though a prompt shows them and an answer is held against them."""
     services, read = taught(ONE_ACTION), []
-    monkeypatch.setattr(task_reading, "recordings_of", lambda *given: read.append(given) or recordings_of(*given))
+    monkeypatch.setattr(demonstrations, "recordings_of", lambda *given: read.append(given) or recordings_of(*given))
     for _ in range(2):
         prefix(services)
     assert len(read) == 1
@@ -103,7 +103,7 @@ def test_settings_follow_request_then_task_then_model(taught):
     assert (style().representation, style().system_prompt) == ("absolute", "a")
     services.configure_task("pick", {"representation": "object_frame", "system_prompt": "b"})
     assert (style().representation, style().system_prompt) == ("object_frame", "b")
-    wished = REQUEST.with_options(representation="absolute")
+    wished = with_options(REQUEST, representation="absolute")
     assert style(wished).representation == "absolute"
 
 
@@ -113,8 +113,8 @@ UNCLEAR = replace(REQUEST, instruction="soulevez le cube, s'il vous plaît")
 def test_a_chat_model_is_asked_what_unclear_words_mean(store, taught):
     asked = []
     prediction = ask(taught("1", ONE_ACTION, asked=asked), UNCLEAR)
-    assert prediction.question.grounded.text == "pick up the cube"
-    assert [phrase.to_json() for phrase in prediction.question.grounded.phrases] == [
+    assert prediction.reply.question.grounded.text == "pick up the cube"
+    assert [phrase.to_json() for phrase in prediction.reply.question.grounded.phrases] == [
         {"phrase": UNCLEAR.instruction, "object": "cube", "by": "llm"}
     ]
     assert "1. pick up the cube" in asked[0].prompt.user

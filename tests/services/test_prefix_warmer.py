@@ -8,9 +8,10 @@ import pytest
 
 from app.llm.base import Completion, ModelProfile
 from app.services.predict import warm
-from app.services.predict.demonstrations import usual_prefixes
 from app.services.predict.known import KnownReader
+from app.services.predict.prefix import usual_prefixes
 from app.services.predict.warm import PrefixWarmer
+from app.services.vision import PoseServers
 from app.store import predictions
 from tests.store.drafts import episode_draft, prediction_draft, upload
 
@@ -44,7 +45,7 @@ class SlowModel:
 
 @asynccontextmanager
 async def running(store, model, num_tasks=4):
-    warmer = PrefixWarmer(store, model, KnownReader(store, lambda name: PROFILE), num_tasks)
+    warmer = PrefixWarmer(store, model, KnownReader(store, lambda name: PROFILE, PoseServers()), num_tasks)
     task = asyncio.create_task(warmer.run())
     await asyncio.sleep(0)  # it runs
     try:
@@ -86,7 +87,7 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
         return model.finished
 
     prefixes = asyncio.run(scenario())
-    reader = KnownReader(store, lambda name: PROFILE)
+    reader = KnownReader(store, lambda name: PROFILE, PoseServers())
     assert prefixes == [usual_prefixes(*reader.usual(task))[0].template.prefix for task in ("first", "third")]
 
 
@@ -105,7 +106,7 @@ def test_uploads_in_a_row_are_read_ahead_once(store, monkeypatch):
 
     model = asyncio.run(scenario())
     assert len(model.begun) == 1
-    usual = KnownReader(store, lambda name: PROFILE).usual("new")
+    usual = KnownReader(store, lambda name: PROFILE, PoseServers()).usual("new")
     assert model.finished[0] == usual_prefixes(*usual)[0].template.prefix
 
 

@@ -9,7 +9,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.filters import EpisodeFilter
 from roboprompt_client.errors import InvalidInputError
-from tests.services.conftest import written
+from tests.services.conftest import with_options, written
 from tests.services.test_predict_actions import REQUEST
 from tests.services.test_upload_episode import respond, upload
 
@@ -25,7 +25,7 @@ def taught(scripted):
 
 
 def question(services, profile=CHAT, **options):
-    return written(services, profile, REQUEST.with_options(**options))
+    return written(services, profile, with_options(REQUEST, **options))
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from app.services.predict.task_reading import Scenes
+from app.services.predict.scenes import Scenes
 from roboprompt_client.types.poses import ObjectPose
 
 LINE_M = np.array([[[x, 0.0, 0.0]] for x in (0.0, 0.1, 0.5, 1.0, 0.52)])

@@ -4,7 +4,7 @@ import time
 import pytest
 
 from app.llm.base import ModelTimeoutError
-from tests.services.conftest import ONE_ACTION
+from tests.services.conftest import ONE_ACTION, with_options
 from tests.services.test_predict_actions import REQUEST, ask
 from tests.services.test_upload_episode import respond, upload
 
@@ -35,7 +35,7 @@ def test_a_long_prediction_is_seen_until_it_ends(slow):
 
 
 def test_one_that_fails_is_forgotten_too(slow):
-    request = REQUEST.with_options(timeout_s=1.0)
+    request = with_options(REQUEST, timeout_s=1.0)
     during, after, asked = asyncio.run(seen_while(slow, request))
     assert (len(during), len(after)) == (1, 0)
     assert isinstance(asked.exception(), ModelTimeoutError)

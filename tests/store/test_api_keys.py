@@ -40,11 +40,12 @@ def test_every_key_is_another_and_only_its_digest_is_kept(store):
         assert {record.scopes for record in api_keys.list_all(connection)} == {("read", "admin")}
 
 
-def test_the_ring_reads_the_keys_once_in_a_while(store):
+def test_the_ring_reads_the_keys_once_in_a_while(store, monkeypatch):
+    monkeypatch.setattr("app.services.api_keys.KNOWN_FOR_S", 0.2)
     token, reads = create_key(store, "robot", ["predict"]), []
 
     async def recognize_often():
-        ring = KeyRing(store, known_for_s=0.2)
+        ring = KeyRing(store)
         read, ring._read = ring._read, lambda: reads.append(1) or read()  # type: ignore[method-assign, func-returns-value]
         callers = [await ring.recognize(token) for _ in range(50)]
         assert {caller.name for caller in callers if caller} == {"robot"}

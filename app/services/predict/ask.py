@@ -18,11 +18,11 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
-from app.services.predict.instruction import ask_meaning, understand
+from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
-from app.services.predict.motion_check import CurrentLimits, MotionCheck
+from app.services.predict.motion_check import MotionCheck
 from app.services.predict.part_reply import PredictedAction
-from app.services.predict.question import Question, choose_prefix, write_question
+from app.services.predict.question import Question, question_of
 from app.services.predict.record import FAILURES, Prediction, PredictionRecorder
 from app.services.predict.reply import Reply, SampledReply
 from app.services.predict.request import PredictRequest
@@ -31,7 +31,6 @@ from app.store.data_folder import UnderWay, UnderWayNotes
 from app.store.errors import StoreUnavailableError
 from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
-from roboprompt_client.types.names import checked_instruction
 
 SHOWN_AFTER_S = 0.5  # no note is written of shorter predictions
 GRACE_S = 5.0  # a note that a killed process leaves expires so long after its request's deadline
@@ -56,7 +55,7 @@ class PredictActions:
         warmer: PrefixWarmer,
         record: PredictionRecorder | None,
     ) -> None:
-        self._current, self._under_way = CurrentLimits(store), store.under_way
+        self._under_way = store.under_way
         self._models, self._known, self._limits, self._warmer, self._record = models, known, limits, warmer, record
 
     async def __call__(self, request: PredictRequest) -> Prediction:
@@ -104,7 +103,7 @@ class PredictActions:
             RefusedReplyError: if its reply is not a list of valid actions, the demonstrations do not support an action,
                 or an action breaks a present limit of motion; recorded, carries the reply.
         """
-        motion = MotionCheck(self._current, question)
+        motion = MotionCheck(self._known, question)
         async with self._asked(question) as reply:
             async for actions in reply.whole():
                 await motion.check(item.action for item in actions)
@@ -121,7 +120,7 @@ class PredictActions:
         """
         if self._record is not None:
             await self._record.require_writable(question.request.task)
-        motion = MotionCheck(self._current, question)
+        motion = MotionCheck(self._known, question)
         async with self._asked(question) as reply, aclosing(reply.stream()) as arriving:
             async for item in arriving:
                 if isinstance(item, TextDelta | Reading):
@@ -138,7 +137,8 @@ class PredictActions:
     async def _asked(self, question: Question) -> AsyncIterator[Reply]:
         """Yield the reply for the block to read; meanwhile the prediction is shown, and no prefix is read ahead."""
         async with self._models.using(question.known.profile.name) as model:
-            reply = SampledReply(question, model) if question.samples else Reply(question, model)
+            several = question.request.options.num_samples > 1
+            reply = SampledReply(question, model) if several else Reply(question, model)
             try:
                 with self._warmer.giving_way():
                     async with _shown(self._under_way, question):
@@ -146,32 +146,17 @@ class PredictActions:
             except tuple(FAILURES) as error:
                 if self._record is None:
                     raise
-                refused = await self._record.failed(reply, error)
-                if refused is error:
-                    raise
-                raise refused from error
+                await self._record.failed(reply, error)
+                raise
 
     async def _recorded(self, reply: Reply, motion: MotionCheck) -> Prediction:
         if self._record is None:
-            return Prediction("", reply.question, reply, timings().ms, ())
+            return Prediction("", reply, timings().ms, ())
         try:
             return await self._record.answered(reply, motion)
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
-            raise await self._record.failed(reply, error) from error
-
-
-def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
-    """Return the question: read the task, choose the demonstrations, parse the instruction, write the prompt.
-
-    Synchronous: call it in a thread. Raises what the called functions raise.
-    """
-    instruction = checked_instruction("instruction", request.instruction)
-    known = read(request)
-    with timed("prompt"):
-        prefix, why = choose_prefix(request, known)
-    with timed("words"):
-        order = understand(request, instruction, known, prefix.instructions)
-    return write_question(request, known, prefix, why, order, limits)
+            await self._record.failed(reply, error)
+            raise
 
 
 @asynccontextmanager

@@ -1,9 +1,8 @@
-"""Stored episodes -> demonstrations with rows aligned within each plan -> the prefix of a prompt."""
+"""A task's demonstrations within one read transaction, cached by the task's version."""
 
-import hashlib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from operator import attrgetter
 
 from sqlalchemy import Connection
@@ -14,23 +13,26 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.path_kept import kept
-from app.pipeline.findings.yaw import Rotations
-from app.pipeline.groups import by_plan, made_by_group
+from app.pipeline.groups import made_by_group
 from app.pipeline.plans import agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
 from app.pipeline.plans.recording import Recording, alike_turned
-from app.pipeline.plans.support import Support
-from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import fit_codec
-from app.pipeline.workspace import Workspace
+from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
+from app.services.cache import Cache
 from app.services.compared import compared
-from app.services.predict.request import PromptStyle
+from app.services.errors import NoDemonstrationsError
+from app.services.predict.request import PredictOptions
+from app.services.predict.scenes import Ids, Scenes, in_all
 from app.services.task_settings import TaskSettings
-from app.store import episodes
-from app.store.records import DemonstrationRecord
+from app.store import episodes, tasks
+from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord, TaskState
 from app.store.trajectories import get_trajectories
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import ObjectPose
 
-MAX_PREFIXES = 256
+MAX_HELD_AGAINST = 50  # demonstrations of a task
+MAX_CHOICES = 4  # of a task's demonstrations that are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,32 +82,6 @@ def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) ->
     return tuple(hands)
 
 
-def read_compared(
-    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
-) -> tuple[Compared, ...]:
-    """Return the objects' uploaded poses paired with the poses found in the same episodes' images."""
-    return tuple(
-        pair
-        for record in episodes.by_ids(connection, task, ids).values()
-        for pair in compared(
-            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects], settings
-        )
-    )
-
-
-def read_rotations(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> Rotations:
-    """Return the rotations of objects with a declared yaw symmetry, as they were before it was applied."""
-    records = episodes.demonstrations_by_id(connection, task, ids) if settings.yaw_symmetry_deg else ()
-    return {
-        record.id: {
-            pose.name: pose.quaternion_xyzw
-            for pose in record.demonstration().objects
-            if pose.name in settings.yaw_symmetry_deg and pose.quaternion_xyzw is not None
-        }
-        for record in records
-    }
-
-
 def recordings_of(
     connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
 ) -> Sequence[Recording]:
@@ -123,72 +99,142 @@ def recordings_of(
     return made_by_group(recordings, attrgetter("demonstration.order.form"), alike_turned)
 
 
-def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Return the names that all scenes have, in the first scene's order."""
-    return tuple(name for name in names[0] if all(name in others for others in names)) if names else ()
-
-
-@dataclass(frozen=True, eq=False)
-class Prefix:
-    """The system prompt and the demonstrations as text, with what replies are checked against.
+class TaskVersion:
+    """What is known of one version of a task whatever a request asks; made when it is needed, shared by requests.
 
     Attributes:
-        template: has the text, and writes queries.
-        demonstration_ids: in the order of the prompt.
-        support: checks actions against the demonstrated plans.
-        instructions: of the demonstrations.
+        settings, workspace, limits: the validated settings, and what follows from them.
     """
 
-    template: PromptTemplate
-    demonstration_ids: tuple[str, ...]
-    support: Support
-    instructions: tuple[str, ...]
-
-    @cached_property
-    def cache_key(self) -> str:
-        """A digest of the prompt up to the query."""
-        return hashlib.sha256(f"{self.template.system}\0{self.template.prefix}".encode()).hexdigest()[:16]
-
-
-def usual_prefixes(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:
-    """Return the prefixes of the most frequent plans, the most frequent first."""
-    workspace, plans = settings.workspace.workspace(), demonstrations.plans
-    choices = [None] if plans is None else [choice.shown for choice in plans.likely()]
-    return [write_prefix(demonstrations, workspace, style, shown) for shown in choices]
+    def __init__(self, task: TaskRecord) -> None:
+        self.settings = TaskSettings.model_validate(task.settings)
+        self.workspace = self.settings.workspace.workspace()
+        self.limits = self.settings.limits_of_motion()
+        self.scenes: Scenes | None = None  # 10,000 of three objects take 1 MB
+        self.symmetries: Symmetries | None = None
+        self.demonstrations: Cache[Ids, Demonstrations] = Cache(MAX_CHOICES)
+        self.taught: dict[bool, Taught] = {}
 
 
-@lru_cache(MAX_PREFIXES)
-def write_prefix(
-    demonstrations: Demonstrations,
-    workspace: Workspace,
-    style: PromptStyle,
-    of_scene: tuple[Demonstration, ...] | None,
-    absent: tuple[str, ...] = (),
-) -> Prefix:
-    """Fit the representation and write the demonstrations. The text depends on the arguments alone, byte for byte.
+class TaskReading:
+    """A task in the transaction of `connection`.
 
-    Args:
-        of_scene: the recorded demonstrations of the plans that the scene calls for; None: all.
-        absent: objects of the task that the scene lacks.
+    Attributes:
+        record: as it is stored.
+        kept: of its version.
 
     Raises:
-        InvalidInputError: without demonstrations.
+        NotFoundError: if there is no such task.
     """
-    recorded = demonstrations.recorded if of_scene is None else of_scene
-    shown = demonstrations.shown if of_scene is None else agreeing(of_scene)
-    shown, recorded = (
-        tuple(_as_asked(item, absent, style.from_start) for item in items) for items in (shown, recorded)
-    )
-    codec = fit_codec(style.representation, style.prompt_format, shown, workspace)
-    return Prefix(
-        PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt)),
-        tuple(item.id for item in shown),
-        Support.of(by_plan(recorded), by_plan(shown)),
-        tuple(item.instruction for item in shown),
-    )
+
+    def __init__(self, connection: Connection, name: str, kept: Cache[TaskState, TaskVersion]) -> None:
+        self.record = task = tasks.get(connection, name)
+        self.kept = kept.get_or_make(task.state, lambda: TaskVersion(task))
+        self._connection = connection
+        self._read: dict[Ids, Sequence[Recording]] = {}
+
+    def selected(self, options: PredictOptions, objects: Sequence[ObjectPose]) -> Demonstrations:
+        """Return the demonstrations that a request names, or that its selection finds for these observed objects.
+
+        Raises:
+            InvalidInputError: for a named episode that is left out of prompts.
+            NotFoundError: as `demonstrations`.
+        """
+        if options.episode_ids is not None:
+            self._require_shown(options.episode_ids)
+            return self.demonstrations(options.episode_ids)
+        number = options.num_demonstrations or self.kept.settings.num_demonstrations
+        return self.demonstrations(self._scenes.selected(options, number, objects))
+
+    def _require_shown(self, ids: Ids) -> None:
+        left_out = episodes.left_out_of(self._connection, ids)
+        for number, id_ in enumerate(ids):
+            if id_ in left_out:
+                remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
+                raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
+
+    @property
+    def _scenes(self) -> Scenes:
+        if self.kept.scenes is None:
+            self.kept.scenes = Scenes.read(self._connection, self.record.name)
+        return self.kept.scenes
+
+    def demonstrations(self, ids: Ids) -> Demonstrations:
+        """Of those ids, those of one plan with equally many rows.
+
+        Raises:
+            NotFoundError: naming the first id that is no episode of this task.
+        """
+        return self.kept.demonstrations.get_or_make(ids, lambda: self._demonstrations(ids))
+
+    def _demonstrations(self, ids: Ids) -> Demonstrations:
+        recordings = folded(self._recordings(ids), self.symmetries)
+        found = Demonstrations.of(recordings).only(self.record.object_names or ())
+        return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
+
+    def _recordings(self, ids: Ids) -> Sequence[Recording]:
+        if ids not in self._read:
+            records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
+            self._read[ids] = recordings_of(self._connection, records, self.kept.settings)
+        return self._read[ids]
+
+    @property
+    def symmetries(self) -> Symmetries:
+        """The symmetries that the demonstrations show, of objects of which the settings say nothing."""
+        if self.kept.symmetries is None:
+            declared = self.kept.settings.yaw_symmetry_deg
+            self.kept.symmetries = shown_symmetries(self._recordings(self._held_against), declared)
+        return self.kept.symmetries
+
+    def folded(self, poses: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
+        """Return observed poses with each symmetric object turned to the side that demonstrations have."""
+        turned = self.kept.settings.canonical(poses)
+        symmetries = self.symmetries
+        return tuple(symmetries[pose.name].folded(pose) if pose.name in symmetries else pose for pose in turned)
+
+    @property
+    def _held_against(self) -> Ids:
+        """The ids of the demonstrations with which answers are compared."""
+        return self._scenes.most_diverse(MAX_HELD_AGAINST)
+
+    def taught(self, from_start: bool) -> Taught:
+        """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.
+
+        They do not depend on the episodes that a request names, which may show one of several ways by chance.
+
+        Args:
+            from_start: whether rows may be relative to the end effector's start pose.
+
+        Raises:
+            NoDemonstrationsError: if there is none, or all are left out.
+        """
+        if from_start not in self.kept.taught:
+            self.kept.taught[from_start] = self._taught(from_start)
+        return self.kept.taught[from_start]
+
+    def _taught(self, from_start: bool) -> Taught:
+        if not (ids := self._held_against):
+            raise NoDemonstrationsError(self.record.name)
+        known, settings = self.demonstrations(ids), self.kept.settings
+        recorded = known.recorded if from_start else tuple(replace(item, start=None) for item in known.recorded)
+        records = episodes.by_ids(self._connection, self.record.name, ids)
+        return Taught(
+            recorded,
+            several_ways=settings.ways == "several",
+            hands=known.hands,
+            round_objects=frozenset(settings.yaw_symmetry_deg),
+            given_xyzw={id_: _rotations(record, settings.yaw_symmetry_deg) for id_, record in records.items()},
+            compared=tuple(pair for record in records.values() for pair in _compared(record, settings)),
+        )
 
 
-def _as_asked(demonstration: Demonstration, absent: Collection[str], from_start: bool) -> Demonstration:
-    """Return the demonstration without absent objects, and without the start pose if the request has none."""
-    present = demonstration.only([pose.name for pose in demonstration.objects if pose.name not in absent])
-    return present if from_start else replace(present, start=None)
+def _rotations(record: EpisodeRecord, names: Collection[str]) -> dict[str, Array]:
+    """Return the rotations of objects of these names, as they were before a symmetry was applied."""
+    poses = [item.pose() for item in record.objects if item.name in names]
+    return {pose.name: pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None}
+
+
+def _compared(record: EpisodeRecord, settings: TaskSettings) -> tuple[Compared, ...]:
+    """Return the uploaded poses of an episode's objects beside those found in its images."""
+    given = map(ObjectQuery.from_json, record.given_objects)
+    return compared(given, [item.pose() for item in record.objects], settings)

@@ -9,9 +9,10 @@ from sqlalchemy import Connection
 
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
-from app.services.predict.demonstrations import Demonstrations, in_all
+from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.known import KnownReader
 from app.services.predict.placed import previewed
+from app.services.predict.scenes import in_all
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from roboprompt_client.arms.preview import Previewed

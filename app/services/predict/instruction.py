@@ -11,15 +11,12 @@ from functools import lru_cache
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
-from app.pipeline.alike import check_named
-from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.prompt import Prompt
 from app.services.english import is_english
-from app.services.predict.known import Known
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.types.poses import ObjectPose
@@ -36,38 +33,23 @@ TIMEOUT_S = 20.0
 _NUMBER = re.compile(r"\s*(\d{1,4})\s*\.?\s*")
 
 
-def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
-    """Return the parsed instruction.
-
-    Args:
-        instruction: of the request, checked.
-        taught: the instructions of the demonstrations that the prompt shows.
-
-    Raises:
-        UngroundedInstructionError, UnfamiliarInstructionError: if it is unclear, or may mean an object that is not the
-            task's.
-    """
-    scene = known.scene
-    order = _grounded(request, instruction, taught, known.task.settings, scene.objects)
-    if scene.bystanders:
-        everything = (*scene.objects, *scene.bystanders)
-        with_others = _grounded(request, instruction, taught, known.task.settings, everything)
-        if with_others.objects != order.objects:
-            meant = ", ".join(name for name in with_others.objects if name not in order.objects)
-            message = f"may mean {meant}, which demonstrations do not have"
-            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in scene.objects))
-    if request.alike:
-        check_named(order, known.taught.followed(order), request.alike)
-    return order
-
-
-def _grounded(
+def parsed(
     request: PredictRequest,
     instruction: str,
     taught: Sequence[str],
     settings: TaskSettings,
     objects: Sequence[ObjectPose],
 ) -> Order:
+    """Return the request's instruction, parsed against those of the demonstrations that the prompt shows.
+
+    Args:
+        instruction: of the request, checked.
+        taught: the instructions of these demonstrations.
+        objects: that it may mean.
+
+    Raises:
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is unclear.
+    """
     names = tuple(pose.name for pose in objects)
     aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
     known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
@@ -87,15 +69,13 @@ def taught_of(
     return TaughtWords(names, dict(aliases), instructions, is_english)
 
 
-async def ask_meaning(
-    model: LanguageModel, instruction: str, choices: Sequence[str], timeout_s: float = TIMEOUT_S
-) -> str | None:
-    """Ask the model which of `choices` the instruction means.
+async def ask_meaning(model: LanguageModel, instruction: str, choices: Sequence[str], timeout_s: float) -> str | None:
+    """Ask the model which of `choices` the instruction means, for `TIMEOUT_S` at most.
 
     Returns:
         None if the model says "none" or anything else, or does not answer: the instruction is then refused.
     """
-    if model.profile.style != "chat" or not choices:
+    if model.profile.style != "chat":
         return None
     request = CompletionRequest(_prompt(instruction, choices), MAX_TOKENS, min(timeout_s, TIMEOUT_S))
     try:

@@ -1,6 +1,6 @@
 """Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,56 +14,45 @@ from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
-from app.services.predict.demonstrations import Demonstrations
+from app.services.predict.demonstrations import Demonstrations, TaskReading, TaskVersion
 from app.services.predict.request import PredictRequest, PromptStyle
-from app.services.predict.task_reading import KeptTasks, TaskReading, TaskVersion
 from app.services.task_settings import TaskSettings
 from app.services.vision import PoseServers, check_colors, poses_of
 from app.store import episodes, tasks
-from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.filters import EpisodeFilter
-from app.store.records import TaskRecord
+from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_TASKS = 64  # whose present version is kept, each with a few choices of demonstrations
 
 
 @dataclass(frozen=True, eq=False)
-class ObservedScene:
-    """The objects that a request observed.
+class Known:
+    """A request's task and demonstrations as the store has them, with the observed objects.
 
     Attributes:
-        observed: those of the task, in its order, as the robot sent them or as images show them.
+        task: settings and what follows from them.
+        profile: of the model to ask.
+        demonstrations: those that the request names, or that its selection finds; symmetric objects are folded.
+        taught: all demonstrations of the task, with which an answer is compared.
+        observed: the objects of the task, in its order, as the robot sent them or as images show them.
         objects: the same with symmetric objects turned to the side that demonstrations have.
         absent: names of the task's objects that were not observed.
         bystanders: observed objects that the task does not have, symmetric ones at their canonical yaw.
     """
 
-    observed: tuple[ObjectPose, ...]
-    objects: tuple[ObjectPose, ...]
-    absent: tuple[str, ...] = ()
-    bystanders: tuple[ObjectPose, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A request's task and demonstrations as the store has them, with the observed scene.
-
-    Attributes:
-        task: settings and what follows from them; scene and demonstrations have the symmetric objects folded.
-        profile: of the model to ask.
-        demonstrations: those that the request names, or that its selection finds.
-        taught: all demonstrations of the task, with which an answer is compared.
-    """
-
     task: TaskVersion
-    scene: ObservedScene
     profile: ModelProfile
     style: PromptStyle
     demonstrations: Demonstrations
     taught: Taught
+    observed: tuple[ObjectPose, ...]
+    objects: tuple[ObjectPose, ...]
+    absent: tuple[str, ...]
+    bystanders: tuple[ObjectPose, ...]
 
 
 class KnownReader:
@@ -74,15 +63,10 @@ class KnownReader:
     """
 
     def __init__(
-        self,
-        store: Store,
-        profile_of: Callable[[str | None], ModelProfile],
-        pose_servers: PoseServers | None = None,
+        self, store: Store, profile_of: Callable[[str | None], ModelProfile], pose_servers: PoseServers
     ) -> None:
-        self._store = store
-        self.profile_of = profile_of
-        self._pose_servers = pose_servers or PoseServers()
-        self._kept: KeptTasks = Cache(MAX_TASKS)
+        self._store, self.profile_of, self._pose_servers = store, profile_of, pose_servers
+        self._kept: Cache[TaskState, TaskVersion] = Cache(MAX_TASKS)
 
     def __call__(self, request: PredictRequest) -> Known:
         """Return the task, demonstrations and scene of a request.
@@ -96,7 +80,7 @@ class KnownReader:
             ConflictError: if the task's settings changed while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
-        looked_with, scene = self._look(request) if request.frames else (None, None)
+        looked_with, poses = self._look(request) if request.frames else (None, ())
         with self._store.read() as connection:
             with timed("read"):
                 task = self.task(connection, request.task)
@@ -105,39 +89,81 @@ class KnownReader:
             if request.end_effector is not None:
                 place_m = np.array(request.end_effector.position_m)
                 check_meters("end_effector.position", place_m, kept.workspace)
-            if scene is None:
+            if looked_with is None:
                 with timed("poses"):
-                    scene = observed(request, record, kept, self._store.blobs)
+                    poses = self._poses(request, record, kept)
             elif looked_with != (record.settings, record.object_names):
                 message = f"task {record.name!r} changed while its images were looked at: send the request again"
                 raise ConflictError(message)
             with timed("prompt"):
-                profile = self.profile_of(request.options.model)
-                style = PromptStyle.of(request, kept.settings, profile)
-                taught, demonstrations, objects = task.asked(
-                    request.options, scene.observed, from_start=style.from_start
-                )
-                scene = replace(scene, objects=objects)
-        if scene.absent:
-            present = [pose.name for pose in scene.objects]
-            check_object_names(present, record.object_names or (), taught.needed | demonstrations.needed)
-            taught = taught.of_objects(present)
-        return Known(kept, scene, profile, style, demonstrations, taught)
+                known = self._known(request, task, {pose.name: pose for pose in poses})
+        if not known.absent:
+            return known
+        present = [pose.name for pose in known.observed]
+        check_object_names(present, record.object_names or (), known.taught.needed | known.demonstrations.needed)
+        return replace(known, taught=known.taught.of_objects(present))
 
-    def _look(self, request: PredictRequest) -> tuple[tuple[object, object], ObservedScene]:
-        """Return the scene that the request's images show, and the settings and object names that it was seen with."""
+    def _known(self, request: PredictRequest, task: TaskReading, poses: Mapping[str, ObjectPose]) -> Known:
+        kept, names = task.kept, task.record.object_names or ()
+        profile = self.profile_of(request.options.model)
+        style = PromptStyle.of(request, kept.settings, profile)
+        taught = task.taught(style.from_start)
+        observed = tuple(poses[name] for name in names if name in poses)
+        demonstrations = task.selected(request.options, observed)
+        return Known(
+            kept,
+            profile,
+            style,
+            demonstrations,
+            taught,
+            observed,
+            objects=task.folded(observed),
+            absent=tuple(name for name in names if name not in poses),
+            bystanders=kept.settings.canonical(pose for name, pose in poses.items() if name not in names),
+        )
+
+    def _look(self, request: PredictRequest) -> tuple[tuple[object, object], tuple[ObjectPose, ...]]:
+        """Return settings and object names of the task, and the poses that the request's images show with these."""
         with timed("read"), self._store.read() as connection:
             record = tasks.get(connection, request.task)
             newest = episodes.list_page(connection, EpisodeFilter(task=request.task), 1).items
-        task, blobs = TaskVersion(record), self._store.blobs
+        task, usual = TaskVersion(record), (camera for episode in newest for camera in episode.cameras)
         self._pose_servers.check(task.settings.object_models)
         with timed("poses"):
-            check_colors(blobs, (camera for episode in newest for camera in episode.cameras), request.frames)
-            return (record.settings, record.object_names), observed(request, record, task, blobs)
+            check_colors(self._store.blobs, usual, request.frames)
+            return (record.settings, record.object_names), self._poses(request, record, task)
+
+    def _poses(self, request: PredictRequest, record: TaskRecord, task: TaskVersion) -> tuple[ObjectPose, ...]:
+        """Return the poses of a request's objects; some of the task's may be absent, and others present.
+
+        Raises:
+            NoDemonstrationsError: if the task has no demonstrations.
+            ObjectSetError: if names are given twice or are spelled otherwise.
+            as `estimate_poses` and `check_scene_units`.
+        """
+        sent, names = [query.name for query in request.objects], record.object_names
+        if names is None:
+            raise NoDemonstrationsError(record.name)
+        check_object_names(sent, names, needed=())
+        if called := next((alike.called for alike in request.alike if alike.called in names), None):
+            message = f"given twice: {called}, of which demonstrations have one"
+            raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
+        poses = poses_of(request.objects, task.settings, request.frames, self._store.blobs, given_first=True)
+        check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
+        return poses
 
     def task(self, connection: Connection, name: str) -> TaskReading:
         """Return a task in the transaction of `connection`; raises NotFoundError."""
         return TaskReading(connection, name, self._kept)
+
+    def limits(self, connection: Connection, task: str) -> MotionLimits:
+        """Return the task's present limits of motion; raises NotFoundError if there is no such task."""
+        return self.task(connection, task).kept.limits
+
+    def present_limits(self, task: str) -> MotionLimits:
+        """The same in a transaction of its own."""
+        with self._store.read() as connection:
+            return self.limits(connection, task)
 
     def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
         """Return demonstrations, settings and prompt style of a request with default options.
@@ -149,28 +175,5 @@ class KnownReader:
         with self._store.read() as connection:
             task = self.task(connection, task_name)
             style = PromptStyle.of(request, task.kept.settings, self.profile_of(None))
-            _, demonstrations, _ = task.asked(request.options, (), from_start=style.from_start)
-            return demonstrations, task.kept.settings, style
-
-
-def observed(request: PredictRequest, record: TaskRecord, task: TaskVersion, blobs: BlobStore) -> ObservedScene:
-    """Return the observed scene, its `objects` not turned yet; some of the task's may be absent.
-
-    Raises:
-        NoDemonstrationsError: if the task has no demonstrations.
-        ObjectSetError: if names are given twice or are spelled otherwise; as `estimate_poses` and `check_scene_units`.
-    """
-    sent, names = [query.name for query in request.objects], record.object_names
-    if names is None:
-        raise NoDemonstrationsError(record.name)
-    check_object_names(sent, names, needed=())
-    if called := next((alike.called for alike in request.alike if alike.called in names), None):
-        message = f"given twice: {called}, of which demonstrations have one"
-        raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
-    poses = poses_of(request.objects, task.settings, request.frames, blobs, given_first=True)
-    check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
-    by_name = {pose.name: pose for pose in poses}
-    of_task = tuple(by_name[name] for name in names if name in by_name)
-    others = tuple(pose for name, pose in by_name.items() if name not in names)
-    absent = tuple(name for name in names if name not in by_name)
-    return ObservedScene(of_task, of_task, absent, task.settings.canonical(others) if others else ())
+            task.taught(style.from_start)  # refuses a task without demonstrations
+            return task.selected(request.options, ()), task.kept.settings, style

@@ -5,42 +5,12 @@ from collections.abc import Iterable
 import anyio.to_thread
 from sqlalchemy import Connection
 
-from app.services.cache import Cache
+from app.services.predict.known import KnownReader
 from app.services.predict.question import Question
-from app.services.task_settings import TaskSettings
-from app.store import tasks
-from app.store.records import TaskState
-from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types.poses import EndEffectorAction
-
-MAX_LIMITS = 64  # tasks whose limits are kept
-
-
-class CurrentLimits:
-    """Reads the present limits of motion of tasks; those of an unchanged task are kept."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-        self._built: Cache[TaskState, MotionLimits] = Cache(MAX_LIMITS)
-
-    def read(self, connection: Connection, task: str) -> MotionLimits:
-        """The task's limits; raises NotFoundError if there is no such task."""
-        found = tasks.get(connection, task)
-        return self._built.get_or_make(
-            found.state, lambda: TaskSettings.model_validate(found.settings).limits_of_motion()
-        )
-
-    async def now(self, task: str) -> MotionLimits:
-        """The same on a connection of its own, in a thread."""
-
-        def read() -> MotionLimits:
-            with self._store.read() as connection:
-                return self.read(connection, task)
-
-        return await anyio.to_thread.run_sync(read)
 
 
 class MotionCheck:
@@ -49,8 +19,8 @@ class MotionCheck:
     They may be tightened while an LLM writes. Each method raises UnsafeActionError for an action beyond a limit.
     """
 
-    def __init__(self, current: CurrentLimits, question: Question) -> None:
-        self._current, self._question = current, question
+    def __init__(self, read: KnownReader, question: Question) -> None:
+        self._read, self._question = read, question
         self._actions: list[EndEffectorAction] = []
         self._limits = question.known.task.limits
         self._guard = self._guarding(self._limits)
@@ -66,17 +36,20 @@ class MotionCheck:
             for action in actions:
                 self._guard.check(action)
         except UnsafeActionError:
-            limits = await self._current.now(self._question.request.task)
+            limits = await self._present()
             if limits == self._limits:
                 raise
             self._apply(limits)
 
     async def again(self) -> None:
         """Check the actions so far by the limits of the moment."""
-        self._apply(await self._current.now(self._question.request.task))
+        self._apply(await self._present())
 
     def within(self, connection: Connection) -> None:
-        self._apply(self._current.read(connection, self._question.request.task))
+        self._apply(self._read.limits(connection, self._question.request.task))
+
+    async def _present(self) -> MotionLimits:
+        return await anyio.to_thread.run_sync(self._read.present_limits, self._question.request.task)
 
     def _apply(self, limits: MotionLimits) -> None:
         if limits == self._limits:

@@ -17,8 +17,8 @@ from app.pipeline.findings.rules import GRIPPER_TURNED
 from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned
 from app.pipeline.representation.base import row_count_bounds
+from app.services.predict.demonstrations import TaskVersion
 from app.services.predict.request import PredictOptions
-from app.services.predict.task_reading import TaskVersion
 from app.services.task_settings import TaskSettings
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Chain

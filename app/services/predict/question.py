@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.pipeline.alike import alike_findings
+from app.pipeline.alike import alike_findings, check_named
 from app.pipeline.episode import Query
+from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.roles import strangers
@@ -16,13 +17,15 @@ from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.limits import Limits
-from app.services.predict.demonstrations import Prefix, write_prefix
-from app.services.predict.known import Known
+from app.services.measures import timed
+from app.services.predict.instruction import parsed
+from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
+from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
-from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.names import checked_instruction
+from roboprompt_client.types.poses import EndEffectorAction
 
-SEEDS = 2**31  # the most that every backend takes
 LISTED = 3  # instructions that a sentence names
 
 
@@ -41,7 +44,6 @@ class Question:
         max_actions: the largest number of actions that the answer may have.
         turned: whether the hand is turned by 180 degrees from what a reply says, in `plans` and in the actions.
         findings: those known before the LLM is asked.
-        samples: if several replies are requested, the question for each, with its own seed.
     """
 
     request: PredictRequest
@@ -55,7 +57,6 @@ class Question:
     max_actions: int
     turned: bool = False
     findings: tuple[Finding, ...] = ()
-    samples: tuple["Question", ...] = ()
 
     @property
     def deadline_s(self) -> float:
@@ -63,70 +64,69 @@ class Question:
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
 
 
+def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
+    """Return the question: read the task, choose the demonstrations, parse the instruction, write the prompt.
+
+    Synchronous: call it in a thread.
+
+    Raises:
+        as `KnownReader`, `write_prefix`, `understand` and `place_plans`.
+        InvalidInputError: if the prompt is too long, or an object lacks a rotation that demonstrations have.
+    """
+    instruction = checked_instruction("instruction", request.instruction)
+    known = read(request)
+    with timed("prompt"):
+        prefix, why = choose_prefix(request, known)
+    with timed("words"):
+        order = understand(request, instruction, known, prefix.instructions)
+    template, hand = prefix.template, request.end_effector
+    limits.check_prompt(len(template.system) + len(template.prefix))
+    start = None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
+    seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
+    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
+    plans, turned, max_actions = place_plans(prefix.support, parts, request.options, known.task, known.taught, hand)
+    prompt, kept = template.ask(parts[0], max_actions), request.without_frames()
+    question = Question(kept, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
+    return replace(question, findings=(*why, *doubts_before(question), *turned))
+
+
 def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
     """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
 
     Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
-
-    Raises:
-        as `write_prefix`.
     """
     plans = known.demonstrations.plans
     named = request.options.episode_ids is not None
-    choice = None if named or plans is None else plans(known.scene.objects)
+    choice = None if named or plans is None else plans(known.objects)
     shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
-    return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.scene.absent), findings
+    return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.absent), findings
 
 
-def write_question(
-    request: PredictRequest, known: Known, prefix: Prefix, why: Sequence[Finding], order: Order, limits: Limits
-) -> Question:
-    """Return the question that `request` asks its model.
-
-    Args:
-        why: findings about the choice of the prefix.
-        order: the parsed instruction.
+def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
+    """Return the parsed instruction.
 
     Raises:
-        SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
-        InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
-            of the instruction take more actions than the request allows.
+        UngroundedInstructionError: also if it may mean an object that is not the task's; as `parsed`.
     """
-    template = prefix.template
-    limits.check_prompt(len(template.system) + len(template.prefix))
-    start = _start(request.end_effector) if known.style.from_start else None
-    seen, objects = Query(order.text, known.scene.objects, start=start), template.posed(known.scene.objects)
-    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned, max_actions = place_plans(
-        prefix.support, parts, request.options, known.task, known.taught, request.end_effector
-    )
-    prompt = template.ask(parts[0], max_actions)
-    if request.frames:
-        request = request.without_frames()
-    question = Question(request, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
-    question = replace(question, findings=(*why, *doubts_before(question), *turned))
-    if request.options.num_samples == 1:
-        return question
-    return replace(question, samples=tuple(_sample(question, k) for k in range(request.options.num_samples)))
-
-
-def _start(end_effector: Pose | None) -> EndEffectorAction | None:
-    if end_effector is None:
-        return None
-    return EndEffectorAction(np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), True)
-
-
-def _sample(question: Question, number: int) -> Question:
-    seed = (question.request.options.seed + number) % SEEDS
-    return replace(question, request=question.request.with_options(seed=seed))
+    order = parsed(request, instruction, taught, known.task.settings, known.objects)
+    if known.bystanders:
+        everything = (*known.objects, *known.bystanders)
+        with_others = parsed(request, instruction, taught, known.task.settings, everything)
+        if with_others.objects != order.objects:
+            meant = ", ".join(name for name in with_others.objects if name not in order.objects)
+            message = f"may mean {meant}, which demonstrations do not have"
+            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
+    if request.alike:
+        check_named(order, known.taught.followed(order), request.alike)
+    return order
 
 
 def doubts_before(question: Question) -> Iterator[Finding]:
     """Yield the findings before the LLM is asked, causes first: objects, words, demonstrations, scene."""
     known, order, seen, hand = question.known, question.grounded, question.seen, question.request.end_effector
-    scene, taught = known.scene, known.taught
+    taught = known.taught
     followed = taught.followed(order)
-    yield from other_objects(scene.absent, [pose.name for pose in scene.bystanders])
+    yield from other_objects(known.absent, [pose.name for pose in known.bystanders])
     yield from alike_findings(question.request.alike)
     yield from symmetry_findings(known.task.symmetries or {})
     yield from _words(order, question.prefix.instructions)

@@ -12,7 +12,6 @@ from app.pipeline.findings.rules import MODEL_FAILED, UNPARSABLE, UNSAFE, UNSUPP
 from app.services.errors import RefusedReply, RefusedReplyError
 from app.services.measures import Metrics, note, timed, timings
 from app.services.predict.motion_check import MotionCheck
-from app.services.predict.question import Question
 from app.services.predict.reply import Reply
 from app.services.vision import put_images
 from app.store import predictions, tasks
@@ -40,7 +39,6 @@ class Prediction:
     """
 
     id: str
-    question: Question
     reply: Reply
     timings_ms: dict[str, float]
     findings: tuple[Finding, ...]
@@ -73,15 +71,20 @@ class PredictionRecorder:
         """
         findings = _findings(reply)
         id_ = await self._store_reply(reply, _draft(reply, "ok", None, findings), motion)
-        return Prediction(id_, reply.question, reply, timings().ms, findings)
+        return Prediction(id_, reply, timings().ms, findings)
 
-    async def failed(self, reply: Reply, error: RoboPromptError) -> RoboPromptError:
-        """Store a refused reply, and count it; return the error to raise."""
+    async def failed(self, reply: Reply, error: RoboPromptError) -> None:
+        """Store a question without an answer, and count it.
+
+        Raises:
+            RefusedReplyError: if the error is the reply's.
+        """
         status, rule, where, what = next(row for kind, row in FAILURES.items() if isinstance(error, kind))
         finding = rule.finding(f"{what}: {error}. The robot got no actions.", where)
         draft = _draft(reply, status, str(error), (*_findings(reply), finding))
         id_ = await self._store_reply(reply, draft, None)
-        return RefusedReplyError(error, reply.text or "", id_) if isinstance(error, RefusedReply) else error
+        if isinstance(error, RefusedReply):
+            raise RefusedReplyError(error, reply.text or "", id_) from error
 
     async def _store_reply(self, reply: Reply, draft: PredictionDraft, motion: MotionCheck | None) -> str:
         request, current = reply.question.request, timings()
@@ -123,7 +126,7 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         error=error,
         usage={} if reply.text is None else {**vars(reply.usage), "cost_usd": reply.cost_usd},
         timings_ms=dict(timings().ms),
-        objects=tuple(map(ObjectRecord.of, question.known.scene.observed)),
+        objects=tuple(map(ObjectRecord.of, question.known.observed)),
         samples=reply.samples,
         grounding=question.grounded.to_json(),
         findings=tuple(finding.to_json() for finding in findings),

@@ -9,7 +9,7 @@ import anyio.to_thread
 from sqlalchemy import Connection
 
 from app.services.errors import RefusedReplyError
-from app.services.predict.motion_check import CurrentLimits
+from app.services.predict.known import KnownReader
 from app.services.predict.request import PredictRequest
 from app.store import idempotency
 from app.store.errors import ConflictError
@@ -30,8 +30,8 @@ class RepeatedPredictions:
     An answer is given only while its actions are within the task's limits of motion.
     """
 
-    def __init__(self, store: Store) -> None:
-        self._store, self._limits = store, CurrentLimits(store)
+    def __init__(self, store: Store, known: KnownReader) -> None:
+        self._store, self._known = store, known
 
     @asynccontextmanager
     async def alone(self, key: str) -> AsyncIterator[None]:
@@ -90,7 +90,7 @@ class RepeatedPredictions:
         return await anyio.to_thread.run_sync(save)
 
     def _check(self, connection: Connection, request: PredictRequest, answer: JsonObject) -> None:
-        limits = self._limits.read(connection, request.task)
+        limits = self._known.limits(connection, request.task)
         guard = MotionGuard(limits, MAX_ACTIONS, request.end_effector)
         try:
             for index, action in enumerate(answer["actions"]):

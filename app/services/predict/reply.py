@@ -30,6 +30,7 @@ from app.services.predict.part_reply import PartReply, PredictedAction
 from app.services.predict.question import Question
 from app.store.values import JsonObject
 
+SEEDS = 2**31  # the most that every backend takes
 AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 Actions = list[PredictedAction]
@@ -43,11 +44,13 @@ class Reply:
         text: all replies so far, also an incomplete one; None before the first.
         usage: tokens of all replies.
         actions: those so far, all supported by the demonstrations.
+        seed: for sampling; each of several replies has its own.
         samples: each of several replies, as stored; None if one was requested.
     """
 
-    def __init__(self, question: Question, model: LanguageModel) -> None:
+    def __init__(self, question: Question, model: LanguageModel, number: int = 0) -> None:
         self.question = question
+        self.seed = (question.request.options.seed + number) % SEEDS
         self.prompt: Prompt = question.prompt
         self.text: str | None = None
         self.usage = Usage()
@@ -68,7 +71,7 @@ class Reply:
     @property
     def findings(self) -> tuple[Finding, ...]:
         actions, question = [item.action for item in self.actions], self.question
-        taught, bystanders = question.known.taught, question.known.scene.bystanders
+        taught, bystanders = question.known.taught, question.known.bystanders
         passing = passing_findings(question.seen, actions, taught.scenes, bystanders)
         odd = taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
         return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
@@ -161,7 +164,7 @@ class Reply:
 
     def _request(self, temperature: float) -> CompletionRequest:
         """Return the request to the LLM; raises ModelTimeoutError if no time is left."""
-        question, options = self.question, self._options
+        question = self.question
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
             within_s = round(question.deadline_s, 1)
@@ -171,7 +174,7 @@ class Reply:
             max_tokens=(question.max_actions - len(self.actions)) * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
             temperature=temperature,
-            seed=options.seed,
+            seed=self.seed,
             cache_key=question.prefix.cache_key,
         )
 
@@ -185,7 +188,7 @@ class SampledReply(Reply):
 
     def __init__(self, question: Question, model: LanguageModel) -> None:
         super().__init__(question, model)
-        self._replies = [Reply(sample, model) for sample in question.samples]
+        self._replies = [Reply(question, model, number) for number in range(question.request.options.num_samples)]
         self._chosen: Reply | None = None
         self._disagreeing: tuple[Finding, ...] = ()
 
@@ -248,7 +251,7 @@ class SampledReply(Reply):
     def _documents(self, refused: dict[int, str], used: tuple[int, ...]) -> tuple[JsonObject, ...]:
         return tuple(
             {
-                "seed": reply.question.request.options.seed,
+                "seed": reply.seed,
                 "reply_text": reply.text,
                 "num_actions": None if number in refused else len(reply.actions),
                 "used": number in used,

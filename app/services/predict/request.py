@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -135,11 +135,6 @@ class PredictRequest:
     def without_frames(self) -> "PredictRequest":
         """The same with the cameras, but without what was decoded: it would fill the memory while the LLM is asked."""
         return replace(self, cameras=tuple(frame.camera for frame in self.frames) or self.cameras, frames=())
-
-    def with_options(self, **changes: Any) -> "PredictRequest":  # noqa: ANN401
-        """The same with these options, which are checked, and the others as they are."""
-        kept = {name: getattr(self.options, name) for name in PredictOptions.model_fields}
-        return replace(self, options=PredictOptions.model_validate(kept | changes))
 
 
 class PromptStyle(NamedTuple):

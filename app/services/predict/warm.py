@@ -12,8 +12,8 @@ import anyio.to_thread
 from app.llm.base import CompletionRequest, LanguageModelError, complete
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
-from app.services.predict.demonstrations import usual_prefixes
 from app.services.predict.known import KnownReader
+from app.services.predict.prefix import usual_prefixes
 from app.store import tasks
 from app.store.store import Store
 from roboprompt_client.errors import RoboPromptError

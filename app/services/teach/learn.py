@@ -16,7 +16,7 @@ from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_sy
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
 from app.services.teach.configure import ConfigureTask
-from app.services.vision import PoseServers, read_frame, with_templates
+from app.services.vision import PoseServers, read_frame, with_template
 from app.store import episodes, labels, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
@@ -203,7 +203,7 @@ def try_model(
         raise NotFoundError(f"episode of task {task!r}", missing[0])
     query = ObjectQuery(name, model=model_from_json(name, model, "model"))
     pose_servers.check({name: model})
-    (query,) = with_templates([query], store.blobs)
+    query = with_template(query, store.blobs)
     return tuple(_tried(store, record, query) for record in records.values())
 
 

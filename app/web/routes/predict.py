@@ -190,7 +190,7 @@ def _prompt_part(request: Request, services: Wired, question: Question) -> Respo
         spans=prompt_spans(prompt.user, style.representation, style.prompt_format),
         shown=shown,
     )
-    observed = [ObjectRecord.of(pose) for pose in question.known.scene.observed]
+    observed = [ObjectRecord.of(pose) for pose in question.known.observed]
     demonstrated = [item for record in shown.values() for item in record.objects]
     drawn = scene(question.known.task.settings.workspace, observed, (), shown=demonstrated)
     return JSONResponse({"html": html, "scene": drawn}, headers=HEADERS)
