@@ -122,16 +122,10 @@ class HandPath:
 
 
 def _squared_distances(gone: Array, progress: Array, way: Array) -> Array:
-    """(E, B) of points `gone` (B, 3) from the shares `progress` (E, B) of `way` (E, 3).
-
-    Axis by axis: numpy takes several times as long to add up rows of three.
-    """
-    total: Array = np.zeros_like(progress)
-    for axis in range(3):
-        off = gone[:, axis] - progress * way[:, axis, None]
-        off *= off
-        total += off
-    return total
+    """(E, B) of points `gone` (B, 3) from the shares `progress` (E, B) of `way` (E, 3)."""
+    off = gone.T[:, None] - progress * way.T[:, :, None]  # (3, E, B): numpy adds up rows of three several times slower
+    squared: Array = (off * off).sum(axis=0)
+    return squared
 
 
 def _gone_back(progress: Array) -> Array:

@@ -181,8 +181,3 @@ def hand_poses(actions: Sequence[EndEffectorAction]) -> tuple[Array, Rotation]:
 def relative_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> tuple[Array, Rotation]:
     """Return action `k` of each demonstration relative to its anchor: offsets (N, 3) in meters, and N rotations."""
     return anchor_poses(anchors, group).seen(*hand_poses([demonstration.actions[k] for demonstration in group]))
-
-
-def relative_poses(demonstration: Demonstration, anchor: Anchor) -> tuple[Array, Rotation]:
-    """Return every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
-    return anchor_pose(anchor, demonstration).seen(*hand_poses(demonstration.actions))

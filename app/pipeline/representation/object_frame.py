@@ -75,8 +75,8 @@ class ObjectFrameCodec(Codec):
     with_instruction: bool
     tilted: frozenset[str]
     table: tuple[tuple[TextRow, ...], ...]
-    stop: tuple[str, ...] = ("\n",)
-    separator: str = "\n"
+    stop: ClassVar[tuple[str, ...]] = ("\n",)
+    separator: ClassVar[str] = "\n"
     joint: ClassVar[str] = " "
 
     @classmethod

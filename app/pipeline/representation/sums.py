@@ -80,8 +80,8 @@ class SumsCodec(Codec):
 
     workspace: Workspace
     fitted: ObjectFrameCodec
-    stop: tuple[str, ...] = ("\n",)
-    separator: str = "\n"
+    stop: ClassVar[tuple[str, ...]] = ("\n",)
+    separator: ClassVar[str] = "\n"
     columns: ClassVar[Sequence[Column]] = (
         *AbsoluteCodec.columns[:5],
         Column("yaw", -NO_TURN, ROTATION_BINS + NO_TURN - 1),
