@@ -42,10 +42,6 @@ class TextRow:
     numbers: tuple[int, ...]
     gripper_open: bool
 
-    def turned_as(self, other: "TextRow | None") -> bool:
-        """Whether it has the rotation numbers of the other row."""
-        return other is not None and self.numbers[3:] == other.numbers[3:]
-
 
 class Step(NamedTuple):
     """What a row of a plan does at an object, in whichever scene and whatever the object's name.
