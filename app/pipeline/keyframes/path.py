@@ -115,8 +115,7 @@ class HandPath:
             turned = self.rotation_vectors[between] - self.rotation_vectors[i]
             squared = np.maximum(squared, _squared_distances(turned, progress, turn))
             squared[np.linalg.norm(turn, axis=1) > self.most_turn, 0] = MAX_DEVIATION**2
-        before_end = np.tri(len(way), len(gone), ends.start - i - 2, dtype=bool)
-        squared[~before_end] = 0.0
+        squared *= np.tri(len(way), len(gone), ends.start - i - 2)  # poses before each end
         farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), MAX_DEVIATION)
         return farthest
 
