@@ -122,7 +122,9 @@ def _not_of(way: int, parted: Parting) -> set[str]:
 
 def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[Finding]]:
     """Return the way of the most similar demonstrated scene, and findings about it."""
-    quantity, apart = parted.quantity, parted.from_scene(objects)
+    quantity = parted.quantity
+    value = quantity.of(objects)
+    apart = quantity.apart(parted.values, value)
     way = int(parted.ways[apart.argmin()])
     own = parted.ways == way
     unit, off, other = quantity.unit, float(apart[own].min()), float(apart[~own].min())
@@ -132,7 +134,7 @@ def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[F
     if quantity.axis is None:
         here, shown = f"{quantity.text} are {_with_unit(off, unit)} from", f"those of {int(own.sum())} demonstrations"
     else:
-        here = f"{quantity.text} is {_with_unit(float(quantity.of(objects)[0]), unit)}, near"
+        here = f"{quantity.text} is {_with_unit(float(value[0]), unit)}, near"
         shown = _range_text(parted.values[own], unit)
     message = f"Plan {plan} of {plans} is shown: {here} {shown}"
     far = off > max(FAR[unit], parted.near(way))
