@@ -83,7 +83,8 @@ class PromptTemplate:
         """Return the template of the demonstrations that the codec needs, as observation, actions and separator."""
         needed = codec.needed()
         prefix = "".join(codec.demonstration_text(item) for item in demonstrations if item in needed)
-        return cls(codec, system, prefix, rotated_in_all(demonstrations))
+        known = [{pose.name for pose in item.objects if pose.quaternion_xyzw is not None} for item in demonstrations]
+        return cls(codec, system, prefix, frozenset(set.intersection(*known)))
 
     def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
         """Return the observed objects with rotations only where all demonstrations have them, so that both read alike.
@@ -105,12 +106,6 @@ class PromptTemplate:
         text = so_far + self.codec.observation_text(query)
         grammar, schema = self.codec.grammar(query, max_actions), self.codec.schema(query, max_actions)
         return Prompt(self.system, self.prefix, text, self.codec.stop, grammar, schema)
-
-
-def rotated_in_all(demonstrations: Sequence[Demonstration]) -> frozenset[str]:
-    """Return the names of the objects whose rotation every demonstration has."""
-    known = [{pose.name for pose in item.objects if pose.quaternion_xyzw is not None} for item in demonstrations]
-    return frozenset(set.intersection(*known))
 
 
 def system_prompt_text(choice: str) -> str:

@@ -49,11 +49,6 @@ class Phase(NamedTuple):
     gripper_open: bool
     ends_open: bool
 
-    @property
-    def releases(self) -> bool:
-        """Whether the gripper opens at the end."""
-        return self.ends_open and not self.gripper_open
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:

@@ -115,23 +115,16 @@ class HandPath:
             turned = self.rotation_vectors[between] - self.rotation_vectors[i]
             squared = np.maximum(squared, _squared_distances(turned, progress, turn))
             squared[np.linalg.norm(turn, axis=1) > self.most_turn, 0] = MAX_DEVIATION**2
-        before_end = np.tri(len(way), len(gone), ends.start - i - 2, dtype=bool)
-        squared[~before_end] = 0.0
+        squared *= np.tri(len(way), len(gone), ends.start - i - 2)  # poses before each end
         farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), MAX_DEVIATION)
         return farthest
 
 
 def _squared_distances(gone: Array, progress: Array, way: Array) -> Array:
-    """(E, B) of points `gone` (B, 3) from the shares `progress` (E, B) of `way` (E, 3).
-
-    Axis by axis: numpy takes several times as long to add up rows of three.
-    """
-    total: Array = np.zeros_like(progress)
-    for axis in range(3):
-        off = gone[:, axis] - progress * way[:, axis, None]
-        off *= off
-        total += off
-    return total
+    """(E, B) of points `gone` (B, 3) from the shares `progress` (E, B) of `way` (E, 3)."""
+    off = gone.T[:, None] - progress * way.T[:, :, None]  # (3, E, B): numpy adds up rows of three several times slower
+    squared: Array = (off * off).sum(axis=0)
+    return squared
 
 
 def _gone_back(progress: Array) -> Array:

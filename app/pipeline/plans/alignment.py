@@ -55,11 +55,12 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
 def _ending_alike(group: Sequence[Recording]) -> list[Recording]:
     """Return the recordings, with a stay at the end of those that end with a release after which most others go on."""
     often = Counter(recording.signature for recording in group)
-    return [
-        replace(recording, stays=recording.motion.phases[-1].releases and MOST * often[ends] <= often[(*ends, True)])
-        for recording in group
-        if (ends := recording.signature)
-    ]
+    found = []
+    for recording in group:
+        ends, last = recording.signature, recording.motion.phases[-1]
+        releases = last.ends_open and not last.gripper_open
+        found.append(replace(recording, stays=releases and MOST * often[ends] <= often[(*ends, True)]))
+    return found
 
 
 def _by_grasped(group: Sequence[Recording], places: Sequence[int]) -> list[list[int]]:

@@ -102,10 +102,6 @@ class Parting:
     share: float
     clear: float
 
-    def from_scene(self, objects: Sequence[ObjectPose]) -> Array:
-        """Return the distances (N,) of a scene from those of the demonstrations."""
-        return self.quantity.apart(self.values, self.quantity.of(objects))
-
     def near(self, way: int) -> float:
         """Return the distance from the nearest demonstration of a way within which a scene counts as demonstrated."""
         of_way = self.values[self.ways == way]

@@ -55,30 +55,25 @@ class PlanChooser:
     def __init__(self, demonstrations: Sequence[Demonstration]) -> None:
         self._all = tuple(demonstrations)
         self._usual = shown_together(self._all)
-        self._found: dict[tuple[int, ...], PlanChoice] = {}
 
     def __call__(self, objects: Sequence[ObjectPose]) -> PlanChoice:
         """Return the choice for a scene; without objects that of the way with most demonstrations."""
         chosen = [_chosen(parted, objects) if objects else (_usual(parted)[0], []) for parted in self._parted]
-        choice = self._of_ways(tuple(way for way, _ in chosen))
+        choice = self._of_ways([way for way, _ in chosen])
         return replace(choice, findings=(*(found for _, findings in chosen for found in findings), *choice.findings))
 
     def likely(self) -> list[PlanChoice]:
         """Return the choices of the most frequent ways, most frequent first."""
         if not self._parted:
-            return [self._of_ways(())]
+            return [self._of_ways([])]
         first, *others = self._parted
-        return [self._of_ways((way, *(_usual(other)[0] for other in others))) for way in _usual(first)[:MAX_WARMED]]
+        return [self._of_ways([way, *(_usual(other)[0] for other in others)]) for way in _usual(first)[:MAX_WARMED]]
 
-    def _of_ways(self, ways: tuple[int, ...]) -> PlanChoice:
-        """Return the choice for one way of each separated group; computed once."""
-        if (found := self._found.get(ways)) is None:
-            left_out = {d.id for d in self._never_shown}.union(
-                *(_not_of(way, parted) for way, parted in zip(ways, self._parted, strict=True))
-            )
-            shown = tuple(d for d in self._all if d.id not in left_out)
-            found = self._found[ways] = PlanChoice(shown, tuple(self._doubts(shown)))
-        return found
+    def _of_ways(self, ways: Sequence[int]) -> PlanChoice:
+        """Return the choice for one way of each separated group."""
+        left_out = {d.id for d in self._never_shown}.union(*map(_not_of, ways, self._parted))
+        shown = tuple(d for d in self._all if d.id not in left_out)
+        return PlanChoice(shown, tuple(self._doubts(shown)))
 
     @cached_property
     def _parted(self) -> list[Parting]:
@@ -127,7 +122,9 @@ def _not_of(way: int, parted: Parting) -> set[str]:
 
 def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[Finding]]:
     """Return the way of the most similar demonstrated scene, and findings about it."""
-    quantity, apart = parted.quantity, parted.from_scene(objects)
+    quantity = parted.quantity
+    value = quantity.of(objects)
+    apart = quantity.apart(parted.values, value)
     way = int(parted.ways[apart.argmin()])
     own = parted.ways == way
     unit, off, other = quantity.unit, float(apart[own].min()), float(apart[~own].min())
@@ -137,7 +134,7 @@ def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[F
     if quantity.axis is None:
         here, shown = f"{quantity.text} are {_with_unit(off, unit)} from", f"those of {int(own.sum())} demonstrations"
     else:
-        here = f"{quantity.text} is {_with_unit(float(quantity.of(objects)[0]), unit)}, near"
+        here = f"{quantity.text} is {_with_unit(float(value[0]), unit)}, near"
         shown = _range_text(parted.values[own], unit)
     message = f"Plan {plan} of {plans} is shown: {here} {shown}"
     far = off > max(FAR[unit], parted.near(way))

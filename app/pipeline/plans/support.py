@@ -122,20 +122,16 @@ class Support:
 
 
 def _placed_plan(plan: DemonstratedPlan, query: Query) -> PlacedPlan:
-    """Return a plan's rows placed in the query's scene; the pose of each anchor is computed once."""
+    """Return a plan's rows placed in the query's scene."""
     rows = plan.rows
-    asked = {row.anchors[0]: asked_anchor(row.anchors[0], plan.order, query.order) for row in rows}
-    poses = {anchor: anchor_pose(anchor, query) for anchor in asked.values()}
-    anchors = [asked[row.anchors[0]] for row in rows]
-    positions_m, hands = AnchorPose.stacked(poses[anchor] for anchor in anchors).placed(
+    anchors = [asked_anchor(row.anchors[0], plan.order, query.order) for row in rows]
+    poses = [anchor_pose(anchor, query) for anchor in anchors]
+    positions_m, hands = AnchorPose.stacked(poses).placed(
         np.array([row.center_m for row in rows]), Rotation.concatenate([row.mean_rotation for row in rows])
     )
     states = [row.gripper_open for row in rows]
     actions = EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), states)
-    return tuple(
-        PlacedRow(row, anchor, poses[anchor], action)
-        for row, anchor, action in zip(rows, anchors, actions, strict=True)
-    )
+    return tuple(map(PlacedRow, rows, anchors, poses, actions))
 
 
 class SupportGuard:

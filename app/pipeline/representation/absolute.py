@@ -116,8 +116,8 @@ class AbsoluteCodec(Codec):
     workspace: Workspace
     demonstrations: tuple[Demonstration, ...]
     with_instruction: bool
-    stop: tuple[str, ...] = ("{'",)  # the next observation
-    separator: str = ", "
+    stop: ClassVar[tuple[str, ...]] = ("{'",)  # the next observation
+    separator: ClassVar[str] = ", "
     columns: ClassVar[Sequence[Column]] = (
         *(Column(name, 0, POSITION_BINS - 1) for name in ("x", "y", "z")),
         *(Column(name, 0, ROTATION_BINS - 1) for name in ("roll", "pitch", "yaw")),

@@ -7,7 +7,6 @@ prediction").
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -55,15 +54,14 @@ mm ::= "0" | "-"? [1-9] [0-9]{0,4}
         return [_action(index, row, self.columns) for index, row in enumerate(rows, start=first)]
 
 
-@dataclass(frozen=True, eq=False)
 class KatCodec(ActionTokensCodec):
     """KAT's own prompt, in numbers only: the objects' centers as keypoints without names, in the task's order.
 
     KAT finds its keypoints in images (DINO features); here they are the objects that every method gets.
     """
 
-    stop: tuple[str, ...] = ("INPUTS",)
-    separator: str = "\n"
+    stop: ClassVar[tuple[str, ...]] = ("INPUTS",)
+    separator: ClassVar[str] = "\n"
 
     def observation_text(self, query: Query) -> str:
         return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in query.objects]}\nOUTPUTS:\n"

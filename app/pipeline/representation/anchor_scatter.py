@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import betaincinv
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import OBJECT_FRAMES, Anchors, anchor_poses, hand_poses, in_frame
+from app.pipeline.representation.anchors import OBJECT_FRAMES, AnchorPose, Anchors, anchor_poses, hand_poses, in_frame
 from app.pipeline.thresholds import M_PER_RAD, TURNED_M
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -124,7 +124,8 @@ def _relative(group: Sequence[Demonstration], anchors: Anchors) -> tuple[Array, 
     """Return every action relative to the anchors: offsets (N, K, 3) in meters, and rotations (N, K, 4)."""
     number = len(group[0].actions)
     poses_m, hands = hand_poses([action for demonstration in group for action in demonstration.actions])
-    offsets_m, rotations = anchor_poses(anchors, group).each(number).seen(poses_m, hands)
+    each = AnchorPose(*(np.repeat(of_all, number, axis=0) for of_all in anchor_poses(anchors, group)))
+    offsets_m, rotations = each.seen(poses_m, hands)
     return offsets_m.reshape(-1, number, 3), rotations.as_quat().reshape(-1, number, 4)
 
 

@@ -19,6 +19,7 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
+AXES = "xyz"
 OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
 MIXED_FRAMES: tuple[AnchorFrame, ...] = ("ow", "wo")
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
@@ -48,6 +49,12 @@ class Anchor(NamedTuple):
     def names(self) -> frozenset[str]:
         """All objects that it depends on."""
         return frozenset((self.object_name, *(name for _, name in self.along))) - {""}
+
+    @property
+    def others_text(self) -> str:
+        """What else its place follows, as rows write it: ` z=world`, ` x=B y=B 5/10`."""
+        along = "".join(f" {AXES[axis]}={name or 'world'}" for axis, name in self.along)
+        return along if self.tenths == 10 else f"{along} {self.tenths}/10"
 
     @property
     def place_turns(self) -> bool:
@@ -123,10 +130,6 @@ class AnchorPose(NamedTuple):
         """Return N anchors as one."""
         return cls(*map(np.array, zip(*poses, strict=True)))
 
-    def each(self, number: int) -> "AnchorPose":
-        """Return N anchors with each of them `number` times."""
-        return AnchorPose(*(np.repeat(of_all, number, axis=0) for of_all in self))
-
     def seen(self, positions_m: Array, hands: Rotation) -> tuple[Array, Rotation]:
         """Return poses of the hand, (3,) or (K, 3) in meters and as many rotations, relative to the anchor.
 
@@ -181,8 +184,3 @@ def hand_poses(actions: Sequence[EndEffectorAction]) -> tuple[Array, Rotation]:
 def relative_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> tuple[Array, Rotation]:
     """Return action `k` of each demonstration relative to its anchor: offsets (N, 3) in meters, and N rotations."""
     return anchor_poses(anchors, group).seen(*hand_poses([demonstration.actions[k] for demonstration in group]))
-
-
-def relative_poses(demonstration: Demonstration, anchor: Anchor) -> tuple[Array, Rotation]:
-    """Return every action relative to the anchor: offsets (K, 3) in meters along its axes, and K rotations."""
-    return anchor_pose(anchor, demonstration).seen(*hand_poses(demonstration.actions))

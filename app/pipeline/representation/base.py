@@ -26,13 +26,9 @@ class Codec(Protocol):
         joint: what stands between an observation and its actions.
     """
 
+    stop: ClassVar[tuple[str, ...]]
+    separator: ClassVar[str]
     joint: ClassVar[str] = ""
-
-    @property
-    def stop(self) -> tuple[str, ...]: ...
-
-    @property
-    def separator(self) -> str: ...
 
     def needed(self) -> tuple[Demonstration, ...]:
         """The demonstrations that a prompt needs, in their order: some leave out those that repeat others."""

@@ -17,8 +17,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import MIXED_FRAMES, OBJECT_FRAMES, Anchor, relative_poses, tilted_objects
+from app.pipeline.episode import Demonstration, Query
+from app.pipeline.representation.anchors import (
+    MIXED_FRAMES,
+    OBJECT_FRAMES,
+    Anchor,
+    anchor_pose,
+    hand_poses,
+    tilted_objects,
+)
 from app.pipeline.representation.part import Part, Spot, SpotAction, kind_of, scenes_before
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
@@ -134,17 +141,16 @@ def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[li
     actions, scenes = demonstration.actions, scenes_before(demonstration)
     if not actions:
         return []
-    hands = Rotation.from_quat([action.quaternion_xyzw for action in actions])
-    kept = (hands[:-1].inv() * hands[1:]).as_quat() if len(actions) > 1 else np.zeros((0, 4))
+    positions_m, hands = hand_poses(actions)
+    kept = (hands[:-1].inv() * hands[1:]).as_quat()
     found: list[list[_Candidate]] = [[] for _ in actions]
     for objects, numbers in groupby(range(len(actions)), key=lambda k: scenes[k].objects):
         every = list(numbers)
         for pose, was, weight in _places(demonstration.objects, objects):
             for frame in (*OBJECT_FRAMES, *MIXED_FRAMES) if pose.quaternion_xyzw is not None else OBJECT_FRAMES[:1]:
-                at = replace(demonstration, objects=(pose,))
                 anchor = Anchor(pose.name, frame, tilted=tilted)
-                offsets_m, rotations = relative_poses(at, anchor)
-                turned, spot = rotations.as_quat().reshape(-1, 4), Spot(anchor, was, keeps=False)
+                offsets_m, rotations = anchor_pose(anchor, Query("", (pose,))).seen(positions_m, hands)
+                turned, spot = rotations.as_quat(), Spot(anchor, was, keeps=False)
                 for k in every:
                     seen = SpotAction(spot, offsets_m[k], turned[k], actions[k].gripper_open)
                     found[k].append(_Candidate(seen, weight * (MIXED if frame in MIXED_FRAMES else 1.0)))

@@ -14,7 +14,7 @@ observed pose, so that the object's own binning costs nothing.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import ClassVar
@@ -37,7 +37,7 @@ from app.pipeline.representation.anchors import (
     tilted_objects,
 )
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
-from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
+from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar
 from app.pipeline.representation.object_rows import (
     TextRow,
     actions_at,
@@ -75,8 +75,8 @@ class ObjectFrameCodec(Codec):
     with_instruction: bool
     tilted: frozenset[str]
     table: tuple[tuple[TextRow, ...], ...]
-    stop: tuple[str, ...] = ("\n",)
-    separator: str = "\n"
+    stop: ClassVar[tuple[str, ...]] = ("\n",)
+    separator: ClassVar[str] = "\n"
     joint: ClassVar[str] = " "
 
     @classmethod
@@ -99,10 +99,9 @@ class ObjectFrameCodec(Codec):
         return "; ".join(parts) + " >"
 
     def _object_text(self, pose: ObjectPose) -> str:
-        numbers = object_bins(replace(pose, quaternion_xyzw=None), self.workspace)
-        if pose.quaternion_xyzw is not None:
-            yaw = yaw_bin(quaternions.yaw_rad(pose.quaternion_xyzw))
-            numbers = object_bins(pose, self.workspace) if pose.name in self.tilted else (*numbers, yaw)
+        numbers = object_bins(pose, self.workspace)
+        if pose.quaternion_xyzw is not None and pose.name not in self.tilted:
+            numbers = (*numbers[:3], yaw_bin(quaternions.yaw_rad(pose.quaternion_xyzw)))
         return " ".join([pose.name, *map(str, numbers)])
 
     def actions_text(self, demonstration: Demonstration) -> str:
@@ -131,9 +130,8 @@ class ObjectFrameCodec(Codec):
         return lru_cache(maxsize=MAX_GRAMMARS)(self._grammar)
 
     def _grammar(self, asked: Order, max_actions: int) -> str:
-        if (plans := plans_of(self.demonstrations, self.table, asked)) is not None:
-            return plans_grammar(plans, max_actions)
-        return any_rows_grammar(self.demonstrations, self.frames, self._by_axis, asked, max_actions)
+        of_plans = plans_grammar(self.demonstrations, self.table, asked, max_actions)
+        return of_plans or any_rows_grammar(self.demonstrations, self.frames, self._by_axis, asked, max_actions)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]

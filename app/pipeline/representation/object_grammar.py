@@ -4,11 +4,8 @@ It has for each row of a plan its anchor, and a range for every number. The rang
 with a margin; a single demonstration leaves none, so that it is copied.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
 from operator import attrgetter
-
-import numpy as np
 
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.groups import places_by
@@ -30,47 +27,14 @@ r ::= [0-9] | [1-6] [0-9] | "7" [01]
 """
 
 
-@dataclass(frozen=True)
-class RowPattern:
-    """One row of a plan.
-
-    Attributes:
-        anchors: as rows write them, e.g. `A w`.
-        offsets: of each axis the values that demonstrations show.
-        bins: the same of each rotation.
-        grippers: the same of the gripper.
-        repeats: whether the rotation is left out, being that of the row before, in each demonstration.
-    """
-
-    anchors: tuple[str, ...]
-    offsets: tuple[frozenset[int], ...]
-    bins: tuple[frozenset[int], ...]
-    grippers: frozenset[int]
-    repeats: frozenset[bool]
-    single: bool
-
-    def grammar(self, number: int) -> str:
-        """The row with its number, in GBNF."""
-        offsets = " ".join(f'" " {_offset(values, self.single)}' for values in self.offsets)
-        gripper = _one_of(str(value) for value in sorted(self.grippers))
-        anchor = _one_of(sorted(self.anchors))
-        return f'"{number} " {anchor} ":" {offsets}{self._rotation()} " " {gripper}'
-
-    def _rotation(self) -> str:
-        if self.repeats == {True}:
-            return ""
-        bins = " ".join(f'" " {_bin(values, self.single)}' for values in self.bins)
-        return f" ({bins})?" if True in self.repeats else f" {bins}"
-
-
-PlanPattern = Sequence[RowPattern]
 Table = Sequence[Sequence[TextRow]]  # [demonstration][row]
 
 
-def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order) -> list[PlanPattern] | None:
-    """The patterns of each plan's rows; None where the rows of several demonstrations must be strung together.
+def plans_grammar(demonstrations: Sequence[Demonstration], table: Table, asked: Order, most: int) -> str | None:
+    """The grammar of replies that carry out one of the plans, up to `most` rows of it.
 
-    Plans of demonstrations that ask for the same as the order, or where none does of those with as many clauses.
+    The plans are those of demonstrations that ask for the same as the order, or where none does of those with as many
+    clauses. None where the rows of several demonstrations must be strung together.
     """
     groups = places_by(demonstrations, attrgetter("kind"))
     as_long = [
@@ -79,44 +43,43 @@ def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order
     if not as_long:
         return None
     chosen = [places for (form, *_), places in groups.items() if form == asked.form] or as_long
-    return [
-        _patterns([demonstrations[place] for place in places], [table[place] for place in places], asked)
+    plans = [
+        _plan([demonstrations[place] for place in places], [table[place][:most] for place in places], asked)
         for places in chosen
     ]
+    names = {text: f"plan{k}" for k, text in enumerate(dict.fromkeys(plans))}
+    rules = "".join(f"{name} ::= {text}\n" for text, name in names.items())
+    return f'root ::= " " ({" | ".join(names.values())}) "\\n"\n{rules}'
 
 
-def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> list[RowPattern]:
-    """A pattern for each row of the plan that these demonstrations share."""
-    by_row = list(zip(*table, strict=True))
-    patterns = []
-    for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):
-        numbers = np.array([row.numbers for row in rows])
+def _plan(shown: Sequence[Demonstration], table: Table, asked: Order) -> str:
+    """The rows that these demonstrations of one plan share."""
+    texts = []
+    before: Sequence[TextRow] = ()
+    for number, rows in enumerate(zip(*table, strict=True), start=1):
         anchors = {
             anchor_text(asked_anchor(row.anchor, item.order, asked), item.objects, asked)
             for row, item in zip(rows, shown, strict=True)
         }
-        columns = [frozenset(column.tolist()) for column in numbers.T]
-        patterns.append(
-            RowPattern(
-                anchors=tuple(anchors),
-                offsets=tuple(columns[:3]),
-                bins=tuple(columns[3:]),
-                grippers=frozenset(int(row.gripper_open) for row in rows),
-                repeats=frozenset(row.turned_as(last) for row, last in zip(rows, before, strict=True)),
-                single=len(rows) == 1,
-            )
-        )
-    return patterns
+        texts.append(f'"{number} " {_one_of(sorted(anchors))} ":" {_numbers(rows, before)}')
+        before = rows
+    return ' "; " '.join(texts)
 
 
-def plans_grammar(plans: Sequence[PlanPattern], most: int) -> str:
-    """The grammar of replies that carry out one of the plans, up to `most` rows of it."""
-    written = dict.fromkeys(
-        ' "; " '.join(row.grammar(number) for number, row in enumerate(plan[:most], start=1)) for plan in plans
-    )
-    names = [f"plan{k}" for k in range(len(written))]
-    rules = "".join(f"{name} ::= {text}\n" for name, text in zip(names, written, strict=True))
-    return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
+def _numbers(rows: Sequence[TextRow], before: Sequence[TextRow]) -> str:
+    """The numbers of one row of a plan and its gripper.
+
+    Args:
+        rows, before: of each demonstration the row, and the one before it; the first has none.
+    """
+    columns, single = list(zip(*(row.numbers for row in rows), strict=True)), len(rows) == 1
+    offsets = " ".join(f'" " {_offset(values, single)}' for values in columns[:3])
+    rotation = " ".join(f'" " {_bin(values, single)}' for values in columns[3:])
+    repeats = {row.numbers[3:] == last.numbers[3:] for row, last in zip(rows, before, strict=False)}
+    if True in repeats:  # a rotation that repeats the row before is left out
+        rotation = f"({rotation})?" if False in repeats else ""
+    gripper = _one_of(sorted({str(int(row.gripper_open)) for row in rows}))
+    return " ".join(filter(None, [offsets, rotation, '" "', gripper]))
 
 
 def any_rows_grammar(
@@ -150,13 +113,13 @@ def _anchors(scenes: Sequence[Demonstration], frames: Sequence[AnchorFrame], ask
     return [f"{letter(k)} {frame}" for k, pose in ordered for frame in frames if frame == "w" or pose.name in rotated]
 
 
-def _offset(values: frozenset[int], single: bool) -> str:
+def _offset(values: Collection[int], single: bool) -> str:
     margin = 0 if single else MARGIN_UNITS
     low, high = min(values) - margin, max(values) + margin
     return f"({_ANY_OFFSET})" if high - low >= MAX_LISTED else _one_of(f"{value:+d}" for value in range(low, high + 1))
 
 
-def _bin(values: frozenset[int], single: bool) -> str:
+def _bin(values: Collection[int], single: bool) -> str:
     margin = 0 if single else MARGIN_BINS
     near = {(value + step) % ROTATION_BINS for value in values for step in range(-margin, margin + 1)}
     return f"({_ANY_BIN})" if len(near) >= ROTATION_BINS // 2 else _one_of(map(str, sorted(near)))

@@ -13,12 +13,11 @@ from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import WORLD, Anchor, AnchorPose, Anchors, relative_row
+from app.pipeline.representation.anchors import Anchor, AnchorPose, Anchors, relative_row
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 LETTERS = string.ascii_uppercase
-AXES = "xyz"
 Integers = npt.NDArray[np.int_]
 
 OFFSET_UNIT_M = 0.005
@@ -41,10 +40,6 @@ class TextRow:
     anchor: Anchor
     numbers: tuple[int, ...]
     gripper_open: bool
-
-    def turned_as(self, other: "TextRow | None") -> bool:
-        """Whether it has the rotation numbers of the other row."""
-        return other is not None and self.numbers[3:] == other.numbers[3:]
 
 
 class Step(NamedTuple):
@@ -171,10 +166,8 @@ def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> 
     """An anchor of a scene as its rows write it."""
     if not anchor.object_name:
         return anchor.frame
-    letters = {pose.name: letter(place) for place, pose in enumerate(in_order(objects, order))} | {"": WORLD.frame}
-    along = "".join(f" {AXES[axis]}={letters[name]}" for axis, name in anchor.along)
-    share = f" {anchor.tenths}/10" if anchor.tenths < 10 else ""
-    return f"{letters[anchor.object_name]} {anchor.frame}{along}{share}"
+    lettered = anchor.named({pose.name: letter(place) for place, pose in enumerate(in_order(objects, order))})
+    return f"{lettered.object_name} {lettered.frame}{lettered.others_text}"
 
 
 def letter(place: int) -> str:

@@ -44,8 +44,8 @@ class PartsCodec(Codec):
     demonstrations: tuple[Demonstration, ...]
     common: CommonParts
     with_instruction: bool
-    stop: tuple[str, ...] = ("\n\n",)
-    separator: str = "\n\n"
+    stop: ClassVar[tuple[str, ...]] = ("\n\n",)
+    separator: ClassVar[str] = "\n\n"
     joint: ClassVar[str] = "\n"
 
     @classmethod

@@ -29,7 +29,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_inte
 from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import AXES, Step, TextRow, actions_at, letter
+from app.pipeline.representation.object_rows import Step, TextRow, actions_at, letter
 from app.pipeline.workspace import ROTATION_BINS, Workspace, discretize_actions, object_bins, undiscretize_actions
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -80,8 +80,8 @@ class SumsCodec(Codec):
 
     workspace: Workspace
     fitted: ObjectFrameCodec
-    stop: tuple[str, ...] = ("\n",)
-    separator: str = "\n"
+    stop: ClassVar[tuple[str, ...]] = ("\n",)
+    separator: ClassVar[str] = "\n"
     columns: ClassVar[Sequence[Column]] = (
         *AbsoluteCodec.columns[:5],
         Column("yaw", -NO_TURN, ROTATION_BINS + NO_TURN - 1),
@@ -194,13 +194,11 @@ class SumsCodec(Codec):
         origins, placed = self._origins(query), self._placed(query, row)
         origin = list(origins[_name(anchor)])
         turn = row.numbers[5] - NO_TURN if anchor.hand_turns and not anchor.at_tilted else None
-        along = "".join(f" {AXES[axis]}={name or WORLD.frame}" for axis, name in anchor.along)
-        share = f" {anchor.tenths}/10" if anchor.tenths < 10 else ""
         for axis, name in anchor.along if anchor.tenths == 10 else ():
             origin[axis] = origins[name][axis] if name else 0
         fixed = {axis for axis, name in anchor.along if not name}
         differences = (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
-        return _Followed(f"{_name(anchor)}{along}{share}", step, origin, differences)
+        return _Followed(f"{_name(anchor)}{anchor.others_text}", step, origin, differences)
 
     def grammar(self, query: Query, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.fitted.demonstrations, query.order, max_actions)

@@ -10,7 +10,7 @@ from app.pipeline.findings.actions import ActionDoubt
 from app.pipeline.plans.support import PlacedPlan, PlacedRow, SupportGuard
 from app.pipeline.plans.turn import half_turned
 from app.pipeline.reply import ReplyReader
-from app.pipeline.representation.object_rows import AXES
+from app.pipeline.representation.anchors import AXES
 from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, Workspace, discretize_actions
 from app.services.measures import timed
 from app.store.values import JsonObject
