@@ -94,10 +94,11 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     """
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
     found = _with_numbers(members, _numbers([member.counts for member in members], most_frequent=resting), resting)
-    on_path = _numbers([member.counts_on_path for member in members], most_frequent=False)
     left_m = [member.left_m(item.actions) for member, item in zip(members, found.demonstrations, strict=True)]
-    if on_path != found.numbers and leave_path(left_m):
-        resting, found = False, _with_numbers(members, on_path, False)
+    if leave_path(left_m):
+        on_path = _numbers([member.counts_on_path for member in members], most_frequent=False)
+        if on_path != found.numbers:
+            resting, found = False, _with_numbers(members, on_path, False)
     return found.demonstrations if resting else _without_vague(found)
 
 
