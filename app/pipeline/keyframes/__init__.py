@@ -1,7 +1,7 @@
 """Keyframes of a trajectory: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
-from app.pipeline.keyframes.motion import Motion
-from app.pipeline.keyframes.resting import Manner, manner_of
+from app.pipeline.keyframes.motion import Manner, Motion
+from app.pipeline.keyframes.resting import manner_of
 from app.pipeline.keyframes.rules import (
     RULES,
     SIMULATION_DELTA_RAD_S,

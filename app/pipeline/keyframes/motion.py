@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,8 @@ from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
+
+Manner = Literal["rests", "hesitates", "flows"]  # how a recording moves: `resting.manner_of`
 
 BLIP_S = 0.1  # fingers need longer to close on something
 # The hand is slowest where it grasps or lets go. Fingers that are recorded a moment before (a command) or after (they
@@ -56,10 +58,12 @@ class Motion:
 
     Attributes:
         times_s: (T,) of the frames.
+        manners: what `resting.manner_of` found, by its threshold in rad/s.
     """
 
     trajectory: Trajectory
     times_s: Array
+    manners: dict[float, Manner] = field(default_factory=dict, init=False, repr=False)
     _paths: dict[tuple[int, int, float, float], HandPath] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod

@@ -5,18 +5,16 @@ Also measures how far straight motion between actions leaves the recorded path, 
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.keyframes.motion import Motion
+from app.pipeline.keyframes.motion import Manner, Motion
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M, off_line_m
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, merged
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
-
-Manner = Literal["rests", "hesitates", "flows"]
 
 NEARBY_S = 0.1  # a switch this near to a rest happens in it
 MAX_RESTING = 0.5  # a person hesitates in a recording with a larger share of rests
@@ -56,6 +54,12 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
     `hesitates`: it rests within straight motion, or longer than it moves, as people do.
     `flows`: anything else, and recordings without joints.
     """
+    if delta_rad_s not in motion.manners:
+        motion.manners[delta_rad_s] = _manner_of(motion, delta_rad_s)
+    return motion.manners[delta_rad_s]
+
+
+def _manner_of(motion: Motion, delta_rad_s: float) -> Manner:
     rests = motion.joint_speeds_rad_s < delta_rad_s
     if motion.trajectory.num_joints == 0 or not rests.any() or rests.all():
         return "flows"
@@ -65,11 +69,13 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
         _Leg(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()), _grasped(motion, first))
         for first, last in pairwise([0, *merged(motion, delta_rad_s)])
     ]
+    if float(rests[started:].mean()) > MAX_RESTING:
+        return "hesitates"
     on_the_way = sum(
         not before.to_switch and motion.path(before.first, after.last, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
         for before, after in pairwise(legs)
     )
-    if float(rests[started:].mean()) > MAX_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(legs)):
+    if on_the_way > max(1.0, ON_THE_WAY * len(legs)):
         return "hesitates"
     at_keyframes = (
         bool(rests[started:].any())
