@@ -33,6 +33,7 @@ STEP_M, STEPS = 1e-4, 6
 # Of the error of positions to the width of the path. Frankas: at most 0.028; other arms of seven joints: from 0.3 on
 MAX_ERROR_SHARE = 0.05
 MIN_WIDTH_M = 0.015  # a path nearer to a straight line does not tell how the base is turned
+MUCH_BETTER = 2.0  # times less error has the frame with a reversed axis if the positions are in such a frame
 MAX_TURN_DEG = 10.0  # of the tool on its flange; right recordings: at most 3.7
 MAX_DOUBT_M = 0.005
 POSITIONS, ROTATIONS = "trajectory.end_effector_positions", "trajectory.end_effector_quaternions_xyzw"
@@ -72,8 +73,10 @@ def _beyond_positions(motion: Motion) -> bool:
 def flange_away_m(trajectory: Trajectory) -> float | None:
     """Return how far a Franka's flange is from the recorded hand; None for other arms, or if the path hardly tells."""
     frames, flanges = _flanges(trajectory)
-    fitted = _fitted(flanges, trajectory.positions_m[frames]) if len(frames) else None
-    return None if fitted is None or fitted.doubt_m > MAX_DOUBT_M else fitted.tip_away_m
+    if not len(frames):
+        return None
+    fitted = _fitted(flanges, trajectory.positions_m[frames])
+    return fitted.tip_away_m if fitted.explains and fitted.doubt_m <= MAX_DOUBT_M else None
 
 
 def _flanges(trajectory: Trajectory) -> tuple[npt.NDArray[np.intp], Array]:
@@ -94,9 +97,12 @@ def _check_hand(trajectory: Trajectory) -> None:
     if not len(frames):
         return
     positions_m, quaternions = trajectory.positions_m[frames], trajectory.quaternions_xyzw[frames]
-    if (fitted := _fitted(flanges, positions_m)) is not None:
+    fitted = _fitted(flanges, positions_m)
+    if fitted.explains:
         _check_turns(Rotation.from_matrix(fitted.base @ flanges[:, :3, :3]), quaternions)
-    elif _fitted(flanges, -positions_m) is not None:  # three reversed axes are one, turned by half a turn
+        return
+    reversed_ = _fitted(flanges, -positions_m)  # three reversed axes are one, turned by half a turn
+    if reversed_.explains and reversed_.error_m < fitted.error_m / MUCH_BETTER:
         message = "are where a Franka's joints put its hand only if one axis is reversed: a left-handed frame"
         raise InvalidInputError(POSITIONS, message, "a right-handed world frame, meters")
 
@@ -122,16 +128,20 @@ class _Fitted(NamedTuple):
     Attributes:
         base: (3, 3) the base's axes in the world.
         tip_away_m: distance of the tool's tip from the flange's origin.
+        error_m: RMS distance of the tips from the positions.
         doubt_m: standard error of the tip along the direction that the path shows least.
+        explains: whether it explains the positions, and few others do.
     """
 
     base: Array
     tip_away_m: float
+    error_m: float
     doubt_m: float
+    explains: bool
 
 
-def _fitted(flanges: Array, positions_m: Array) -> _Fitted | None:
-    """Return the fit; None if no base and tool explain the positions, or many do.
+def _fitted(flanges: Array, positions_m: Array) -> _Fitted:
+    """Return the fit with the least squares of distances.
 
     Args:
         flanges: (N, 4, 4) in the base frame, as the joints say.
@@ -147,9 +157,8 @@ def _fitted(flanges: Array, positions_m: Array) -> _Fitted | None:
     widths_m = np.linalg.svd(tips_m, compute_uv=False) / np.sqrt(len(tips_m))  # along principal axes, the largest first
     error_m = float(np.sqrt((off_m**2).sum(axis=1).mean()))
     least = float(np.linalg.svd(slopes, compute_uv=False)[-1])
-    if widths_m[1] <= MIN_WIDTH_M or error_m >= MAX_ERROR_SHARE * widths_m[0]:
-        return None
-    return _Fitted(base, float(np.linalg.norm(tip_m)), error_m / max(least, 1e-9))
+    explains = bool(widths_m[1] > MIN_WIDTH_M and error_m < MAX_ERROR_SHARE * widths_m[0])
+    return _Fitted(base, float(np.linalg.norm(tip_m)), error_m, error_m / max(least, 1e-9), explains)
 
 
 def _placed(flanges: Array, tip_m: Array, positions_m: Array) -> tuple[Array, Array, Array]:

@@ -51,6 +51,13 @@ def test_a_franka_with_any_base_and_tool_is_accepted(seed):
     check_joints(Motion.of(franka(seed, turns_rad=0.02)))
 
 
+@pytest.mark.parametrize(("seed", "turns_rad"), [(0, 0.231), (2, 0.133), (8, 0.11), (16, 0.125)])
+def test_a_path_near_the_least_width_is_not_taken_for_a_left_handed_one(seed, turns_rad):
+    """A reversed axis fits a narrow path, too, but not as well."""
+    for near_rad in np.linspace(0.99 * turns_rad, 1.01 * turns_rad, 9):
+        check_joints(Motion.of(franka(seed, near_rad)))
+
+
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
