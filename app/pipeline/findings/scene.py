@@ -1,5 +1,6 @@
 """Findings about an observed scene: uncertain poses, and objects unlike the demonstrations."""
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
@@ -17,7 +18,7 @@ from roboprompt_client.types.severity import SEVERITIES
 UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
 REPEATED_M = 1e-5  # two measurements of one pose differ by more
-APART_SHARE = 0.5  # of the least distance of two objects in demonstrations: nearer ones are one object
+APART_SHARE = 0.5  # of the least distance of two objects in MANY demonstrations: nearer ones are one object
 
 
 def scene_findings(
@@ -132,6 +133,8 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
 
     That explains every other finding about the two.
     """
+    # The least distance of N places in a plane falls as 1 / sqrt(N): of few demonstrations it is still large.
+    apart_share = APART_SHARE * min(1.0, math.sqrt(len(scenes.demonstrations) / MANY))
     for one, other in combinations(observed, 2):
         off_m = _height_error_if_exchanged_m(one, other, scenes)
         message = (
@@ -143,7 +146,7 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
             return list(swapped), (one, other)
         off_m = float(np.linalg.norm(one.position_m - other.position_m))
         least_m = scenes.least_apart_m[one.name, other.name]
-        if least_m > FIXED_M and off_m < APART_SHARE * least_m:
+        if least_m > FIXED_M and off_m < apart_share * least_m:
             message = (
                 f"{one.name} and {other.name} are seen {100 * off_m:.1f} cm apart, but at least {100 * least_m:.1f} cm"
                 " in every demonstration. The estimator probably found one object twice."

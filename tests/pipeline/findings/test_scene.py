@@ -96,6 +96,12 @@ def test_each_cause_is_found_alone(observed, expected):
     assert found(observed) == [expected]
 
 
+@pytest.mark.parametrize(("apart_m", "number", "one"), [(0.09, 10, True), (0.09, 5, False), (0.01, 5, True)])
+def test_few_demonstrations_may_not_have_shown_how_near_two_objects_stand(apart_m, number, one):
+    near = moved("red cube", 0.1, 0.2 - apart_m, 0)
+    assert (("objects-in-one-place", "danger", "objects[red cube]") in found(near, SHOWN[:number])) == one
+
+
 def test_a_lesser_doubt_hides_no_greater_one():
     """An object that stands a little higher and far away, and one that hangs in the air."""
     assert [kind[:2] for kind in found(moved("red cube", 0.5, 0, 0.015))] == [
