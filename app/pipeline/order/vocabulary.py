@@ -244,7 +244,7 @@ DIRECTIONS = _words(
     "left right up down forward backward clockwise counterclockwise sideways upside inside outside north south east "
     "west open closed shut on off in out"
 )
-DECIDING = ALTERING | DIRECTIONS | ADJECTIVES | set(NUMBERS.values())  # without them a clause means something else
+DECIDING = ALTERING | DIRECTIONS | ADJECTIVES  # without them a clause means something else
 # Roles that say where something is, rather than in which direction it goes
 LOCATIONS = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
 NEVER_FIXED = _words("and but or nor not never then it again use")  # they never stand for themselves
