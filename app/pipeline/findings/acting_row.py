@@ -12,7 +12,7 @@ from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
 from app.pipeline.plans.agreement import left_out_errors_m, two_ways
 from app.pipeline.plans.rows import PlanRow, of_a_way
-from app.pipeline.representation.anchor_scatter import MIN_TURNED, TURNED_SHARE, much_less, scatters_m
+from app.pipeline.representation.anchor_scatter import MIN_SCATTERED, TURNED_SHARE, much_less, scatters_m
 from app.pipeline.representation.anchors import asked_anchor
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
@@ -87,7 +87,11 @@ class ActingRow:
         """
         row, names = self.row, {anchor.object_name for anchor in self.row.anchors}
         poses = [item.object(a.object_name) for item, a in zip(self.shown, row.anchors, strict=True) if all(names)]
-        if len(poses) < MIN_TURNED or names & self.round_objects or any(pose.quaternion_xyzw is None for pose in poses):
+        if (
+            len(poses) < MIN_SCATTERED
+            or names & self.round_objects
+            or any(pose.quaternion_xyzw is None for pose in poses)
+        ):
             return 0.0, 0.0
         world_m, own_m = (scatter_m[:, self.index] for scatter_m in scatters_m(self.shown, row.anchors))
         turn = np.array([row.anchors[0].place_turns, row.anchors[0].hand_turns])

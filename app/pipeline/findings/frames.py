@@ -22,7 +22,7 @@ from roboprompt_client.types.poses import ObjectPose, Pose
 
 GIVEN = "given"
 SAME_M, SAME_DEG = 0.015, 15.0  # a given and a found pose that differ by less use the same object frame
-REPEATED_M = 0.001  # a given pose this near to a demonstration's was read from that demonstration
+COPIED_M = 0.001  # a given pose this near to a demonstration's was read from that demonstration
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
@@ -72,7 +72,7 @@ def source_findings(
     for pose in observed:
         taught = [item for one in shown for item in one.objects if item.name == pose.name]
         sources = {item.estimator for item in taught} - {pose.estimator}
-        repeated = any(np.linalg.norm(pose.position_m - item.position_m) < REPEATED_M for item in taught)
+        repeated = any(np.linalg.norm(pose.position_m - item.position_m) < COPIED_M for item in taught)
         if not sources or (repeated and pose.estimator == GIVEN):  # it is a demonstration's pose
             continue
         measured = [item for item in compared if item.given.name == pose.name]

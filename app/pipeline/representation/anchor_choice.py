@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
-    MIN_TURNED,
+    MIN_SCATTERED,
     around,
     certain_share,
     farthest_m,
@@ -119,7 +119,7 @@ def _mixed_frames(group: Sequence[Demonstration], own: Anchors) -> dict[Anchors,
     Args:
         own: the objects' own frames.
     """
-    if len(group) < MIN_TURNED or not group[0].actions:
+    if len(group) < MIN_SCATTERED or not group[0].actions:
         return {}
     certain = certain_share(len(group), 2)
     world_m, own_m = scatters_m(group, own)

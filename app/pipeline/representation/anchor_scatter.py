@@ -18,7 +18,7 @@ from app.pipeline.thresholds import M_PER_RAD, TURNED_M
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 
-MIN_TURNED = 3  # demonstrations that show what a row follows by their scatter
+MIN_SCATTERED = 3  # demonstrations that show what a row follows by their scatter
 SIGNIFICANCE = 0.01  # significance level of the F test
 MANY_TURNED = 8  # from this number of demonstrations on, the farthest are left out as outliers:
 KEPT_SHARE = 0.8  # this share is kept; of fewer, the one unlike the others may decide
@@ -41,7 +41,7 @@ def certain_share(number: int, dimensions: int) -> float:
     five, 0.49 for ten.
 
     Args:
-        number: of demonstrations, `MIN_TURNED` or more.
+        number: of demonstrations, `MIN_SCATTERED` or more.
     """
     half_freedom = dimensions * (_num_kept(number) - 2) / 2
     quantile = float(betaincinv(half_freedom, half_freedom, SIGNIFICANCE))

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
-    MIN_TURNED,
+    MIN_SCATTERED,
     SERVES_M,
     around,
     axes_scatter_m,
@@ -51,7 +51,7 @@ def along_axes(group: Sequence[Demonstration], chosen: Sequence[Anchors], object
     Args:
         objects: that rows may follow, each in the frame `wo`.
     """
-    if len(group) < MIN_TURNED or not group[0].actions:
+    if len(group) < MIN_SCATTERED or not group[0].actions:
         return list(chosen)
     rows = _Rows(group, objects)
     found = [rows.turned_with(k, rows.followed(k, anchors)) for k, anchors in enumerate(chosen)]
