@@ -10,6 +10,7 @@ from app.perception.object_model import Meters, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, RuleName
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
+from roboprompt_client.arms.named import ArmModel
 from roboprompt_client.arms.urdf import MAX_CHARS, UrdfGeometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import HAND_RADIUS_M
@@ -110,7 +111,6 @@ class KeepOutBox(_Settings):
         return self
 
 
-ArmModel = Literal["panda", "fr3"]  # with a Franka Hand
 KINDS_OF_ARM = NAMED_ARM, OWN_ARM = "<named arm>", "<own arm>"  # no name of an object or task has these characters
 
 

@@ -34,7 +34,7 @@ from app.services.setting_parts import (
 )
 from app.store import tasks
 from roboprompt_client.arms.geometry import Chain
-from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.named import named_geometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types.names import checked_name
@@ -129,8 +129,8 @@ class TaskSettings(BaseModel):
     arm: Annotated[
         Arm | None,
         Field(
-            description="the robot, with a Franka Hand or by its URDF: pages draw it, and paths are checked for what"
-            " its joints reach; null: not known"
+            description="the robot by its name (a Franka with a Franka Hand, a UR with a Robotiq 2F-85) or by its"
+            " URDF: pages draw it, and paths are checked for what its joints reach; null: not known"
         ),
     ] = None
     gripper_symmetry_deg: Annotated[
@@ -178,7 +178,7 @@ class TaskSettings(BaseModel):
             case UrdfArm():
                 return self.arm.geometry()
             case _:
-                return PandaGeometry(self.arm)
+                return named_geometry(self.arm)
 
     def limits_of_motion(self) -> MotionLimits:
         bounds, box = self.motion_limits, self.workspace

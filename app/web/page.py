@@ -34,6 +34,7 @@ from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
 from app.web.scene import scene_picture
+from roboprompt_client.arms.named import TITLES
 from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
@@ -202,7 +203,11 @@ _ENVIRONMENT = Environment(
 _ENVIRONMENT.policies["json.dumps_kwargs"] = {}  # members in their order: scripts compare settings as text
 _ENVIRONMENT.filters.update(FILTERS)
 _ENVIRONMENT.globals.update(
-    navigation=NAVIGATION, interval=interval_text, pictured=pictured, scene_picture=scene_picture
+    navigation=NAVIGATION,
+    interval=interval_text,
+    pictured=pictured,
+    scene_picture=scene_picture,
+    arm_titles=TITLES,
 )
 
 

@@ -229,6 +229,10 @@ def rtde(body):
         isConnected=lambda: not body.gone,
         isPoseWithinSafetyLimits=lambda pose: bool(np.linalg.norm(pose[:3]) < 0.85),
         getInverseKinematics=lambda pose: [0.1] * 6,
+        getTCPOffset=lambda: [
+            *body.tool[:3, 3],
+            *rotations.to_rotation_vector(rotations.from_matrix(body.tool[:3, :3])),
+        ],
         isJointsWithinSafetyLimits=lambda joints: True,
         getAsyncOperationProgress=progress,
         moveL=move,
@@ -242,7 +246,7 @@ def rtde(body):
     receive = Named(
         isConnected=lambda: not body.gone,
         getActualTCPPose=lambda: [*body.position_m, *rotations.to_rotation_vector(body.quaternion)],
-        getActualQ=lambda: [0.1] * 6,
+        getActualQ=lambda: [0.1, -1.2, 1.4, -1.6, -1.6, 0.1],
         getActualQd=lambda: [0.0] * 6,
         getActualTCPForce=lambda: [*body.force_n, 0.0, 0.0, 0.5],
         isEmergencyStopped=lambda: False,
@@ -367,10 +371,10 @@ def open_franka(body, monkeypatch):
     return Franka("127.0.0.1")
 
 
-def open_ur(body, monkeypatch):
+def open_ur(body, monkeypatch, **options):
     modules = iter(rtde(body))  # control, receive, io
     monkeypatch.setattr("roboprompt_client.arms.ur.import_extra", lambda *_: next(modules))
-    return UR("127.0.0.1", gripper_output=0, gripper_s=0.0)
+    return UR("127.0.0.1", gripper_output=0, gripper_s=0.0, **options)
 
 
 def open_xarm(body, monkeypatch):

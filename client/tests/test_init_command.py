@@ -103,8 +103,8 @@ def test_nothing_is_overwritten(body, monkeypatch, tmp_path, capsys):
 
 
 def test_a_missing_package_is_said_before_more_is_asked(monkeypatch, tmp_path, capsys):
-    status, asked = type_command(monkeypatch, "init", tmp_path / "cell.json", answers=["ur", "192.168.1.5"])
-    assert (status, len(asked)) == (1, 2)
+    status, asked = type_command(monkeypatch, "init", tmp_path / "cell.json", answers=["ur", "192.168.1.5", "ur5e"])
+    assert (status, len(asked)) == (1, 3)
     assert "in a checkout, pip install './client[ur]'" in capsys.readouterr().err
     status, asked = type_command(monkeypatch, "init", tmp_path / "none" / "cell.json")
     assert (status, len(asked)) == (1, 0)

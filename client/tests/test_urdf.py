@@ -5,15 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from roboprompt_client.arms.ur_geometry import URGeometry
 from roboprompt_client.arms.urdf import MAX_CHARS, UrdfGeometry
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.types import quaternions as rotations
 
 FILE = Path(__file__).with_name("ur5e.urdf")
 TEXT = FILE.read_text()
-A_M = (0.0, -0.425, -0.3922, 0.0, 0.0, 0.0)
-D_M = (0.1625, 0.0, 0.0, 0.1333, 0.0997, 0.0996)
-ALPHA_RAD = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 READY_RAD = np.array([0.0, -1.6, 1.6, -1.6, -1.6, 0.0])
 PAN = '<origin xyz="0 0 0" rpy="0 0 3.141592653589793"/><axis xyz="0 0 1"/>'
 
@@ -23,18 +21,12 @@ def arm():
     return UrdfGeometry(TEXT, "tool0", "base")
 
 
-def denavit_hartenberg(joints_rad):
-    pose = np.eye(4)
-    for a, d, alpha, angle in zip(A_M, D_M, ALPHA_RAD, joints_rad, strict=True):
-        (ca, sa), (c, s) = ((np.cos(each), np.sin(each)) for each in (alpha, angle))
-        pose = pose @ [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-    return pose
-
-
 def test_the_hand_is_where_the_maker_s_parameters_put_it(arm):
     rng = np.random.default_rng(0)
+    named = URGeometry("ur5e", np.eye(4))
     for joints in rng.uniform(arm.low_rad, arm.high_rad, (20, 6)):
-        np.testing.assert_allclose(arm.hand(joints), denavit_hartenberg(joints), atol=1e-9)
+        np.testing.assert_allclose(arm.hand(joints), named.hand(joints), atol=1e-9)
+        np.testing.assert_allclose(arm.flange(joints)[1], named.flange(joints)[1], atol=1e-9)
         turned = UrdfGeometry(TEXT, "tool0").hand(joints)  # ROS's base_link looks the other way
         np.testing.assert_allclose(turned[:3, 3], arm.hand(joints)[:3, 3] * [-1, -1, 1], atol=1e-9)
 

@@ -101,8 +101,8 @@ def test_a_refusal_names_an_object_that_is_called_as_a_kind_of_arm(http):
 @pytest.mark.parametrize(
     ("arm", "field", "said"),
     [
-        ("ur5", "arm", "panda, fr3, null, or an object with urdf, frame and ready"),
-        (7, "arm", "panda, fr3, null, or an object"),
+        ("ur5", "arm", "panda, fr3, ur3e, ur5e, ur10e, ur16e, null, or an object with urdf, frame and ready"),
+        (7, "arm", "panda, fr3, ur3e, ur5e, ur10e, ur16e, null, or an object"),
         (ur5e(ready=[0.0]), "arm.ready", "6: shoulder_pan_joint"),
         (ur5e(ready=[0, 0, 4, 0, 0, 0]), "arm.ready", "-3.14159 to 3.14159 rad"),
         (ur5e(ready="home"), "arm.ready", "a list"),

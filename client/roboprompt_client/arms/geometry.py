@@ -43,10 +43,10 @@ class Geometry(Protocol):
 
 @runtime_checkable
 class KnowsItsJoints(Protocol):
-    """A driver whose arm's geometry is known."""
+    """A driver that may know its arm's geometry."""
 
-    def geometry(self) -> Geometry:
-        """Return the geometry with the arm's present tool; raises MotionError if the arm does not answer."""
+    def geometry(self) -> Geometry | None:
+        """Return the geometry with the arm's present tool, if known; raises MotionError if the arm does not answer."""
         ...
 
 

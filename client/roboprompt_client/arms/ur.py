@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 
-from roboprompt_client.arms.driver import LOOK_FIRST, MAX_SPEED_M_S, STEERED_S, ArmState, MakersObject
+from roboprompt_client.arms.driver import LOOK_FIRST, MAX_SPEED_M_S, STEERED_S, ArmState, MakersObject, pose_matrix
+from roboprompt_client.arms.ur_geometry import URGeometry, checked_model
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.motion.limits import checked_bound
@@ -22,12 +23,13 @@ class UR:
 
     Args:
         address: of the arm's controller, in remote control.
+        model: `ur3e`, `ur5e`, `ur10e` or `ur16e`: plans are previewed with its joints; None: unknown.
         speed_m_s, acceleration_m_s2: of the tool.
         gripper_output: the tool's digital output that closes the gripper or switches the suction on; None: no gripper.
         gripper_s: how long the gripper takes.
 
     Raises:
-        InvalidInputError: for a speed or acceleration out of range.
+        InvalidInputError: for an unknown model, or a speed or acceleration out of range.
         MotionError: if the arm cannot be reached.
     """
 
@@ -38,11 +40,13 @@ class UR:
         self,
         address: str,
         *,
+        model: str | None = None,
         speed_m_s: float = SPEED_M_S,
         acceleration_m_s2: float = ACCELERATION_M_S2,
         gripper_output: int | None = None,
         gripper_s: float = GRIPPER_S,
     ) -> None:
+        self._model = model if model is None else checked_model(model)
         self._speed = checked_bound("options.speed_m_s", speed_m_s, MAX_SPEED_M_S)
         self._acceleration = checked_bound("options.acceleration_m_s2", acceleration_m_s2)
         self._control, self._receive = (self._connected(kind, address) for kind in ("Control", "Receive"))
@@ -77,6 +81,13 @@ class UR:
         joints = self._control.getInverseKinematics(pose)
         if not joints or not self._control.isJointsWithinSafetyLimits(joints):
             raise MotionError(f"{self.name}: the pose is beyond a joint's limit")
+
+    def geometry(self) -> URGeometry | None:
+        """Return the geometry with the tool center point that is set on the pendant; None for an unknown model."""
+        if self._model is None:
+            return None
+        x, y, z, *turn = self._control.getTCPOffset()
+        return URGeometry(self._model, pose_matrix(np.array([x, y, z]), rotations.from_rotation_vector(turn)))
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._progress_before = self._control.getAsyncOperationProgress()

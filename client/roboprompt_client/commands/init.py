@@ -12,6 +12,7 @@ import numpy as np
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.panda import LIMITS_RAD
+from roboprompt_client.arms.ur_geometry import MODELS
 from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.cell import ARMS, open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
@@ -84,6 +85,10 @@ def _arm() -> dict[str, Any]:
         options["model"] = _answer("Its model [panda or fr3]: ", partial(_one_of, LIMITS_RAD))
         if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
             options["realtime"] = False
+    if name == "ur":
+        question = f"Its model [{', '.join(MODELS)}; Enter: another]: "
+        model = _answer(question, lambda text: text and _one_of(MODELS, text))
+        options.update({"model": model} if model else {})
     return {"arm": name, "options": options}
 
 
