@@ -30,7 +30,8 @@ from roboprompt_client.types.quaternions import yaw_rad
 
 TURNS_DEG = (180.0, 90.0)  # the coarser first, because it implies the finer
 MIN_GRASPS = 5
-ALIKE_DEG = 15.0  # grasps from one side differ from their mean by less
+ALIKE_DEG = 15.0  # five grasps from one side differ from their mean by less
+LOOSELY_ALIKE_DEG = 20.0  # so may those of any number: people align their hands no better
 MIN_SIDES = 3  # of four; two may be those of two models of one object
 MIN_OF_TWO = 2  # grasps from each of two sides; one may be a slip
 NOISE_DEG = 5.0  # hands that take the nearest side turn by no more than the sides are apart, and this
@@ -141,9 +142,19 @@ def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
     yaws_deg = np.degrees([yaw_rad(quaternion) for _, quaternion in known])
     for turn_deg in TURNS_DEG:
         left_deg, sides = sides_of(turned[:, 2] - yaws_deg, turn_deg)
-        if np.abs(left_deg).max() <= ALIKE_DEG and _nearest_taken(turned[:, 2], sides, turn_deg):
+        if np.abs(left_deg).max() <= _alike_deg(len(known), turn_deg) and _nearest_taken(turned[:, 2], sides, turn_deg):
             return _symmetry(taking, yaws_deg + turn_deg * sides, turn_deg)
     return None
+
+
+def _alike_deg(number: int, turn_deg: float) -> float:
+    """Return how far grasps may be from their mean, so that chance passes no more often than with `MIN_GRASPS`.
+
+    N random directions all lie within such a share of the circle with probability N share^(N-1).
+    """
+    least = 2 * ALIKE_DEG / turn_deg
+    share = (MIN_GRASPS * least ** (MIN_GRASPS - 1) / number) ** (1 / (number - 1))
+    return min(share * turn_deg / 2, LOOSELY_ALIKE_DEG)
 
 
 def _nearest_taken(hands_deg: Array, sides: npt.NDArray[np.intp], turn_deg: float) -> bool:

@@ -83,6 +83,15 @@ def test_a_symmetry_is_shown_only_where_nothing_depends_on_the_side(hand_deg, ho
             assert turned is given
 
 
+@pytest.mark.parametrize(("share", "turn_deg"), [(0.6, 90), (0.3, None)])
+def test_people_turn_their_hands_less_than_they_need(share, turn_deg):
+    recordings = group(lambda yaw_deg: share * CUBE(yaw_deg))
+    symmetries = shown_symmetries(recordings, {})
+    assert {name: item.turn_deg for name, item in symmetries.items()} == ({"cube": turn_deg} if turn_deg else {})
+    for item in folded(recordings, symmetries) if turn_deg else ():
+        assert abs(np.degrees(yaw_rad(item.demonstration.object("cube").quaternion_xyzw))) < 45
+
+
 def test_two_models_of_an_object_that_lies_alike_are_no_symmetry():
     """Half of the recordings have another zero of its yaw; beyond the demonstrated yaws a fold would be wrong."""
     recordings = group(lambda yaw_deg: yaw_deg, most_deg=40)
