@@ -15,7 +15,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.places import MIN_DEMONSTRATIONS
+from app.pipeline.findings.places import MIN_DEMONSTRATIONS, spread_m
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose, Pose
@@ -26,6 +26,7 @@ COPIED_M = 0.001  # a given pose this near to a demonstration's was read from th
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
+BEYOND_SCATTER = 2.0  # times the spread of starts across z: a robot does not always start in one place
 BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
 NOT_AT_M = 0.20  # what is farther from the hand is not in it
 SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
@@ -133,7 +134,11 @@ def frame_findings(
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
     along_m = np.abs(ways_m @ axis)
-    along = (along_m > ALONG_M) & (np.sqrt(np.maximum(far_m**2 - along_m**2, 0)) < ACROSS_M)
+    across_m = ways_m - (ways_m @ axis)[:, None] * axis
+    scatter_m = spread_m(across_m)
+    along = (along_m > max(ALONG_M, BEYOND_SCATTER * scatter_m)) & (
+        np.linalg.norm(across_m, axis=1) < max(ACROSS_M, scatter_m)
+    )
     turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
     usual_deg = float(np.median(turned_deg))
     turned = (far_m < SAME_PLACE_M) & (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)

@@ -82,7 +82,7 @@ POSES_OF_ANOTHER_SOURCE = Rule(
     "poses-of-another-source", "0 for a given pose that nothing compares", warning=0.0, danger=1.0
 )
 OBJECTS_IN_ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
-OBJECTS_IN_EACH_OTHERS_PLACE = Rule("objects-in-each-others-place", "height error of both", "m", danger=0.008)
+OBJECTS_IN_EACH_OTHERS_PLACE = Rule("objects-in-each-others-place", "height error of both", "m", danger=0.004)
 SCENE_OF_A_DEMONSTRATION = Rule("scene-of-a-demonstration", danger=ALWAYS, source="no pose is measured twice alike")
 OBJECT_TILTED = Rule("object-tilted", "tilt outside of its range", "degrees", danger=20.0)
 OBJECT_AT_ANOTHER_HEIGHT = Rule(

@@ -157,11 +157,15 @@ def _confused(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list
 
 
 def _height_error_if_exchanged_m(one: ObjectPose, other: ObjectPose, scenes: ShownScenes) -> float:
-    """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0."""
+    """Return the smaller of the two height errors, if exchanging the names at least halves both; else 0.
+
+    They count if they are larger than the range of heights in demonstrations, which is noise.
+    """
     places = scenes.places[one.name], scenes.places[other.name]
-    if max(place.box_m.width[2] for place in places) >= FIXED_M:
-        return 0.0
+    noise_m = max(place.box_m.width[2] for place in places)
     off_m = min(place.lifted_m(pose) for place, pose in zip(places, (one, other), strict=True))
+    if noise_m >= FIXED_M or off_m < noise_m:
+        return 0.0
     left_m = max(place.lifted_m(pose) for place, pose in zip(places, (other, one), strict=True))
     return off_m if left_m < off_m / 2 else 0.0
 

@@ -153,7 +153,7 @@ def _alike_deg(number: int, turn_deg: float) -> float:
     N random directions all lie within such a share of the circle with probability N share^(N-1).
     """
     least = 2 * ALIKE_DEG / turn_deg
-    share = (MIN_GRASPS * least ** (MIN_GRASPS - 1) / number) ** (1 / (number - 1))
+    share: float = (MIN_GRASPS * least ** (MIN_GRASPS - 1) / number) ** (1 / (number - 1))
     return min(share * turn_deg / 2, LOOSELY_ALIKE_DEG)
 
 

@@ -23,7 +23,7 @@ HOME_M = (0.1, 0.0, 1.1)
 PUT = "put the red cube on the plate"
 
 
-def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True):
+def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_M):
     """From home the hand takes the cube, which it turns with, puts it on the plate, and goes up."""
     random = np.random.default_rng(seed)
     cube_m, plate_m = (
@@ -33,7 +33,7 @@ def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True):
     yaw_deg = float(random.uniform(-40, 40))
     at_cube_m, on_plate_m = cube_m + aside_m, plate_m + aside_m + (0, 0, 0.05)
     up_m = np.array([0.0, 0.0, 0.12])
-    places_m = [HOME_M, at_cube_m + up_m, at_cube_m, at_cube_m + up_m, on_plate_m + up_m, on_plate_m, on_plate_m + up_m]
+    places_m = [home_m, at_cube_m + up_m, at_cube_m, at_cube_m + up_m, on_plate_m + up_m, on_plate_m, on_plate_m + up_m]
     knots = tuple((2.0 * k + rest_s, place_m) for k, place_m in enumerate(places_m) for rest_s in (0.0, 0.5))
     motion = ScriptedMotion(
         knots,
@@ -192,6 +192,17 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
 )
 def test_a_fault_of_all_recordings_is_a_danger(fault, words, number, code):
     assert code in dangers([fault(put(seed, words)) for seed in range(number)])
+
+
+@pytest.mark.parametrize(("starts_m", "expected"), [(0.03, True), (0.2, False)])
+def test_recordings_that_run_backwards_end_where_robots_start(starts_m, expected):
+    """Robots start in one place, up to what arms vary by; a person's hand starts anywhere."""
+    random = np.random.default_rng(0)
+    homes_m = np.array(HOME_M) + random.uniform(-starts_m, starts_m, (10, 3))
+    backwards = frames(slice(None, None, -1))
+    found = dangers([backwards(put(seed, "do it", home_m=homes_m[seed])) for seed in range(10)])
+    assert ("backwards-in-time" in found) == expected
+    assert dangers([put(seed, "do it", home_m=homes_m[seed]) for seed in range(10)]) == set()
 
 
 @pytest.mark.parametrize(
