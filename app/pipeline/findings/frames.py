@@ -26,7 +26,7 @@ COPIED_M = 0.001  # a given pose this near to a demonstration's was read from th
 
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
-BEYOND_SCATTER = 2.0  # times the spread of starts across z: a robot does not always start in one place
+VARY = 2.0  # times the spread of starts across z: a robot does not always start in one place
 BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
 NOT_AT_M = 0.20  # what is farther from the hand is not in it
 SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
@@ -121,6 +121,7 @@ def frame_findings(
     """Yield findings for recordings whose hand pose differs from `now` by a constant offset rather than a motion.
 
     The offset is along the hand's own z axis, a turn about it, or the one by which the hand acts beside every object.
+    Robots that do not always start in one place are across that axis, too; the offset then brings the hand to objects.
 
     Args:
         now: the present pose of the end effector; None where it is not known.
@@ -134,11 +135,12 @@ def frame_findings(
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
     along_m = np.abs(ways_m @ axis)
-    across_m = ways_m - (ways_m @ axis)[:, None] * axis
-    scatter_m = spread_m(across_m)
-    along = (along_m > max(ALONG_M, BEYOND_SCATTER * scatter_m)) & (
-        np.linalg.norm(across_m, axis=1) < max(ACROSS_M, scatter_m)
-    )
+    across = ways_m - (ways_m @ axis)[:, None] * axis
+    across_m, vary_m = np.linalg.norm(across, axis=1), VARY * spread_m(across)
+    far_along = along_m > max(ALONG_M, vary_m)
+    along = far_along & (across_m < ACROSS_M)
+    for k in np.flatnonzero(far_along & ~along & (across_m < vary_m)):
+        along[k] = _acts_nearer(ways_m[k], shown[k], hands[k])
     turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
     usual_deg = float(np.median(turned_deg))
     turned = (far_m < SAME_PLACE_M) & (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)
@@ -186,6 +188,18 @@ def _turned_deg(now: Pose, start_xyzw: Array) -> float:
     """Return the angle about the hand's axis, from -90 to 90: fingers that are turned by 180 degrees are the same."""
     turn = quaternions.product(quaternions.inverse(np.array(now.quaternion_xyzw)), start_xyzw)
     return float((np.degrees(quaternions.to_rotation_vector(turn)[2]) + 90) % 180 - 90)
+
+
+def _acts_nearer(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:
+    """Return whether the hand would act nearer to objects at another point of it, `way_m` away at the start."""
+    in_hand = quaternions.rotated(quaternions.inverse(hand.start.quaternion_xyzw), way_m)
+    acts_m = np.array([at.position_m for at in hand.acts_at]).reshape(-1, 3)
+    moved_m = acts_m + [quaternions.rotated(at.quaternion_xyzw, in_hand) for at in hand.acts_at]
+    objects_m = np.array([pose.position_m for pose in shown.objects])
+    before_m, after_m = (
+        np.linalg.norm(places_m[:, None] - objects_m, axis=2).min(axis=1) for places_m in (acts_m, moved_m)
+    )
+    return bool(after_m.sum() < before_m.sum())
 
 
 def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:
