@@ -137,9 +137,8 @@ def frame_findings(
     along_m = np.abs(ways_m @ axis)
     across = ways_m - (ways_m @ axis)[:, None] * axis
     across_m, vary_m = np.linalg.norm(across, axis=1), VARY * spread_m(across)
-    far_along = along_m > max(ALONG_M, vary_m)
-    along = far_along & (across_m < ACROSS_M)
-    for k in np.flatnonzero(far_along & ~along & (across_m < vary_m)):
+    along = (along_m > ALONG_M) & (across_m < ACROSS_M)
+    for k in np.flatnonzero((along_m > max(ALONG_M, vary_m)) & ~along & (across_m < vary_m)).tolist():
         along[k] = _acts_nearer(ways_m[k], shown[k], hands[k])
     turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
     usual_deg = float(np.median(turned_deg))
