@@ -104,6 +104,11 @@ class ShownPlaces:
         evenly_m: Array = EVENLY * width_m / number - EVENLY_LESS_M
         return np.maximum(slack_m, evenly_m)
 
+    @property
+    def is_one(self) -> bool:
+        """Whether many demonstrations have it in one place."""
+        return self.number >= MANY_DEMONSTRATIONS and bool(self.box_m.width.max() < FIXED_M)
+
     def off_box(self, place_m: Array) -> OffBox:
         """Return how far a place (3,) is outside of the box."""
         beyond_m = self.box_m.outside(place_m)

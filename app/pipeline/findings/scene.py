@@ -190,12 +190,19 @@ def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
 
 
 def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
+    where = f"objects[{pose.name}]"
+    if places.is_one:
+        far_m = float(np.linalg.norm(places.box_m.outside(pose.position_m)))
+        message = (
+            f"{pose.name} stands {100 * far_m:.1f} cm from its place, which is the same in all demonstrations: they do"
+            " not show whether the hand follows it. Put it back, or record demonstrations with it at other places."
+        )
+        return rules.OBJECT_OFF_ITS_ONE_PLACE.findings(far_m, message, where, beyond_m=far_m)
     off = places.off_box(pose.position_m)
     message = (
         f"{pose.name} is {100 * off.far_m:.0f} cm outside of the demonstrated range along {off.axis}, which is"
         f" {off.range_text}. Check that it is the right object; if it is, record demonstrations nearer to it."
     )
-    where = f"objects[{pose.name}]"
     return rules.OBJECT_BEYOND_DEMONSTRATIONS.findings(off.beyond_slack_m, message, where, beyond_m=off.far_m)
 
 

@@ -102,6 +102,19 @@ def test_few_demonstrations_may_not_have_shown_how_near_two_objects_stand(apart_
     assert (("objects-in-one-place", "danger", "objects[red cube]") in found(near, SHOWN[:number])) == one
 
 
+@pytest.mark.parametrize(
+    ("off_m", "number", "severity"),
+    [(0.015, 10, None), (0.025, 10, "warning"), (0.045, 10, "danger"), (0.045, 4, None)],
+)
+def test_demonstrations_with_an_object_in_one_place_do_not_show_whether_hands_follow_it(off_m, number, severity):
+    shelf = pose("shelf", (0.6, 0.1, 0.9), 0)
+    shown = [demonstration(STACK, (*item.objects, shelf), []) for item in SHOWN[:number]]
+    seen = (*SHOWN[1].objects, replace(shelf, position_m=shelf.position_m + np.array([0, off_m, 0])))
+    seen = tuple(replace(item, position_m=item.position_m + 0.0002) for item in seen)  # measured anew
+    expected = [("object-beyond-demonstrations", severity, "objects[shelf]")] if severity else []
+    assert [item for item in found(seen, shown) if item[2] == "objects[shelf]"] == expected
+
+
 def test_a_lesser_doubt_hides_no_greater_one():
     """An object that stands a little higher and far away, and one that hangs in the air."""
     assert [kind[:2] for kind in found(moved("red cube", 0.5, 0, 0.015))] == [
