@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
@@ -121,7 +122,6 @@ def frame_findings(
     """Yield findings for recordings whose hand pose differs from `now` by a constant offset rather than a motion.
 
     The offset is along the hand's own z axis, a turn about it, or the one by which the hand acts beside every object.
-    Robots that do not always start in one place are across that axis, too; the offset then brings the hand to objects.
 
     Args:
         now: the present pose of the end effector; None where it is not known.
@@ -134,12 +134,7 @@ def frame_findings(
     axis = quaternions.rotated(now.quaternion_xyzw, (0, 0, 1))
     axes = np.array([quaternions.rotated(hand.start.quaternion_xyzw, (0, 0, 1)) for hand in hands])
     alike = axes @ axis > np.cos(np.radians(TILT_DEG))
-    along_m = np.abs(ways_m @ axis)
-    across = ways_m - (ways_m @ axis)[:, None] * axis
-    across_m, vary_m = np.linalg.norm(across, axis=1), VARY * spread_m(across)
-    along = (along_m > ALONG_M) & (across_m < ACROSS_M)
-    for k in np.flatnonzero((along_m > max(ALONG_M, vary_m)) & ~along & (across_m < vary_m)).tolist():
-        along[k] = _acts_nearer(ways_m[k], shown[k], hands[k])
+    along = _along(ways_m, axis, shown, hands)
     turned_deg = np.array([_turned_deg(now, hand.start.quaternion_xyzw) for hand in hands])
     usual_deg = float(np.median(turned_deg))
     turned = (far_m < SAME_PLACE_M) & (abs(usual_deg) > TURNED_DEG) & (np.abs(turned_deg - usual_deg) < TILT_DEG)
@@ -148,7 +143,7 @@ def frame_findings(
         for k, item in enumerate(zip(ways_m, shown, hands, strict=True))
     ]
     how = "straight along the hand's own axis. One is the flange's pose and the other the fingertips'"
-    yield from _in_another_frame(how, alike & along, along_m)
+    yield from _in_another_frame(how, alike & along, np.abs(ways_m @ axis))
     how = "and it acts as far beside an object, on the same side. One is in another frame, or another point of the hand"
     yield from _in_another_frame(how, alike & beside, far_m)
     how = f"in the same place, but turned about the hand's own axis by {abs(usual_deg):.0f} degrees"
@@ -187,6 +182,22 @@ def _turned_deg(now: Pose, start_xyzw: Array) -> float:
     """Return the angle about the hand's axis, from -90 to 90: fingers that are turned by 180 degrees are the same."""
     turn = quaternions.product(quaternions.inverse(np.array(now.quaternion_xyzw)), start_xyzw)
     return float((np.degrees(quaternions.to_rotation_vector(turn)[2]) + 90) % 180 - 90)
+
+
+def _along(
+    ways_m: Array, axis: Array, shown: Sequence[Demonstration], hands: Sequence[RecordedHand]
+) -> npt.NDArray[np.bool_]:
+    """Return (N,) whether the ways (N, 3) from recorded starts to the hand are along its axis, as from a flange.
+
+    Robots that start in several places are beside that axis, too: the way must then bring the hand nearer to objects.
+    """
+    along_m = np.abs(ways_m @ axis)
+    across = ways_m - (ways_m @ axis)[:, None] * axis
+    across_m, vary_m = np.linalg.norm(across, axis=1), VARY * spread_m(across)
+    found: npt.NDArray[np.bool_] = (along_m > ALONG_M) & (across_m < ACROSS_M)
+    for k in np.flatnonzero((along_m > max(ALONG_M, vary_m)) & ~found & (across_m < vary_m)).tolist():
+        found[k] = _acts_nearer(ways_m[k], shown[k], hands[k])
+    return found
 
 
 def _acts_nearer(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool:
