@@ -105,7 +105,7 @@ class ShownPlaces:
         return np.maximum(slack_m, evenly_m)
 
     @property
-    def is_one(self) -> bool:
+    def in_one_place(self) -> bool:
         """Whether many demonstrations have it in one place."""
         return self.number >= MANY_DEMONSTRATIONS and bool(self.box_m.width.max() < FIXED_M)
 

@@ -26,7 +26,7 @@ DONE_ACTS = 2  # a hand that closes and opens again has acted, though the handle
 MIN_ENDS = 4  # recordings that show what their ends share other than by chance
 ODD_SHARE = 0.2  # of the recordings may differ from the others
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of starts that are several
-ENDS_SHARE = 0.4  # of the spread of starts, for ends to be one place: where a robot starts may vary, too
+ENDS_SHARE = 0.4  # of the spread of starts, for ends to be where robots start: that varies, too, by less than PLACES_M
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
 LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an object is not put to it
 
@@ -115,10 +115,10 @@ def backwards_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
         return
     starts_m, ends_m = np.array([hand.start.position_m for _, hand in pairs]), np.array([h.end_m for _, h in pairs])
     number = _end_where_others_start(starts_m, ends_m)
-    message = ""
+    starts_vary_m, ends_vary_m, message = spread_m(starts_m), spread_m(ends_m), ""
     if number > ODD_SHARE * len(pairs):
         message = f"{number} of {len(pairs)} recordings end where the others start, and start elsewhere."
-    elif PLACES_M <= spread_m(starts_m) >= spread_m(ends_m) / ENDS_SHARE:
+    elif starts_vary_m >= PLACES_M and ends_vary_m <= min(ENDS_SHARE * starts_vary_m, PLACES_M):
         seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
         if min(map(spread_m, seen_m.values()), default=np.inf) < ONE_PLACE_M:
             message = f"The {len(pairs)} recordings end in one place, and start at one place relative to an object."

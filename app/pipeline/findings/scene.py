@@ -191,7 +191,7 @@ def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
 
 def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
     where = f"objects[{pose.name}]"
-    if places.is_one:
+    if places.in_one_place:
         far_m = float(np.linalg.norm(places.box_m.outside(pose.position_m)))
         message = (
             f"{pose.name} stands {100 * far_m:.1f} cm from its place, which is the same in all demonstrations: they do"

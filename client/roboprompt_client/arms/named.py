@@ -1,7 +1,7 @@
 """Arms whose geometry is known by a name, each with a usual hand."""
 
 from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import Literal
 
 from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
@@ -11,7 +11,10 @@ ArmModel = Literal["panda", "fr3", "ur3e", "ur5e", "ur10e", "ur16e"]
 TITLES: Mapping[str, str] = {
     "panda": "Franka Panda",
     "fr3": "Franka Research 3",
-    **{model: f"UR{model[2:]}" for model in get_args(ArmModel)[2:]},
+    "ur3e": "UR3e",
+    "ur5e": "UR5e",
+    "ur10e": "UR10e",
+    "ur16e": "UR16e",
 }
 
 

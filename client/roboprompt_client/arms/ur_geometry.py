@@ -20,14 +20,8 @@ _LENGTHS_M = {
 MODELS = tuple(_LENGTHS_M)
 _ALPHA_RAD = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 _LIMITS_RAD = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi, 2 * np.pi])
-READY_RAD = (
-    np.pi,
-    -np.pi / 2,
-    np.pi / 2,
-    -np.pi / 2,
-    -np.pi / 2,
-    0.0,
-)  # before the base along +x; the hand points down
+# Before the base along +x; the hand points down
+READY_RAD = (np.pi, -np.pi / 2, np.pi / 2, -np.pi / 2, -np.pi / 2, 0.0)
 GRIPPER_M = 0.163  # a Robotiq 2F-85's fingertips from the flange, as its maker sets the tool center point
 
 

@@ -23,13 +23,14 @@ HOME_M = (0.1, 0.0, 1.1)
 PUT = "put the red cube on the plate"
 
 
-def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_M):
+def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_M, given_plate_m=None):
     """From home the hand takes the cube, which it turns with, puts it on the plate, and goes up."""
     random = np.random.default_rng(seed)
     cube_m, plate_m = (
         random.uniform((-0.2, 0.1, 0.78), (0.3, 0.35, 0.78)),
         random.uniform((-0.2, -0.35, 0.78), (0.3, -0.1, 0.78)),
     )
+    plate_m = plate_m if given_plate_m is None else np.array(given_plate_m)
     yaw_deg = float(random.uniform(-40, 40))
     at_cube_m, on_plate_m = cube_m + aside_m, plate_m + aside_m + (0, 0, 0.05)
     up_m = np.array([0.0, 0.0, 0.12])
@@ -203,6 +204,14 @@ def test_recordings_that_run_backwards_end_where_robots_start(starts_m, expected
     found = dangers([backwards(put(seed, "do it", home_m=homes_m[seed])) for seed in range(10)])
     assert ("backwards-in-time" in found) == expected
     assert dangers([put(seed, "do it", home_m=homes_m[seed]) for seed in range(10)]) == set()
+
+
+def test_recordings_that_begin_at_the_object_do_not_run_backwards():
+    """A person puts the hand to the cube before recording; the plate stands within 6 cm of one place."""
+    aside_m = np.random.default_rng(0).uniform(-0.06, 0.06, (10, 2))
+    plates_m = [(x_m, y_m - 0.2, 0.78) for x_m, y_m in aside_m]
+    begun = [frames(slice(70, None))(put(seed, given_plate_m=place_m)) for seed, place_m in enumerate(plates_m)]
+    assert "backwards-in-time" not in dangers(begun)
 
 
 @pytest.mark.parametrize(
