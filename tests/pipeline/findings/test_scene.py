@@ -131,7 +131,7 @@ def test_a_great_error_of_all_poses_is_a_danger():
 
 @pytest.mark.parametrize(
     ("higher_m", "noise_m", "expected"),
-    [(0.005, 0.0, True), (0.012, 0.001, True), (0.1, 0, True), (0.005, 0.003, False)],
+    [(0.005, 0.0, True), (0.012, 0.001, True), (0.1, 0, True), (0.009, 0.0035, False)],
 )
 def test_objects_under_each_others_names_are_told_by_their_heights(higher_m, noise_m, expected):
     random = np.random.default_rng(0)

@@ -42,12 +42,15 @@ def test_recordings_of_the_flange_are_told_by_where_they_start(off_m, found):
     assert reported([hand_off(put(seed), 0, 0, off_m) for seed in range(4)], home()) == found
 
 
-@pytest.mark.parametrize(("off_m", "found"), [(0.0, 0), (0.03, 0), (0.08, 1)])
-def test_robots_that_start_in_several_places_hide_no_flange(off_m, found):
+@pytest.mark.parametrize(("off_m", "higher_now_m", "found"), [(0.0, 0, 0), (0.03, 0, 0), (0.08, 0, 1), (0.0, 0.08, 0)])
+def test_robots_that_start_in_several_places_hide_no_flange(off_m, higher_now_m, found):
+    """A hand that is higher now than recordings start is elsewhere: a flange would act nearer to objects."""
     random = np.random.default_rng(0)
-    starts_m = [(*random.uniform(-0.025, 0.025, 2), random.uniform(-0.01, 0.01)) for _ in range(10)]
+    starts_m = [(*random.uniform(-0.03, 0.03, 2), random.uniform(-0.01, 0.01)) for _ in range(10)]
     recordings = [hand_off(put(seed), x_m, y_m, z_m + off_m) for seed, (x_m, y_m, z_m) in enumerate(starts_m)]
-    assert reported(recordings, home()) == found
+    now = home()
+    place_m = np.add(now.position_m, [0, 0, higher_now_m])
+    assert reported(recordings, Pose(place_m, now.quaternion_xyzw)) == found
 
 
 @pytest.mark.parametrize(("number", "found"), [(1, 0), (3, 1)])
