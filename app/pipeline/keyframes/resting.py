@@ -84,6 +84,7 @@ def _manner_of(motion: Motion, delta_rad_s: float) -> Manner:
         # A person passes the pose above a thing without a rest, so that the way to the grasp has a corner.
         and sum(leg.to_switch and _bends(motion, leg, STRAIGHT, BENT) for leg in legs) <= MAX_BENT * len(switches_s)
         and not any(_bends(motion, leg, WIDE, LIFTED if leg.from_grasp else WINDING) for leg in legs)
+        and not any(leg.from_grasp and _lifts(motion, leg) for leg in legs)
         and _few_missed_corners(motion, rests)
     )
     return "rests" if at_keyframes else "flows"
@@ -104,6 +105,12 @@ def _bends(motion: Motion, leg: _Leg, most: float, most_in_joints: float) -> boo
     """
     path = motion.path(leg.first, leg.last, TOLERANCE_M, TOLERANCE_DEG)
     return path.turns_round or (path.bend > most and _bend_in_joints(motion, leg) > most_in_joints)
+
+
+def _lifts(motion: Motion, leg: _Leg) -> bool:
+    """Return whether the hand comes higher than where the motion begins and ends."""
+    heights_m = motion.trajectory.positions_m[leg.first : leg.last + 1, 2]
+    return bool(heights_m.max() > max(heights_m[0], heights_m[-1]) + TOLERANCE_M)
 
 
 def _bend_in_joints(motion: Motion, leg: _Leg) -> float:
