@@ -92,13 +92,13 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
 
 
 def test_uploads_in_a_row_are_read_ahead_once(store, monkeypatch):
-    monkeypatch.setattr(warm, "DEBOUNCE_S", 3.0)  # longer than any upload takes
+    monkeypatch.setattr(warm, "DEBOUNCE_S", 0.3)
 
     async def scenario():
         model = SlowModel()
         async with running(store, model) as warmer:
             for seed in range(5):
-                await asyncio.to_thread(upload, store, episode_draft(seed=seed, task="new"))
+                upload(store, episode_draft(seed=seed, task="new"))  # no other coroutine runs in between
                 warmer.changed("new")
             await until(lambda: model.finished)
             await asyncio.sleep(0.2)

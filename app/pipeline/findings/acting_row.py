@@ -1,17 +1,19 @@
 """A row in which the hand acts: how demonstrations of it scatter, and what explains that."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
 from app.pipeline.plans.agreement import left_out_errors_m, two_ways
-from app.pipeline.plans.rows import PlanRow, of_a_way
+from app.pipeline.plans.rows import PlanRow, of_a_way, switching_rows, touching_rows
 from app.pipeline.representation.anchor_scatter import MIN_SCATTERED, TURNED_SHARE, much_less, scatters_m
 from app.pipeline.representation.anchors import asked_anchor
 from app.pipeline.thresholds import M_PER_RAD
@@ -25,6 +27,7 @@ FEWEST_EXPLAINED = 5  # demonstrations
 FEWEST_IN_CORE = 4  # demonstrations that agree closely
 CORE_SHARE = 0.2  # of the distance of the others, within which they do
 FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
+NO_TURN_DEG = 2.0  # a hand that follows a yaw turns by more
 VARIES_M = 0.005  # what varies by less explains nothing
 
 
@@ -36,7 +39,7 @@ class ActingRow:
         shown, rows: of its plan.
         touches: whether the hand itself acts; what is held may act anywhere, as in a bin.
         asked: the requested instruction.
-        round_objects: objects with a declared yaw symmetry.
+        yaw_symmetry_deg: declared, by object.
     """
 
     shown: Sequence[Demonstration]
@@ -44,12 +47,19 @@ class ActingRow:
     index: int
     touches: bool
     asked: Order
-    round_objects: frozenset[str]
+    yaw_symmetry_deg: Mapping[str, float]
 
-    @property
+    @cached_property
     def row(self) -> PlanRow:
-        """The row itself."""
-        return self.rows[self.index]
+        """The row itself; of a hand that slides on to the next row only what is beside its way counts."""
+        row, after = self.rows[self.index], self.rows[self.index + 1 : self.index + 2]
+        slides = after and self.index not in switching_rows(self.rows) and self.index + 1 in touching_rows(self.rows)
+        if not slides or after[0].anchors != row.anchors:
+            return row
+        way_m = after[0].center_m - row.center_m
+        direction = way_m / max(float(np.linalg.norm(way_m)), 1e-9)
+        off_m = row.offsets_m - row.center_m
+        return replace(row, offsets_m=row.center_m + off_m - np.outer(off_m @ direction, direction))
 
     @property
     def loosely(self) -> bool:
@@ -67,7 +77,7 @@ class ActingRow:
     @property
     def is_round(self) -> bool:
         """Whether the object that the row follows has a declared yaw symmetry."""
-        return self.row.anchors[0].object_name in self.round_objects
+        return self.row.anchors[0].object_name in self.yaw_symmetry_deg
 
     @property
     def text(self) -> str:
@@ -89,7 +99,7 @@ class ActingRow:
         poses = [item.object(a.object_name) for item, a in zip(self.shown, row.anchors, strict=True) if all(names)]
         if (
             len(poses) < MIN_SCATTERED
-            or names & self.round_objects
+            or names & self.yaw_symmetry_deg.keys()
             or any(pose.quaternion_xyzw is None for pose in poses)
         ):
             return 0.0, 0.0
@@ -160,13 +170,18 @@ class ActingRow:
         return off_m if apart_m[core, half - 1] < CORE_SHARE * off_m else 0.0
 
     def hands_in_two_deg(self) -> float:
-        """Return the angle between two clusters of the hand's rotations; 0 for one cluster, or a round object."""
-        row = self.row
+        """Return the angle between two clusters of the hand's rotations, by turns that leave the object unchanged.
+
+        0 for one cluster, or an object that every turn leaves unchanged.
+        """
+        row, symmetry_deg = self.row, self.yaw_symmetry_deg.get(self.row.anchors[0].object_name or "", 360.0)
         only_turns = replace(row, offsets_m=np.zeros_like(row.offsets_m), center_m=np.zeros(3))
         least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
-        if self.is_round or (clusters := two_ways(only_turns, least_m=least_m)) is None:
+        if symmetry_deg == 0 or (clusters := two_ways(only_turns, least_m=least_m)) is None:
             return 0.0
-        return math.degrees((row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()).magnitude())
+        between = row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()
+        turns = Rotation.from_euler("z", np.arange(0, 360, symmetry_deg)[:, None], degrees=True)
+        return math.degrees(float((between * turns).magnitude().min()))
 
     def on_a_circle_m(self) -> float:
         """Return the scatter of places on a circle about an object's vertical axis; 0 elsewhere."""
@@ -177,9 +192,21 @@ class ActingRow:
         return self.row.scatter_m if off_circle_m < CIRCLE_SHARE * self.row.scatter_m else 0.0
 
     def on_an_arc_m(self) -> float:
-        """Return the same on one side of an object with which the places do not turn; of few demonstrations 0."""
+        """Return the same on one side of an object with which the places do not turn; of few demonstrations 0.
+
+        Where neither a hand turns nor a rotation was sent, nothing says that a yaw matters.
+        """
         row = self.row
-        if len(self.shown) < FEWEST_EXPLAINED or row.anchors[0].place_turns:
+        if len(self.shown) < FEWEST_EXPLAINED or row.anchors[0].place_turns or not self._yaw_matters:
             return 0.0
         aside_m = float(np.linalg.norm(row.offsets_m[:, :2].mean(axis=0)))
         return self.on_a_circle_m() if aside_m > row.scatter_m else 0.0
+
+    @property
+    def _yaw_matters(self) -> bool:
+        """Whether hands turn, or the rotation of the object that they follow was sent."""
+        hands = self.row.hands
+        turn_deg = np.degrees((hands[0].inv() * hands).magnitude())
+        names = [anchor.object_name for anchor in self.row.anchors]
+        followed = [item.object(name) for item, name in zip(self.shown, names, strict=True) if name]
+        return bool(turn_deg.max() > NO_TURN_DEG) or any(pose.quaternion_xyzw is not None for pose in followed)

@@ -46,15 +46,15 @@ class Taught:
         demonstrations: as they were recorded, including those of plans that prompts leave out.
         several_ways: whether the task's setting `ways` is `several`.
         hands: the hand in each recording; empty where it is not known.
-        round_objects: objects with a declared yaw symmetry.
-        given_xyzw: rotations of objects with a declared yaw symmetry before it was applied; None where not known.
+        yaw_symmetry_deg: declared, by object.
+        given_xyzw: rotations of these objects before it was applied; None where not known.
         compared: objects with both a given pose and one found in images.
     """
 
     demonstrations: tuple[Demonstration, ...]
     several_ways: bool = False
     hands: tuple[RecordedHand, ...] = ()
-    round_objects: frozenset[str] = frozenset()
+    yaw_symmetry_deg: Mapping[str, float] = field(default_factory=dict)
     given_xyzw: Rotations | None = None
     compared: tuple[Compared, ...] = ()
     _restricted: dict[frozenset[str], "Taught"] = field(default_factory=dict, init=False, repr=False)
@@ -120,12 +120,12 @@ class Taught:
         """Return the findings about the demonstrations that ask for the same, or about all if none does."""
         form, number = asked.form if asked.form in self._alike else "", len(asked.clauses)
         if (known := self._known.get((form, number, asked.objects))) is None:
-            scattered = scatter_findings(self.support, asked, self.round_objects)
+            scattered = scatter_findings(self.support, asked, self.yaw_symmetry_deg)
             dropped = dropping_findings(self.hands) if number > 1 and not form else ()
             known = (
                 *self._of_forms(form),
                 *scattered,
-                *turning_findings(self.support, asked, self.round_objects, self.given_xyzw),
+                *turning_findings(self.support, asked, self.yaw_symmetry_deg, self.given_xyzw),
                 *dropped,
                 *objects_order_findings(self.demonstrations),
             )
@@ -142,7 +142,7 @@ class Taught:
             shown_ids: of the demonstrations in the prompt.
         """
         for part in parts if self._lacks(shown_ids) else ():
-            yield from prompt_findings(self.support, part, plans.get(part.instruction) or (), self.round_objects)
+            yield from prompt_findings(self.support, part, plans.get(part.instruction) or (), self.yaw_symmetry_deg)
 
     def _lacks(self, shown_ids: Collection[str]) -> bool:
         """Return whether a prompt leaves out demonstrations that prompts usually show."""
@@ -154,7 +154,9 @@ class Taught:
         """Yield findings about an answer to all parts whose prompt shows only some of the demonstrations."""
         if self._lacks(shown_ids):
             for part in parts:
-                yield from answer_findings(self.support, part, actions, self.round_objects if len(parts) == 1 else None)
+                yield from answer_findings(
+                    self.support, part, actions, self.yaw_symmetry_deg if len(parts) == 1 else None
+                )
 
     def followed(self, asked: Order) -> frozenset[str]:
         """Return the objects that rows of the requested motion are relative to."""
@@ -214,7 +216,7 @@ class Taught:
             off_m = [self._off_m(item) for item in alike]
             left_out = [item not in self._off_plan_m for item in alike]
             hands = self._hands_of(alike)
-            yield from ways_findings(alike, hands, self.round_objects, declared=self.several_ways)
+            yield from ways_findings(alike, hands, self.yaw_symmetry_deg, declared=self.several_ways)
             yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             yield from path_findings([hand.kept for hand in hands])

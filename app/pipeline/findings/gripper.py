@@ -23,11 +23,14 @@ from app.pipeline.findings.recording_ends import (
     end_faults,
 )
 from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
+from app.pipeline.plans.rows import of_a_way
+from app.pipeline.thresholds import WAY_SHARE
 
 # What the instruction says to take or press, where it follows right upon the verb
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
+GRASPED_AT_M = 0.02  # from an object's origin: the hand closes on that object
 PART_M = 0.02  # spread of the places at which hands act on one part of an object
 
 UNHELD = (
@@ -70,6 +73,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
         " and objects in one frame, and list all objects."
     )
     yield from rules.ACTS_FAR_FROM_OBJECTS.findings(far_m, message, "demonstrations", nearest_m=far_m)
+    yield from _some_far_away(hands)
     yield from backwards_findings(pairs)
 
 
@@ -82,6 +86,20 @@ def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
             " is held falls when the next part begins. Ask for one part, or demonstrate them together."
         )
         yield rules.DROPS_WHAT_IT_HOLDS.finding(message, "instruction")
+
+
+def _some_far_away(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Yield a finding if more than a third of the hands first close at an object, and another third at none."""
+    closings = [next((act for act in hand.acts if not act.opens), None) for hand in hands]
+    away_m = [act.nearest_m for act in closings if act is not None]
+    far_m = of_a_way(np.array(away_m)) if away_m else 0.0
+    message = (
+        "In more than a third of the recordings the gripper closes at an object, and in another third"
+        f" {100 * far_m:.0f} cm from the nearest one. Check whether some have another frame, or objects as they stand"
+        " after the motion."
+    )
+    if sum(at_m < GRASPED_AT_M for at_m in away_m) > WAY_SHARE * len(hands):
+        yield from rules.SOME_ACT_FAR_FROM_OBJECTS.findings(far_m, message, "demonstrations", nearest_m=far_m)
 
 
 def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:

@@ -5,7 +5,7 @@ A prompt leaves out a rare plan and shows the robust center of each row, so that
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, permutations
 
@@ -103,7 +103,7 @@ def _with_exchanged(shown: Demonstration, one: str, other: str) -> Demonstration
 
 
 def answer_findings(
-    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str] | None
+    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: Container[str] | None
 ) -> Iterator[Finding]:
     """Yield a finding if an answer does what no plan of the task does, because the prompt shows only outliers.
 
@@ -123,7 +123,7 @@ def answer_findings(
 
 
 def prompt_findings(
-    support: Support, asked: Query, plans: Sequence[PlacedPlan], round_objects: frozenset[str]
+    support: Support, asked: Query, plans: Sequence[PlacedPlan], round_objects: Container[str]
 ) -> Iterator[Finding]:
     """Yield a finding if a prompt's demonstrations imply other actions in this scene than all of the task's.
 
@@ -149,7 +149,7 @@ def _difference(off_m: float) -> str:
 
 
 def _answer_off_m(
-    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: frozenset[str] | None
+    support: Support, asked: Query, actions: Sequence[EndEffectorAction], round_objects: Container[str] | None
 ) -> float:
     """Return how far an answer acts from the nearest plan; a gripper that is half turned throughout grasps alike."""
     answer = Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start)
@@ -160,7 +160,7 @@ def _answer_off_m(
     return min(off_m, off_plans_m(support, turned, round_objects))
 
 
-def off_plans_m(support: Support, other: Demonstration, round_objects: frozenset[str] | None = None) -> float:
+def off_plans_m(support: Support, other: Demonstration, round_objects: Container[str] | None = None) -> float:
     """Return how far a demonstration is from where the nearest plan would act in its scene, less the plan's scatter.
 
     A demonstration that gets there on another path has distance 0, and so has one that does more besides.
@@ -191,7 +191,7 @@ def off_plans_m(support: Support, other: Demonstration, round_objects: frozenset
 def _acts_off_m(
     acts: Sequence[tuple[EndEffectorAction, PlanRow]],
     demonstration: Demonstration,
-    round_objects: frozenset[str] | None = None,
+    round_objects: Container[str] | None = None,
 ) -> float:
     """Return the largest distance of an act from the nearest action with the same gripper state, in their order."""
     hands = np.array([action.quaternion_xyzw for action in demonstration.actions])

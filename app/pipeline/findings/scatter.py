@@ -1,6 +1,6 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows something unknown."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acting_row import ActingRow
@@ -15,7 +15,7 @@ Cause = tuple[Rule, float, str]
 """A rule, its value and the message: why a row scatters."""
 
 
-def scatter_findings(support: Support, asked: Order, round_objects: frozenset[str] = frozenset()) -> Iterator[Finding]:
+def scatter_findings(support: Support, asked: Order, yaw_symmetry_deg: Mapping[str, float]) -> Iterator[Finding]:
     """Yield at most one finding for demonstrations that scatter, or contradict each other, where the hand acts.
 
     Prompts show the robust center of the demonstrations, so that the standard error of the center counts. If more than
@@ -23,7 +23,7 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
     something, a standard error beyond the tolerance of a grasp is a danger.
     """
     acting = [
-        ActingRow(shown, rows, k, k in touching_rows(rows), asked, round_objects)
+        ActingRow(shown, rows, k, k in touching_rows(rows), asked, yaw_symmetry_deg)
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]

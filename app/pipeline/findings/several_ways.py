@@ -1,6 +1,6 @@
 """Demonstrations of one instruction that perform it in several ways, where nothing says which way is meant."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -28,7 +28,7 @@ TWISTS_DEG = 60.0  # a larger difference of the turns is another way; correct de
 
 
 def ways_findings(
-    alike: Sequence[Demonstration], hands: Sequence[RecordedHand], round_objects: frozenset[str], *, declared: bool
+    alike: Sequence[Demonstration], hands: Sequence[RecordedHand], round_objects: Container[str], *, declared: bool
 ) -> Iterator[Finding]:
     """Yield a finding if demonstrations use several ways and neither the words nor the scene select one.
 
@@ -101,7 +101,7 @@ def more_strokes(reversals: Sequence[Reversals]) -> Array | None:
     return next(clear, None)
 
 
-def _distinct_ways(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:
+def _distinct_ways(ways: Sequence[Group], round_objects: Container[str]) -> list[Group]:
     """Return the ways, those merged that differ only in how the hand gets to where it acts, or by its half turn."""
     found: list[Group] = []
     for way in ways:
@@ -113,7 +113,7 @@ def _distinct_ways(ways: Sequence[Group], round_objects: frozenset[str]) -> list
     return found
 
 
-def _same_outcome(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
+def _same_outcome(one: Group, other: Group, round_objects: Container[str]) -> bool:
     """Return whether two ways act alike, or do so once the hand is turned by half a turn throughout one of them.
 
     A parallel gripper that is turned so grasps alike, and moves what it holds alike.
@@ -124,7 +124,7 @@ def _same_outcome(one: Group, other: Group, round_objects: frozenset[str]) -> bo
     return grasps_along_approach([*one, *other]) and _act_alike(one, turned, round_objects)
 
 
-def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
+def _act_alike(one: Group, other: Group, round_objects: Container[str]) -> bool:
     aligned = all(len({len(shown.actions) for shown in way}) == 1 for way in (one, other))
     if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG or not aligned:
         return False
@@ -139,7 +139,7 @@ def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
     return not any(_turned_apart(row, beside, round_objects) for row, beside in each)
 
 
-def _turned_apart(one: PlanRow, other: PlanRow, round_objects: frozenset[str]) -> bool:
+def _turned_apart(one: PlanRow, other: PlanRow, round_objects: Container[str]) -> bool:
     """Return whether two ways turn the hand otherwise, seen from one frame of each; both together may have another."""
     if one.anchors[0] != other.anchors[0] or one.anchors[0].object_name in round_objects:
         return False

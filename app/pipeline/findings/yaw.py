@@ -1,6 +1,6 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,7 +134,7 @@ class TurningRow:
 
 
 def turning_findings(
-    support: Support, asked: Order, symmetric: frozenset[str] = frozenset(), given_xyzw: Rotations | None = None
+    support: Support, asked: Order, symmetric: Container[str] = (), given_xyzw: Rotations | None = None
 ) -> Iterator[Finding]:
     """Yield at most one finding of each kind about the rows in which the hand acts on an object.
 
@@ -154,7 +154,7 @@ def _worst(of_each: Iterable[tuple[Finding, ...]]) -> list[Finding]:
     return sorted(found, key=lambda each: (SEVERITIES.index(each.severity), *each.numbers.values()), reverse=True)[:1]
 
 
-def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xyzw: Rotations) -> Iterator[TurningRow]:
+def _turning(support: Support, asked: Order, symmetric: Container[str], given_xyzw: Rotations) -> Iterator[TurningRow]:
     for group, rows in support.alike(asked):
         taken_aside_m = None
         for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
@@ -171,7 +171,7 @@ def _turning(support: Support, asked: Order, symmetric: frozenset[str], given_xy
                     row,
                     asked_anchor(row.anchors[0], group[0].order, asked).object_name,
                     Rotation.from_quat(turned),
-                    None if symmetric.isdisjoint(names) else Rotation.from_quat(given),
+                    Rotation.from_quat(given) if any(name in symmetric for name in names) else None,
                     aside_m,
                     taken_aside_m if row.gripper_open else None,
                     takes=k > 0 and rows[k - 1].gripper_open and not row.gripper_open,

@@ -170,7 +170,7 @@ def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
     These are the rows in which the gripper switches; without any, as when a button is pressed, those in which the hand
     is lowest or reverses; without these every row.
     """
-    return _switches(plan) or _tips(plan) or list(range(len(plan)))
+    return switching_rows(plan) or _tips(plan) or list(range(len(plan)))
 
 
 def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
@@ -179,7 +179,7 @@ def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
     There it reverses (and is not merely lifted), or turns and turns back; with an object that is never released also
     where it is lowest.
     """
-    switches = _switches(plan)
+    switches = switching_rows(plan)
     found: set[int] = set()
     for grasp in (k for k in switches if not plan[k].gripper_open):
         release = next((k for k in switches if k > grasp), None)
@@ -226,7 +226,7 @@ def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
     return float(np.median(cosines)) < TURNS_BACK
 
 
-def _switches(plan: Sequence[PlanRow]) -> list[int]:
+def switching_rows(plan: Sequence[PlanRow]) -> list[int]:
     """Return the rows in which the gripper acts.
 
     A person may also close an empty hand on the way. Such a switch is the only one, away from objects, and a later row

@@ -222,7 +222,7 @@ class TaskReading:
             recorded,
             several_ways=settings.ways == "several",
             hands=known.hands,
-            round_objects=frozenset(settings.yaw_symmetry_deg),
+            yaw_symmetry_deg=settings.yaw_symmetry_deg,
             given_xyzw={id_: _rotations(record, settings.yaw_symmetry_deg) for id_, record in records.items()},
             compared=tuple(pair for record in records.values() for pair in _compared(record, settings)),
         )

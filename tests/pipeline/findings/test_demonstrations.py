@@ -187,15 +187,15 @@ def test_a_grasp_between_keyframes_is_missed():
     assert missed_m(item.motion, opened[:1]) == 1.0  # nothing closes
 
 
-@pytest.mark.parametrize("round_objects", [frozenset(), frozenset({"red cube"})])
-def test_grasps_round_an_object_that_is_declared_round(round_objects):
+@pytest.mark.parametrize("symmetry_deg", [{}, {"red cube": 0.0}])
+def test_grasps_round_an_object_that_is_declared_round(symmetry_deg):
     random = np.random.default_rng(0)
     turns_rad = random.uniform(-1, 1, 10)
     offsets_m = [(0.08 * np.cos(turn), 0.08 * np.sin(turn), 0.0) for turn in turns_rad]
-    known = Taught(tuple(reached(offsets_m, random=random)), round_objects=round_objects)
+    known = Taught(tuple(reached(offsets_m, random=random)), yaw_symmetry_deg=symmetry_deg)
     (finding,) = known.findings(known.demonstrations[0].order)
     assert (finding.code, finding.severity) == ("scattered-demonstrations", "danger")
-    assert ("yaw_symmetry_deg" in finding.message) == bool(round_objects)
+    assert ("yaw_symmetry_deg" in finding.message) == bool(symmetry_deg)
 
 
 def test_like_instructions_may_name_different_objects():

@@ -221,6 +221,20 @@ def test_a_hand_in_another_frame_than_the_objects(aside_m, code):
     assert code in dangers([put(seed, aside_m=aside_m) for seed in range(10)])
 
 
+@pytest.mark.parametrize(("number", "found"), [(0, False), (2, False), (5, True)])
+def test_some_that_close_far_from_objects_where_others_close_at_one(number, found):
+    """Some have the cube as it lies after the motion, on the plate."""
+
+    def seen_after(item):
+        cube, plate = item.demonstration.objects
+        moved = replace(cube, position_m=plate.position_m + np.array([0, 0, 0.05]))
+        return replace(item, demonstration=replace(item.demonstration, objects=(moved, plate)))
+
+    recordings = [seen_after(item) if k < number else item for k, item in enumerate(map(put, range(10)))]
+    messages = [finding.message for finding in taught(recordings).findings(recordings[0].demonstration.order)]
+    assert any("closes at an object, and in another third" in message for message in messages) == found
+
+
 def test_a_handle_far_from_the_origin_of_an_object_that_turns_is_a_part_of_it():
     def by_its_handle(seed):
         yaw = np.random.default_rng(100 + seed).uniform(0, np.pi)

@@ -31,7 +31,7 @@ def shown(off_m, number=10, after_m=None, closes=1, *, before=True):
 
 
 def found(*groups):
-    return list(scatter_findings(Support.of(groups), groups[0][0].order))
+    return list(scatter_findings(Support.of(groups), groups[0][0].order, {}))
 
 
 @pytest.mark.parametrize(("off_m", "severity"), [(0.005, None), (0.02, "info"), (0.05, "danger"), (0.1, "danger")])
@@ -71,15 +71,20 @@ def test_what_explains_the_scatter_is_no_noise(off_m, severity):
     assert finding.severity == severity
 
 
-@pytest.mark.parametrize(("between_deg", "dangers"), [(0, 0), (12, 0), (30, 1)])
-def test_two_turns_of_the_hand_are_not_averaged(between_deg, dangers):
+@pytest.mark.parametrize(
+    ("between_deg", "symmetry_deg", "dangers"),
+    [(0, None, 0), (12, None, 0), (30, None, 1), (38, 90.0, 1), (38, 0.0, 0), (90, 90.0, 0), (90, 180.0, 1)],
+)
+def test_two_turns_of_the_hand_are_not_averaged(between_deg, symmetry_deg, dangers):
     random, group = np.random.default_rng(0), []
     for k in range(10):
         cube_m, yaw_deg = (*random.uniform(-0.2, 0.2, 2), 0.8), float(random.uniform(-40, 40))
         deg = yaw_deg + between_deg * (k % 2) + random.normal(0, 1.5)
         rows = [action((*cube_m[:2], z_m), (180, 0, deg), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
         group.append(demonstration(INSTRUCTION, (pose("cube", cube_m, yaw_deg),), rows))
-    assert sum(finding.severity == "danger" for finding in found(group)) == dangers
+    declared = {} if symmetry_deg is None else {"cube": symmetry_deg}
+    findings = list(scatter_findings(Support.of([group]), group[0].order, declared))
+    assert sum(finding.severity == "danger" for finding in findings) == dangers
 
 
 def in_two_places(apart_m, number, noise_m, seed):
@@ -274,6 +279,36 @@ def test_a_pull_that_follows_a_yaw_that_half_of_the_poses_have_wrong_is_a_danger
     findings = found(group)
     assert [finding.severity for finding in findings] == severities
     assert all("a yaw that was not sent" in finding.message for finding in findings)
+
+
+def slid(along_m, across_m):
+    """Ten pushes of a drawer: half touch it so far along the way that they push, and so far beside it."""
+    group = []
+    for k, x_m in enumerate(np.random.default_rng(4).uniform(-0.1, 0.1, 10)):
+        handle_m = np.array([x_m, 0.6, 0.8])
+        touch_m = handle_m + (np.array([across_m, along_m, 0]) if k % 2 else 0)
+        pushed_m = handle_m + np.array([across_m * (k % 2), 0.15, 0])
+        rows = [action(place_m) for place_m in (touch_m + np.array([0, 0, 0.1]), touch_m, pushed_m)]
+        group.append(demonstration("close the drawer", (pose("drawer", handle_m, 0),), rows))
+    return group
+
+
+def test_a_hand_that_slides_may_come_down_anywhere_along_its_way():
+    assert found(slid(0.03, 0.0)) == []
+    (finding,) = found(slid(0.0, 0.03))
+    assert finding.severity == "danger"
+
+
+@pytest.mark.parametrize(("rotation", "severities"), [(0, ["danger"]), (None, [])])
+def test_ends_around_a_goal_follow_no_yaw_where_none_was_sent_and_no_hand_turns(rotation, severities):
+    group = []
+    for k, way_deg in enumerate(np.random.default_rng(5).uniform(-50, 50, 10)):
+        goal_m = np.array([0.03 * k, 0, 0.8])
+        away_m = Rotation.from_euler("z", way_deg, degrees=True).apply([0.05, 0, 0])
+        rows = [action(goal_m + away_m + np.array([0, 0, 0.1])), action(goal_m + away_m)]
+        group.append(demonstration("reach the goal", (pose("goal", goal_m, rotation),), rows))
+    findings = [finding for finding in found(group) if "a yaw that was not sent" in finding.message]
+    assert [finding.severity for finding in findings] == severities
 
 
 def scaled(number, noise_m, seed=0, scale=1.1):

@@ -70,7 +70,7 @@ def test_a_hand_that_rests_only_where_it_grasps_and_releases_keeps_its_lift(up_m
     recordings = []
     for seed in range(6):
         bowl, plate = scene(random)
-        pick_m, place_m = bowl.position_m, plate.position_m + (0, 0, 0.02)
+        pick_m, place_m = bowl.position_m, plate.position_m + np.array([0, 0, 0.02])
         script = pick_and_place(pick_m, place_m, above_m=up_m, start_m=(0.45, 0.0, 0.3), blend_s=blend_s)
         for switch_s in script.switches[::-1]:
             script = script.held(switch_s, 0.3)
