@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, permutations, product
 from typing import NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.places import FIXED_M, Range, ShownPlaces
+from app.pipeline.findings.places import FIXED_M, MANY, Range, ShownPlaces
 from app.pipeline.findings.rules import ARRANGEMENT, ARRANGEMENT_OF_FOLLOWED, ARRANGEMENT_OF_SIDES, Rule
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.order.words import phrase_of
@@ -28,25 +28,32 @@ MANY_OF_A_SIDE = 8  # with fewer demonstrations, one side may be chance
 
 @dataclass(frozen=True, eq=False)
 class RigidPair:
-    """Two objects with one relative position, in demonstrations at several places.
+    """Two objects with one relative position, or one along some axes, in demonstrations at several places.
 
     Attributes:
         one: the name, or the role in instructions, of the object whose position is constant relative to `other`.
         anchor: `other` and its frame in which it is.
         seen_m: the range of this relative position (3,).
+        axes: those of `other` along which it is constant.
     """
 
     one: str
     other: str
     anchor: Anchor
     seen_m: Range
+    axes: tuple[int, ...] = (0, 1, 2)
+
+    @property
+    def along(self) -> str:
+        """The axes in messages; nothing if it is constant along all."""
+        return "" if len(self.axes) == 3 else f" along its {', '.join('xyz'[axis] for axis in self.axes)}"
 
     def off_m(self, poses: Mapping[str, ObjectPose]) -> float:
         """Return the distance of `one` from its place, of poses by name and role; 0 where either is missing."""
         if not {self.one, self.other} <= poses.keys():
             return 0.0
         seen_m = _seen_m(poses[self.one], poses[self.other], self.anchor)
-        return float(np.linalg.norm(self.seen_m.outside(seen_m)))
+        return float(np.linalg.norm(self.seen_m.outside(seen_m)[list(self.axes)]))
 
 
 class Side(NamedTuple):
@@ -156,7 +163,10 @@ def _by_role(scene: Query) -> Mapping[str, ObjectPose]:
 def _rigid(
     one: str, other: str, scenes: Sequence[Mapping[str, ObjectPose]], tilted: frozenset[str]
 ) -> RigidPair | None:
-    """Return the pair seen from the object and in the frame in which it varies least; None if it varies."""
+    """Return the pair seen from the object and in the frame in which it varies least; None if it varies.
+
+    In many demonstrations it may vary along one of the horizontal axes of an object, and be constant along the other.
+    """
     if all(poses[one] is poses[other] for poses in scenes):
         return None
     pairs = []
@@ -165,7 +175,11 @@ def _rigid(
         seen_m = [_seen_m(poses[seen], poses[origin], anchor) for poses in scenes]
         pairs.append(RigidPair(seen, origin, anchor, Range.of(seen_m)))
     pair = min(pairs, key=lambda pair: float(pair.seen_m.width.max()))
-    return pair if pair.seen_m.width.max() < FIXED_M else None
+    if pair.seen_m.width.max() < FIXED_M:
+        return pair
+    along = [replace(pair, axes=(axis,)) for pair in pairs if pair.anchor.place_turns for axis in (0, 1)]
+    found = [pair for pair in along if len(scenes) >= MANY and pair.seen_m.width[pair.axes[0]] < FIXED_M]
+    return min(found, key=lambda pair: float(pair.seen_m.width[pair.axes[0]]), default=None)
 
 
 def _seen_m(one: ObjectPose, other: ObjectPose, anchor: Anchor) -> Array:
@@ -196,7 +210,7 @@ def arrangement_findings(query: Query, scenes: ShownScenes, followed: frozenset[
         rule, pair, off_m = max(found, key=lambda item: (item[0] is ARRANGEMENT_OF_FOLLOWED, item[2]))
         one, other = names[pair.one], names[pair.other]
         message = (
-            f"{one} is {100 * off_m:.1f} cm from its place relative to {other}, which is the same in every"
+            f"{one} is {100 * off_m:.1f} cm from its place relative to {other}{pair.along}, which is the same in every"
             " demonstration. Check that neither is taken for another object, and put them together as demonstrated."
         )
         yield rule.finding(message, f"objects[{one}]", {"off_m": off_m}, value=off_m)
