@@ -1,6 +1,6 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +54,8 @@ class TurningRow:
     Attributes:
         name: of the object, as it is asked for.
         objects: its N rotations in the demonstrations.
-        given: if a symmetry is declared for it, as they were before it was applied; else None.
+        symmetry_deg: declared for it; None where none is.
+        given: its rotations before that was applied; None where none is.
         aside_m: (2,) the horizontal offset of the hand from the object along the world's axes.
         taken_aside_m: the same where the hand took what it lets go of here; None where it lets go of nothing.
         takes: whether the hand closes here.
@@ -63,6 +64,7 @@ class TurningRow:
     row: PlanRow
     name: str
     objects: Rotation
+    symmetry_deg: float | None
     given: Rotation | None
     aside_m: Array
     taken_aside_m: Array | None
@@ -117,8 +119,8 @@ class TurningRow:
         return rules.YAW_MISREAD.findings(off_deg, message, f"objects[{self.name}]", off_deg=off_deg)
 
     def scattered(self) -> tuple[Finding, ...]:
-        """Return a finding if hands do not take an object without symmetry alike."""
-        off_deg = of_a_way(self.row.off_deg) if self.takes and self.given is None else 0.0
+        """Return a finding if hands do not take an object alike, by turns that leave it unchanged; none if all do."""
+        off_deg = of_a_way(self._unlike_deg) if self.takes and self.symmetry_deg != 0 else 0.0
         turns = _scatter_deg(self.objects) > TURNS_DEG
         rule = rules.SCATTER_OF_HANDS if turns else rules.SCATTER_OF_HANDS_AT_UNTURNED
         message = (
@@ -128,21 +130,30 @@ class TurningRow:
         )
         return rule.findings(off_deg, message, f"objects[{self.name}]", off_deg=off_deg)
 
+    @property
+    def _unlike_deg(self) -> Array:
+        """(N,) angles of the hands from their mean, by turns that leave the object unchanged."""
+        row, turns_deg = self.row, np.arange(0, 360, self.symmetry_deg or 360)
+        turns = [Rotation.from_euler("z", turn_deg, degrees=True) for turn_deg in turns_deg]
+        off_rad = [(row.mean_rotation.inv() * turn * row.rotations).magnitude() for turn in turns]
+        least: Array = np.degrees(np.min(off_rad, axis=0))
+        return least
+
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
         return _scatter_deg(self.objects.inv() * hands), _scatter_deg(hands)
 
 
 def turning_findings(
-    support: Support, asked: Order, symmetric: Container[str] = (), given_xyzw: Rotations | None = None
+    support: Support, asked: Order, yaw_symmetry_deg: Mapping[str, float], given_xyzw: Rotations | None = None
 ) -> Iterator[Finding]:
     """Yield at most one finding of each kind about the rows in which the hand acts on an object.
 
     Args:
-        symmetric: objects with a declared yaw symmetry.
+        yaw_symmetry_deg: declared, by object.
         given_xyzw: their rotations before it was applied.
     """
-    turning = list(_turning(support, asked, symmetric, given_xyzw or {}))
+    turning = list(_turning(support, asked, yaw_symmetry_deg, given_xyzw or {}))
     yield from _worst(map(TurningRow.beside, turning))
     yield from _worst(map(TurningRow.by_other_quaternions, turning))
     yield from _worst(map(TurningRow.by_other_yaw, turning)) or _worst(map(TurningRow.scattered, turning))
@@ -154,7 +165,9 @@ def _worst(of_each: Iterable[tuple[Finding, ...]]) -> list[Finding]:
     return sorted(found, key=lambda each: (SEVERITIES.index(each.severity), *each.numbers.values()), reverse=True)[:1]
 
 
-def _turning(support: Support, asked: Order, symmetric: Container[str], given_xyzw: Rotations) -> Iterator[TurningRow]:
+def _turning(
+    support: Support, asked: Order, yaw_symmetry_deg: Mapping[str, float], given_xyzw: Rotations
+) -> Iterator[TurningRow]:
     for group, rows in support.alike(asked):
         taken_aside_m = None
         for k in touching_rows(rows) if len(group) >= MIN_TURNED else ():
@@ -171,7 +184,8 @@ def _turning(support: Support, asked: Order, symmetric: Container[str], given_xy
                     row,
                     asked_anchor(row.anchors[0], group[0].order, asked).object_name,
                     Rotation.from_quat(turned),
-                    Rotation.from_quat(given) if any(name in symmetric for name in names) else None,
+                    next((yaw_symmetry_deg[name] for name in names if name in yaw_symmetry_deg), None),
+                    Rotation.from_quat(given) if any(name in yaw_symmetry_deg for name in names) else None,
                     aside_m,
                     taken_aside_m if row.gripper_open else None,
                     takes=k > 0 and rows[k - 1].gripper_open and not row.gripper_open,
