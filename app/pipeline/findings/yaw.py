@@ -120,7 +120,7 @@ class TurningRow:
 
     def scattered(self) -> tuple[Finding, ...]:
         """Return a finding if hands do not take an object alike, by turns that leave it unchanged; none if all do."""
-        off_deg = of_a_way(self._unlike_deg) if self.takes and self.symmetry_deg != 0 else 0.0
+        off_deg = self._unlike_deg() if self.takes and self.symmetry_deg != 0 else 0.0
         turns = _scatter_deg(self.objects) > TURNS_DEG
         rule = rules.SCATTER_OF_HANDS if turns else rules.SCATTER_OF_HANDS_AT_UNTURNED
         message = (
@@ -130,14 +130,19 @@ class TurningRow:
         )
         return rule.findings(off_deg, message, f"objects[{self.name}]", off_deg=off_deg)
 
-    @property
-    def _unlike_deg(self) -> Array:
-        """(N,) angles of the hands from their mean, by turns that leave the object unchanged."""
-        row, turns_deg = self.row, np.arange(0, 360, self.symmetry_deg or 360)
-        turns = [Rotation.from_euler("z", turn_deg, degrees=True) for turn_deg in turns_deg]
-        off_rad = [(row.mean_rotation.inv() * turn * row.rotations).magnitude() for turn in turns]
-        least: Array = np.degrees(np.min(off_rad, axis=0))
-        return least
+    def _unlike_deg(self) -> float:
+        """Return the angle by which more than a third of the hands are turned from the others, however seen.
+
+        By turns that leave the object unchanged: seen from it, hands are compared with the one that most are like.
+        """
+        off_deg = of_a_way(self.row.off_deg)
+        if self.symmetry_deg is None:
+            return off_deg
+        seen = self.objects.inv() * self.row.hands
+        turns = [Rotation.from_euler("z", turn_deg, degrees=True) for turn_deg in np.arange(0, 360, self.symmetry_deg)]
+        alike = np.max([np.abs(seen.as_quat() @ (turn * seen).as_quat().T) for turn in turns], axis=0)
+        apart_deg = np.degrees(2 * np.arccos(np.minimum(alike, 1.0)))  # (N, N)
+        return min(off_deg, *map(of_a_way, apart_deg))
 
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""

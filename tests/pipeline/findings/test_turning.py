@@ -94,6 +94,16 @@ def test_a_symmetry_that_the_hands_contradict(turns_deg, is_misread):
     assert found(group, 90.0, given) == ["yaw-misread"] * is_misread
 
 
+def test_hands_may_take_a_cube_by_another_side_than_its_yaw_is_folded_to():
+    group = []
+    for k in range(10):
+        at_m, yaw_deg = (0.03 * k, 0.0, 0.8), 47.0 * k
+        hand_deg = (180, 0, yaw_deg % 90)  # folded, the cube's yaw is from -45 to 45
+        rows = [action((*at_m[:2], z_m), hand_deg, gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
+        group.append(demonstration(TAKE, (canonical_pose(pose("bar", at_m, yaw_deg), 90),), rows))
+    assert found(group, 90.0) == []
+
+
 def test_hands_that_push_may_be_turned_anyhow():
     group = takes(lambda k, deg: 37.0 * k)
     pushes = [replace(item, actions=tuple(replace(a, gripper_open=False) for a in item.actions)) for item in group]
