@@ -23,6 +23,7 @@ from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 HAND = "the end effector"
 MIN_AGREEING = 3  # fewer demonstrations may agree by chance
 MOVED_M = 0.05  # objects whose place varies by less never moved, and are no arrangement
+TURNED_DEG = 20.0  # less turn does not tell an object's axes from the world's
 MANY_OF_A_SIDE = 8  # with fewer demonstrations, one side may be chance
 
 
@@ -177,9 +178,17 @@ def _rigid(
     pair = min(pairs, key=lambda pair: float(pair.seen_m.width.max()))
     if pair.seen_m.width.max() < FIXED_M:
         return pair
-    along = [replace(pair, axes=(axis,)) for pair in pairs if pair.anchor.place_turns for axis in (0, 1)]
+    turning = [pair for pair in pairs if pair.anchor.place_turns and _turns([poses[pair.other] for poses in scenes])]
+    along = [replace(pair, axes=(axis,)) for pair in turning for axis in (0, 1)]
     found = [pair for pair in along if len(scenes) >= MANY and pair.seen_m.width[pair.axes[0]] < FIXED_M]
     return min(found, key=lambda pair: float(pair.seen_m.width[pair.axes[0]]), default=None)
+
+
+def _turns(poses: Sequence[ObjectPose]) -> bool:
+    """Return whether an object has clearly other rotations in some scenes."""
+    known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
+    turned_deg = [math.degrees(quaternions.angle_between_rad(known[0], each)) for each in known]
+    return len(known) == len(poses) and max(turned_deg) > TURNED_DEG
 
 
 def _seen_m(one: ObjectPose, other: ObjectPose, anchor: Anchor) -> Array:
