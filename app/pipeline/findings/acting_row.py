@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.rules import Rule
+from app.pipeline.geometry import least_apart_rad
 from app.pipeline.order.order import Order
 from app.pipeline.plans.agreement import left_out_errors_m, two_ways
-from app.pipeline.plans.rows import PlanRow, of_a_way, switching_rows, touching_rows
+from app.pipeline.plans.rows import PlanRow, of_a_way, slides_on
 from app.pipeline.representation.anchor_scatter import MIN_SCATTERED, TURNED_SHARE, much_less, scatters_m
 from app.pipeline.representation.anchors import asked_anchor
 from app.pipeline.thresholds import M_PER_RAD
@@ -52,11 +52,10 @@ class ActingRow:
     @cached_property
     def row(self) -> PlanRow:
         """The row itself; of a hand that slides on to the next row only what is beside its way counts."""
-        row, after = self.rows[self.index], self.rows[self.index + 1 : self.index + 2]
-        slides = after and self.index not in switching_rows(self.rows) and self.index + 1 in touching_rows(self.rows)
-        if not slides or after[0].anchors != row.anchors:
+        row = self.rows[self.index]
+        if not slides_on(self.rows, self.index) or self.rows[self.index + 1].anchors != row.anchors:
             return row
-        way_m = after[0].center_m - row.center_m
+        way_m = self.rows[self.index + 1].center_m - row.center_m
         direction = way_m / max(float(np.linalg.norm(way_m)), 1e-9)
         off_m = row.offsets_m - row.center_m
         return replace(row, offsets_m=row.center_m + off_m - np.outer(off_m @ direction, direction))
@@ -179,9 +178,8 @@ class ActingRow:
         least_m = M_PER_RAD * math.radians(rules.SCATTER_OF_HANDS_IN_TWO.levels["danger"])
         if symmetry_deg == 0 or (clusters := two_ways(only_turns, least_m=least_m)) is None:
             return 0.0
-        between = row.rotations[clusters].mean().inv() * row.rotations[~clusters].mean()
-        turns = Rotation.from_euler("z", np.arange(0, 360, symmetry_deg)[:, None], degrees=True)
-        return math.degrees(float((between * turns).magnitude().min()))
+        means = row.rotations[clusters].mean(), row.rotations[~clusters].mean()
+        return math.degrees(least_apart_rad(*means, symmetry_deg).item())
 
     def on_a_circle_m(self) -> float:
         """Return the scatter of places on a circle about an object's vertical axis; 0 elsewhere."""

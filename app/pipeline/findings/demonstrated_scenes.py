@@ -178,9 +178,11 @@ def _rigid(
     pair = min(pairs, key=lambda pair: float(pair.seen_m.width.max()))
     if pair.seen_m.width.max() < FIXED_M:
         return pair
+    if len(scenes) < MANY:
+        return None
     turning = [pair for pair in pairs if pair.anchor.place_turns and _turns([poses[pair.other] for poses in scenes])]
     along = [replace(pair, axes=(axis,)) for pair in turning for axis in (0, 1)]
-    found = [pair for pair in along if len(scenes) >= MANY and pair.seen_m.width[pair.axes[0]] < FIXED_M]
+    found = [pair for pair in along if pair.seen_m.width[pair.axes[0]] < FIXED_M]
     return min(found, key=lambda pair: float(pair.seen_m.width[pair.axes[0]]), default=None)
 
 

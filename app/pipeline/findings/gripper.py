@@ -3,6 +3,7 @@
 All recordings may agree and be wrong: a gripper that is recorded as open where it is closed, a hand far from objects.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -90,15 +91,15 @@ def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
 
 def _some_far_away(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
     """Yield a finding if more than a third of the hands first close at an object, and another third at none."""
-    closings = [next((act for act in hand.acts if not act.opens), None) for hand in hands]
-    away_m = [act.nearest_m for act in closings if act is not None]
-    far_m = of_a_way(np.array(away_m)) if away_m else 0.0
+    closed_m = ([act.nearest_m for act in hand.acts if not act.opens] for hand in hands)
+    away_m = np.array([own_m[0] if own_m else math.nan for own_m in closed_m])
+    far_m = of_a_way(np.nan_to_num(away_m))
     message = (
         "In more than a third of the recordings the gripper closes at an object, and in another third"
         f" {100 * far_m:.0f} cm from the nearest one. Check whether some have another frame, or objects as they stand"
         " after the motion."
     )
-    if sum(at_m < GRASPED_AT_M for at_m in away_m) > WAY_SHARE * len(hands):
+    if (away_m < GRASPED_AT_M).mean() > WAY_SHARE:
         yield from rules.SOME_ACT_FAR_FROM_OBJECTS.findings(far_m, message, "demonstrations", nearest_m=far_m)
 
 

@@ -162,7 +162,7 @@ NOT_IN_THE_HAND = Rule("not-in-the-hand", "share of the recordings", danger=0.34
 DROPS_WHAT_IT_HOLDS = Rule("drops-what-it-holds", danger=ALWAYS)
 ACTS_FAR_FROM_OBJECTS = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
 # AT_OBJECT_M: what stands farther away is not what the hand closes on
-SOME_ACT_FAR_FROM_OBJECTS = Rule("acts-far-from-objects", "the same of a third, where a third act at one", danger=0.12)
+SOME_ACT_FAR_FROM_OBJECTS = Rule("acts-far-from-objects", "of a third, where a third act at one", "m", danger=0.12)
 BESIDE_THE_OBJECT = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 W_FIRST_OF_OBJECT = Rule("w-first", "share of the demonstrations", danger=0.15)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.quaternion_order import MISREADINGS, likeliest_meaning, off_mean_deg
+from app.pipeline.geometry import least_apart_rad
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
 from app.pipeline.plans.support import Support
@@ -119,7 +120,7 @@ class TurningRow:
         return rules.YAW_MISREAD.findings(off_deg, message, f"objects[{self.name}]", off_deg=off_deg)
 
     def scattered(self) -> tuple[Finding, ...]:
-        """Return a finding if hands do not take an object alike, by turns that leave it unchanged; none if all do."""
+        """Return a finding if hands do not take an object alike, by turns that leave it unchanged."""
         off_deg = self._unlike_deg() if self.takes and self.symmetry_deg != 0 else 0.0
         turns = _scatter_deg(self.objects) > TURNS_DEG
         rule = rules.SCATTER_OF_HANDS if turns else rules.SCATTER_OF_HANDS_AT_UNTURNED
@@ -139,10 +140,7 @@ class TurningRow:
         if self.symmetry_deg is None:
             return off_deg
         seen = self.objects.inv() * self.row.hands
-        turns = [Rotation.from_euler("z", turn_deg, degrees=True) for turn_deg in np.arange(0, 360, self.symmetry_deg)]
-        alike = np.max([np.abs(seen.as_quat() @ (turn * seen).as_quat().T) for turn in turns], axis=0)
-        apart_deg = np.degrees(2 * np.arccos(np.minimum(alike, 1.0)))  # (N, N)
-        return min(off_deg, *map(of_a_way, apart_deg))
+        return min(off_deg, *map(of_a_way, np.degrees(least_apart_rad(seen, seen, self.symmetry_deg))))
 
     def _scatters_deg(self, hands: Rotation) -> tuple[float, float]:
         """Return how far rotations of the hand scatter, seen from the object and seen from the world."""
@@ -185,12 +183,13 @@ def _turning(
             if len(turned) == len(group):
                 own = zip(group, names, turned, strict=True)
                 given = [given_xyzw.get(item.id, {}).get(name, quaternion) for item, name, quaternion in own]
+                symmetry_deg = next((yaw_symmetry_deg[name] for name in names if name in yaw_symmetry_deg), None)
                 yield TurningRow(
                     row,
                     asked_anchor(row.anchors[0], group[0].order, asked).object_name,
                     Rotation.from_quat(turned),
-                    next((yaw_symmetry_deg[name] for name in names if name in yaw_symmetry_deg), None),
-                    Rotation.from_quat(given) if any(name in yaw_symmetry_deg for name in names) else None,
+                    symmetry_deg,
+                    None if symmetry_deg is None else Rotation.from_quat(given),
                     aside_m,
                     taken_aside_m if row.gripper_open else None,
                     takes=k > 0 and rows[k - 1].gripper_open and not row.gripper_open,

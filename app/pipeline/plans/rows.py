@@ -173,6 +173,12 @@ def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
     return switching_rows(plan) or _tips(plan) or list(range(len(plan)))
 
 
+def slides_on(plan: Sequence[PlanRow], k: int) -> bool:
+    """Return whether the hand is low in row `k` and the next, without a switch of the gripper or a reversal in `k`."""
+    tips = [] if switching_rows(plan) else _tips(plan)
+    return k in tips and k + 1 in tips and not (k > 0 and _goes_back(plan, k))
+
+
 def _carried_rows(plan: Sequence[PlanRow]) -> list[int]:
     """Return the rows in which the hand acts with the held object, as with a cup, a hammer or a sponge.
 

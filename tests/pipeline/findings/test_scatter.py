@@ -299,6 +299,18 @@ def test_a_hand_that_slides_may_come_down_anywhere_along_its_way():
     assert finding.severity == "danger"
 
 
+def test_a_hand_that_wipes_to_and_fro_turns_back_at_one_place():
+    group = []
+    for k in range(10):
+        sponge_m = np.array([0.03 * k, 0.1, 0.8])
+        along_m = (0.0, 0.15 + 0.04 * (k % 2), 0.0)
+        places_m = [sponge_m + np.array([x_m, 0, up_m]) for x_m, up_m in zip(along_m, (0.1, 0, 0), strict=True)]
+        rows = [action(place_m) for place_m in (*places_m, sponge_m)]
+        group.append(demonstration("wipe the line", (pose("line", sponge_m, 0),), rows))
+    (finding,) = found(group)
+    assert (finding.severity, finding.where) == ("danger", "actions[1]")
+
+
 @pytest.mark.parametrize(("rotation", "severities"), [(0, ["danger"]), (None, [])])
 def test_ends_around_a_goal_follow_no_yaw_where_none_was_sent_and_no_hand_turns(rotation, severities):
     group = []
