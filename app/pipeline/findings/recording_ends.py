@@ -28,6 +28,7 @@ ODD_SHARE = 0.2  # of the recordings may differ from the others
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of starts that are several
 ENDS_SHARE = 0.4  # of the spread of starts, for ends to be where robots start: that varies, too, by less than PLACES_M
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
+COMPLETE_ALONG_M = 0.008  # the same along x or y alone, where the ends are several places in the world
 LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an object is not put to it
 
 TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
@@ -73,23 +74,31 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
 def _end_complete(pairs: Sequence[Recorded]) -> bool:
     """Return whether hands that still move in their last frames have done everything there.
 
-    Their ends are then one place seen from an object, though paths and durations differ, and most hands have acted
-    before. Recordings that are broken off on the way from one object to another end in one place seen from neither.
+    Their ends are then one place seen from an object, at least along x or y, though paths and durations differ, and
+    most hands have acted before. Recordings that are broken off on the way from one object to another end in one place
+    seen from neither.
 
     Args:
         pairs: all end with something in the hand, or all without.
     """
     if len(pairs) < MIN_ENDS:
         return False
-    seen_m = places_by_object([shown for shown, _ in pairs], np.array([hand.end_m for _, hand in pairs]))
+    ends_m = np.array([hand.end_m for _, hand in pairs])
+    seen_m = places_by_object([shown for shown, _ in pairs], ends_m)
     counts = Counter(shown.order.placeholder(hand.acts[-1].nearest) for shown, hand in pairs if hand.ends_holding)
     held = {role for role, number in counts.items() if number > ODD_SHARE * len(pairs)}
-    others_m = [spread_m(places_m) for (role, _), places_m in seen_m.items() if role not in held]
-    if min(others_m, default=np.inf) >= COMPLETE_M:
+    if not any(_agree(places_m, ends_m) for (role, _), places_m in seen_m.items() if role not in held):
         return False
     if held:  # what is carried was taken elsewhere
         return all(spread_m(seen_m[role, "w"]) > PLACES_M for role in held)
     return 2 * sum(_has_acted(*pair) for pair in pairs) > len(pairs)
+
+
+def _agree(seen_m: Array, ends_m: Array) -> bool:
+    """Return whether ends (N, 3) are one place seen from an object, `seen_m` (N, 3), at least along x or y."""
+    along = zip(seen_m[:, :2].T, ends_m[:, :2].T, strict=True)
+    follows = (spread_m(own[:, None]) < COMPLETE_ALONG_M and spread_m(m[:, None]) > ONE_PLACE_M for own, m in along)
+    return spread_m(seen_m) < COMPLETE_M or any(follows)
 
 
 def _has_acted(demonstration: Demonstration, hand: RecordedHand) -> bool:

@@ -307,6 +307,19 @@ def test_hands_that_have_acted_and_end_in_one_place_have_done_all(way_m, words, 
     assert [item.severity for item in found if item.code == "broken-off"] == [severity]
 
 
+@pytest.mark.parametrize(("aside_m", "severity"), [(0.0, "warning"), (0.03, "danger")])
+def test_ends_may_differ_in_height_where_x_and_y_are_those_of_the_object(aside_m, severity):
+    """As of a lever that is pulled until it gives way, at one height or another."""
+
+    def pulled(seed):
+        x_m, y_m = aside_m * np.array([(-1) ** seed, (-1) ** (seed // 2)])
+        return cut(0.95)(moved([(x_m, y_m, 0.3), (x_m, y_m, 0.07 * (seed % 5 < 2))], "reach the button")(seed))
+
+    known = taught([pulled(seed) for seed in range(10)])
+    found = known.findings(known.demonstrations[0].order)
+    assert [item.severity for item in found if item.code == "broken-off"] == [severity]
+
+
 @pytest.mark.parametrize(("number", "severity"), [(10, "warning"), (5, "danger")])
 def test_a_moving_hand_at_the_height_of_the_plate_may_keep_what_it_puts_there_if_all_do(number, severity):
     known = taught([frames(slice(0, 195) if seed < number else slice(None))(put(seed)) for seed in range(10)])
