@@ -45,7 +45,10 @@ READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
     "were turned half as far": _turned(0.5),
     "were turned by half a turn more in some": _nearest_half_turn,
 }
-READINGS_OF_SYMMETRIC = {"had no symmetry (yaw_symmetry_deg)": _turned(1.0)}
+READINGS_OF_SYMMETRIC = {
+    "had no symmetry (yaw_symmetry_deg)": _turned(1.0),
+    "had a yaw_symmetry_deg of 180": _nearest_half_turn,
+}
 
 
 @dataclass(frozen=True, eq=False)

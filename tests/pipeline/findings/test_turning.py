@@ -76,22 +76,25 @@ def test_hands_take_a_symmetric_object_alike(said_deg, codes):
     assert found(folded, 180.0, given) == codes
 
 
-@pytest.mark.parametrize(("turns_deg", "is_misread"), [(360, True), (90, False)])
-def test_a_symmetry_that_the_hands_contradict(turns_deg, is_misread):
-    """Declared is 90 degrees. Hands that turn with a square object are the same after a quarter turn."""
+@pytest.mark.parametrize(
+    ("declared_deg", "turns_deg", "is_misread"),
+    [(90.0, 360, True), (90.0, 90, False), (0.0, 180, True), (0.0, 1, False)],
+)
+def test_a_symmetry_that_the_hands_contradict(declared_deg, turns_deg, is_misread):
+    """Hands that turn with a square object are the same after a quarter turn, and at a round one at every angle."""
     folded_deg = lambda deg: (deg + turns_deg / 2) % turns_deg - turns_deg / 2  # noqa: E731
     given_deg = {str(k): 47.0 * k for k in range(10)}
     group = [
         demonstration(
             TAKE,
-            (canonical_pose(pose("bar", (0.03 * k, 0, 0.8), deg), 90),),
+            (canonical_pose(pose("bar", (0.03 * k, 0, 0.8), deg), declared_deg),),
             [action((0.03 * k, 0, z_m), (180, 0, folded_deg(deg)), gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)],
         )
         for k, deg in enumerate(given_deg.values())
     ]
     group = [replace(item, id=id_) for item, id_ in zip(group, given_deg, strict=True)]
     given = {id_: {"bar": rotated(0, 0, deg).as_quat()} for id_, deg in given_deg.items()}
-    assert found(group, 90.0, given) == ["yaw-misread"] * is_misread
+    assert found(group, declared_deg, given) == ["yaw-misread"] * is_misread
 
 
 def test_hands_may_take_a_cube_by_another_side_than_its_yaw_is_folded_to():
