@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.world import World
-from app.pipeline.order.order import clause_of
+from app.pipeline.order.order import Order
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.types.poses import ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
@@ -65,7 +65,7 @@ Mutation = Callable[[Case, np.random.Generator], Case | None]
 
 def mentioned(instruction: str, objects: Poses) -> tuple[str, ...]:
     """The names of the objects that the instruction mentions, in its order."""
-    return clause_of(instruction, tuple(pose.name for pose in objects)).objects
+    return Order(instruction, tuple(pose.name for pose in objects)).objects
 
 
 def recording_of(recorded: RecordedDemonstration) -> Recording:

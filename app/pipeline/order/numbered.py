@@ -16,7 +16,7 @@ from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.descriptions import NounPhrase
 from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.order import FIELD, clause_texts
+from app.pipeline.order.order import FIELD, Order
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import taught_verbs
@@ -101,7 +101,8 @@ def _readings(instruction: str, lexicon: Lexicon, layout: Layout | None) -> Iter
     phrases = NounPhrases(instruction, lexicon, layout)
     if phrases.text.forbids:
         return
-    accepted = Accepted(taught_verbs(clause_texts(instruction), lexicon))
+    texts = [clause.text for clause in Order(instruction, lexicon.names).clauses]
+    accepted = Accepted(taught_verbs(texts, lexicon))
     try:
         for forms in Sentences(phrases, accepted).readings():
             clauses = forms[0]

@@ -78,17 +78,17 @@ class Order:
     @cached_property
     def clauses(self) -> tuple[Clause, ...]:
         """The things to do one after the other."""
-        return tuple(clause_of(text, self.names) for text in clause_texts(self.text))
+        return tuple(_clause_of(text, self.names) for text in _clause_texts(self.text))
 
     @cached_property
     def form(self) -> str:
         """The form of the whole text, independent of the objects: see `Clause.form`."""
-        return clause_of(self.text, self.names).form
+        return _clause_of(self.text, self.names).form
 
     @cached_property
     def objects(self) -> tuple[str, ...]:
         """The names of the objects that it mentions, by their first mention."""
-        return clause_of(self.text, self.names).objects
+        return _clause_of(self.text, self.names).objects
 
     def placeholder(self, name: str) -> str:
         """Return what stands for the object in `form`, as `<0>`; its name if it is not mentioned."""
@@ -107,13 +107,13 @@ class Order:
 
 
 @lru_cache(MAX_REMEMBERED)
-def clause_texts(instruction: str) -> tuple[str, ...]:
+def _clause_texts(instruction: str) -> tuple[str, ...]:
     """Return the parts of an instruction that "then" separates."""
     return tuple(CLAUSE_SEPARATOR.split(instruction.strip()))
 
 
 @lru_cache(MAX_REMEMBERED)
-def clause_of(text: str, names: tuple[str, ...]) -> Clause:
+def _clause_of(text: str, names: tuple[str, ...]) -> Clause:
     """Return a text as one clause. It mentions the objects whose names it contains ('_' in a name is a space).
 
     A name that it does not contain is mentioned by its distinctive words: "open the top drawer" mentions

@@ -12,7 +12,7 @@ from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.descriptions import NounPhrase, Unmatched
 from app.pipeline.order.lexicon import Text
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.order import FIELD, clause_of
+from app.pipeline.order.order import FIELD, Order
 from app.pipeline.order.taught import TaughtWords
 
 MAX_LISTED = 12  # instructions that a refusal repeats
@@ -78,10 +78,10 @@ def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Seq
     if (missed := _missed(phrases)) is not None:
         return missed
     found = _longest(phrases)
-    if not found and any(clause_of(text, taught.names).objects for text in taught.instructions):
+    if not found and any(Order(text, taught.names).objects for text in taught.instructions):
         return Refusal(f"{said} names none of the known objects")
     text = phrases.with_names(phrase for phrase in found if phrase.by != "name")
-    if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
+    if Order(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
         return Refusal(f"{said} does not name its objects clearly: call each by its name")
     return text, found
 

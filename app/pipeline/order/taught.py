@@ -13,7 +13,7 @@ from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, needs_free_hand
 from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.order import Grounding, Mention, Order, clause_of, clause_texts, mentions_in
+from app.pipeline.order.order import Clause, Grounding, Mention, Order, mentions_in
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import PLACE_ADJECTIVES
@@ -94,13 +94,13 @@ class Frame:
         """Return the taught text with other objects; empty if it would then not mention them in the same order."""
         if any(filled.get(name, name) != name for name in self._scattered):
             return ""
-        wanted = tuple(filled[name] for name in clause_of(self.text, tuple(names)).objects if name in filled)
+        wanted = tuple(filled[name] for name in Order(self.text, tuple(names)).objects if name in filled)
         for whole in (False, True):
             text = self.text
             for start, end, name in reversed(self.named):
                 if filled.get(name, name) != name:
                     text = text[:start] + _called(filled[name], text[start:end], name, names, whole) + text[end:]
-            if clause_of(text, tuple(names)).objects == wanted:
+            if Order(text, tuple(names)).objects == wanted:
                 return text
         return ""
 
@@ -125,13 +125,15 @@ def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool)
 
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
     """Return the frames of a taught instruction's clauses; empty if the grammar does not parse one of them."""
-    texts = clause_texts(instruction)
-    clauses = [clause for text in texts if (clause := _read(text, lexicon)) is not None]
-    plan = tuple(clause.signature for clause in clauses)
-    if len(clauses) < len(texts):
+    said = Order(instruction, lexicon.names).clauses
+    parsed = [clause for each in said if (clause := _parsed(each, lexicon)) is not None]
+    if len(parsed) < len(said):
         return ()
-    named = [mentions_in(text, lexicon.names) for text in texts]
-    return tuple(Frame(*parts, plan) for parts in zip(texts, clauses, named, strict=True))
+    plan = tuple(clause.signature for clause in parsed)
+    return tuple(
+        Frame(each.text, clause, mentions_in(each.text, lexicon.names), plan)
+        for each, clause in zip(said, parsed, strict=True)
+    )
 
 
 def taught_verbs(texts: Iterable[str], lexicon: Lexicon) -> frozenset[str]:
@@ -140,16 +142,15 @@ def taught_verbs(texts: Iterable[str], lexicon: Lexicon) -> frozenset[str]:
     return frozenset(words[0] for words in read if words) - lexicon.objects_of.keys()
 
 
-def _read(text: str, lexicon: Lexicon) -> ParsedClause | None:
+def _parsed(said: Clause, lexicon: Lexicon) -> ParsedClause | None:
     """Return the parse of a taught clause with the fewest fixed words; None without a parse that has its objects."""
-    accepted = Accepted(taught_verbs([text], lexicon), fixed=None)
-    sentences = Sentences(NounPhrases(text, lexicon, None), accepted)
+    accepted = Accepted(taught_verbs([said.text], lexicon), fixed=None)
+    sentences = Sentences(NounPhrases(said.text, lexicon, None), accepted)
     try:
         read = [form[0] for forms in sentences.readings() for form in forms if len(form) == 1]
     except TooInvolvedError:
         return None
-    mentioned = set(clause_of(text, lexicon.names).objects)
-    fitting = [clause for clause in read if mentioned <= {phrase.name for phrase in clause.phrases}]
+    fitting = [clause for clause in read if set(said.objects) <= {phrase.name for phrase in clause.phrases}]
     return min(fitting, key=_unlikelihood, default=None)
 
 
@@ -179,17 +180,17 @@ class TaughtWords:
     def literal(self, instruction: str) -> Order | None:
         """Return the instruction as it stands if it is a taught one, with the same or other objects; otherwise None."""
         whole, parts = self._forms
-        clauses = [clause_of(text, self.names) for text in clause_texts(instruction)]
-        named = [name for clause in clauses for name in clause.objects]
+        asked = Order(instruction, self.names, self.mentioned(instruction))
+        named = [name for clause in asked.clauses for name in clause.objects]
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
-        alike = apart and all(clause.form in parts for clause in clauses)
-        if alike and len(clauses) > 1:
+        alike = apart and all(clause.form in parts for clause in asked.clauses)
+        if alike and len(asked.clauses) > 1:
             alike = not needs_free_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
-        if not alike and clause_of(instruction, self.names).form not in whole:
+        if not alike and asked.form not in whole:
             return None
         if instruction not in self.instructions and self._says_where_only(instruction):
             return None  # "turn left" has the form of "turn left tap"
-        return Order(instruction, self.names, self.mentioned(instruction))
+        return asked
 
     def mentioned(self, instruction: str) -> tuple[Grounding, ...]:
         """Return the phrases that are object names; the whole instruction where the task's only object is not named."""
@@ -227,9 +228,9 @@ class TaughtWords:
     @cached_property
     def _forms(self) -> tuple[frozenset[str], frozenset[str]]:
         """The forms of whole taught instructions, and of clauses that may stand alone."""
-        whole = frozenset(clause_of(text, self.names).form for text in self.instructions)
-        parts = [{clause_of(part, self.names).form for part in clause_texts(text)} for text in self.instructions]
-        return whole, frozenset(part for each in parts if len(each) == 1 for part in each)
+        orders = [Order(text, self.names) for text in self.instructions]
+        parts = [{clause.form for clause in order.clauses} for order in orders]
+        return frozenset(order.form for order in orders), frozenset().union(*(each for each in parts if len(each) == 1))
 
     def _says_where_only(self, instruction: str) -> bool:
         """Return whether a word of place names an object without its noun, so that it may be a direction instead."""

@@ -18,7 +18,7 @@ from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, is_plac
 from app.pipeline.order.descriptions import NounPhrase
 from app.pipeline.order.lexicon import TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.order import Order, clause_of
+from app.pipeline.order.order import Order
 from app.pipeline.order.reading import FilledFrame, closest
 from app.pipeline.order.refusals import Refusal, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
@@ -102,7 +102,7 @@ def read_steps(
         (skill, text)
         for skill in scene.skills
         for text in skill.taught.instructions
-        if _folded(text) == said and clause_of(text, skill.taught.names).objects == clause_of(text, scene.names).objects
+        if _folded(text) == said and Order(text, skill.taught.names).objects == Order(text, scene.names).objects
     ]
     # one task says as a whole what another says in a clause: both may be meant
     whole = any(text in skill.wholes for skill, text in alike)
