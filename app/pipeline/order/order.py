@@ -90,6 +90,14 @@ class Order:
         """The names of the objects that it mentions, by their first mention."""
         return _clause_of(self.text, self.names).objects
 
+    @cached_property
+    def mentions(self) -> tuple[Mention, ...]:
+        """Every mention of an object, from left to right; the text has no space around it.
+
+        Empty where lower case changes the number of characters, as with some letters of Turkish.
+        """
+        return _mentions(self.names, _spaced(self.text)) if len(self.text.lower()) == len(self.text) else ()
+
     def placeholder(self, name: str) -> str:
         """Return what stands for the object in `form`, as `<0>`; its name if it is not mentioned."""
         return f"<{self.objects.index(name)}>" if name in self.objects else name
@@ -127,15 +135,7 @@ def _clause_of(text: str, names: tuple[str, ...]) -> Clause:
     return Clause(text, form, objects)
 
 
-def mentions_in(text: str, names: Sequence[str]) -> tuple[Mention, ...]:
-    """Return every mention, from left to right; the text has no space around it.
-
-    Empty where lower case changes the number of characters, as with some letters of Turkish.
-    """
-    return tuple(_mentions(names, _spaced(text))) if len(text.lower()) == len(text) else ()
-
-
-def _mentions(names: Sequence[str], text: str) -> list[Mention]:
+def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:
     """Return every mention in `text`, from left to right, without overlap."""
     found: list[Mention] = []
     for name in sorted(names, key=len, reverse=True):
@@ -149,7 +149,7 @@ def _mentions(names: Sequence[str], text: str) -> list[Mention]:
         by_word = [_occurrences(word, text, name) for word in _words(name) - others]
         if all(by_word):
             found += [mention for mentions in by_word for mention in mentions]
-    return sorted(found)
+    return tuple(sorted(found))
 
 
 def _occurrences(phrase: str, text: str, name: str) -> list[Mention]:

@@ -78,7 +78,8 @@ def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
                 if text := _canonical(taught, plan):
                     named = {phrase for filled in plan for phrase in filled.clause.phrases}
                     groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
-                    order = Order(text, taught.names, groundings or taught.mentioned(phrases.text.instruction))
+                    said = Order(phrases.text.instruction, taught.names)
+                    order = Order(text, taught.names, groundings or taught.named_in(said))
                     found[text] = min(found.get(text, order), order, key=_uncertainty)
     except TooInvolvedError:
         return []

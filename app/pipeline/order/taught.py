@@ -5,7 +5,7 @@ plate". A new instruction must fill one of them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice, permutations
 
@@ -13,7 +13,7 @@ from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, needs_free_hand
 from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.order import Clause, Grounding, Mention, Order, mentions_in
+from app.pipeline.order.order import Clause, Grounding, Mention, Order
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import PLACE_ADJECTIVES
@@ -131,7 +131,7 @@ def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
         return ()
     plan = tuple(clause.signature for clause in parsed)
     return tuple(
-        Frame(each.text, clause, mentions_in(each.text, lexicon.names), plan)
+        Frame(each.text, clause, Order(each.text, lexicon.names).mentions, plan)
         for each, clause in zip(said, parsed, strict=True)
     )
 
@@ -180,7 +180,7 @@ class TaughtWords:
     def literal(self, instruction: str) -> Order | None:
         """Return the instruction as it stands if it is a taught one, with the same or other objects; otherwise None."""
         whole, parts = self._forms
-        asked = Order(instruction, self.names, self.mentioned(instruction))
+        asked = Order(instruction, self.names)
         named = [name for clause in asked.clauses for name in clause.objects]
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
         alike = apart and all(clause.form in parts for clause in asked.clauses)
@@ -188,17 +188,15 @@ class TaughtWords:
             alike = not needs_free_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
         if not alike and asked.form not in whole:
             return None
-        if instruction not in self.instructions and self._says_where_only(instruction):
+        if instruction not in self.instructions and self._says_where_only(asked):
             return None  # "turn left" has the form of "turn left tap"
-        return asked
+        return replace(asked, phrases=self.named_in(asked))
 
-    def mentioned(self, instruction: str) -> tuple[Grounding, ...]:
-        """Return the phrases that are object names; the whole instruction where the task's only object is not named."""
-        mentions = mentions_in(instruction, self.names)
-        found = [Grounding(instruction[start:end], name, "name") for start, end, name in mentions]
-        if not found and len(self.names) == 1:
-            return (Grounding(instruction, self.names[0], "taught"),)
-        return tuple(found)
+    def named_in(self, said: Order) -> tuple[Grounding, ...]:
+        """Return the phrases that are object names; the whole text where the task's only object is not named."""
+        if not said.mentions and len(self.names) == 1:
+            return (Grounding(said.text, self.names[0], "taught"),)
+        return tuple(Grounding(said.text[start:end], name, "name") for start, end, name in said.mentions)
 
     @cached_property
     def choices(self) -> tuple[str, ...]:
@@ -232,10 +230,10 @@ class TaughtWords:
         parts = [{clause.form for clause in order.clauses} for order in orders]
         return frozenset(order.form for order in orders), frozenset().union(*(each for each in parts if len(each) == 1))
 
-    def _says_where_only(self, instruction: str) -> bool:
+    def _says_where_only(self, asked: Order) -> bool:
         """Return whether a word of place names an object without its noun, so that it may be a direction instead."""
-        said = {word.text for word in self.lexicon.read(instruction)}
+        words = {word.text for word in self.lexicon.read(asked.text)}
         return any(
-            instruction[start:end].lower() in PLACE_ADJECTIVES and noun_of(phrase_of(name)) not in said
-            for start, end, name in mentions_in(instruction, self.names)
+            asked.text[start:end].lower() in PLACE_ADJECTIVES and noun_of(phrase_of(name)) not in words
+            for start, end, name in asked.mentions
         )

@@ -25,7 +25,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.order.order import Order, mentions_in
+from app.pipeline.order.order import Order
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.common_parts import CommonParts, find_parts
 from app.pipeline.representation.part import Part, SceneState, kind_of
@@ -179,7 +179,7 @@ def in_sequence(text: str, names: Sequence[str]) -> str:
 
     Other instructions stay as they are, also those in which such a word has more than the name of an object beside it.
     """
-    mentions = mentions_in(text, names)
+    mentions = Order(text, tuple(names)).mentions
     between = {text[one.end : other.start].removesuffix("the ") for one, other in pairwise(mentions)}
     if between not in ({" before "}, {" after "}):
         return text
