@@ -34,16 +34,11 @@ _NUMBER = re.compile(r"\s*(\d{1,4})\s*\.?\s*")
 
 
 def parsed(
-    request: PredictRequest,
-    instruction: str,
-    taught: Sequence[str],
-    settings: TaskSettings,
-    objects: Sequence[ObjectPose],
+    request: PredictRequest, taught: Sequence[str], settings: TaskSettings, objects: Sequence[ObjectPose]
 ) -> Order:
     """Return the request's instruction, parsed against those of the demonstrations that the prompt shows.
 
     Args:
-        instruction: of the request, checked.
         taught: the instructions of these demonstrations.
         objects: that it may mean.
 
@@ -55,10 +50,10 @@ def parsed(
     known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
         order = read(request.meaning, known)
-        phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in order.phrases)
+        phrases = tuple(Grounding(request.instruction, phrase.object_name, "llm") for phrase in order.phrases)
         return replace(order, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
-    return read(instruction, known, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
+    return read(request.instruction, known, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 
 @lru_cache(MAX_TASKS)

@@ -15,7 +15,7 @@ from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.predict.demonstrations import Demonstrations, TaskReading, TaskVersion
-from app.services.predict.request import PredictRequest, PromptStyle
+from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
 from app.services.task_settings import TaskSettings
 from app.services.vision import PoseServers, check_colors, poses_of
 from app.store import episodes, tasks
@@ -106,7 +106,8 @@ class KnownReader:
     def _known(self, request: PredictRequest, task: TaskReading, poses: Mapping[str, ObjectPose]) -> Known:
         kept, names = task.kept, task.record.object_names or ()
         profile = self.profile_of(request.options.model)
-        style = PromptStyle.of(request, kept.settings, profile)
+        from_start = request.end_effector is not None
+        style = PromptStyle.of(request.options, kept.settings, profile, from_start=from_start)
         taught = task.taught(style.from_start)
         observed = tuple(poses[name] for name in names if name in poses)
         demonstrations = task.selected(request.options, observed)
@@ -171,9 +172,9 @@ class KnownReader:
         Raises:
             as `__call__` for such a request.
         """
-        request = PredictRequest(task_name, "", ())
+        options = PredictOptions()
         with self._store.read() as connection:
             task = self.task(connection, task_name)
-            style = PromptStyle.of(request, task.kept.settings, self.profile_of(None))
+            style = PromptStyle.of(options, task.kept.settings, self.profile_of(None))
             task.taught(style.from_start)  # refuses a task without demonstrations
-            return task.selected(request.options, ()), task.kept.settings, style
+            return task.selected(options, ()), task.kept.settings, style

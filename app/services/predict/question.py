@@ -23,7 +23,6 @@ from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
 from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
-from roboprompt_client.types.names import checked_instruction
 from roboprompt_client.types.poses import EndEffectorAction
 
 LISTED = 3  # instructions that a sentence names
@@ -73,12 +72,11 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
         as `KnownReader`, `write_prefix`, `understand` and `place_plans`.
         InvalidInputError: if the prompt is too long, or an object lacks a rotation that demonstrations have.
     """
-    instruction = checked_instruction("instruction", request.instruction)
     known = read(request)
     with timed("prompt"):
         prefix, why = choose_prefix(request, known)
     with timed("words"):
-        order = understand(request, instruction, known, prefix.instructions)
+        order = understand(request, known, prefix.instructions)
     template, hand = prefix.template, request.end_effector
     limits.check_prompt(len(template.system) + len(template.prefix))
     start = None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
@@ -102,16 +100,16 @@ def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[
     return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.absent), findings
 
 
-def understand(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
+def understand(request: PredictRequest, known: Known, taught: Sequence[str]) -> Order:
     """Return the parsed instruction.
 
     Raises:
         UngroundedInstructionError: also if it may mean an object that is not the task's; as `parsed`.
     """
-    order = parsed(request, instruction, taught, known.task.settings, known.objects)
+    order = parsed(request, taught, known.task.settings, known.objects)
     if known.bystanders:
         everything = (*known.objects, *known.bystanders)
-        with_others = parsed(request, instruction, taught, known.task.settings, everything)
+        with_others = parsed(request, taught, known.task.settings, everything)
         if with_others.objects != order.objects:
             meant = ", ".join(name for name in with_others.objects if name not in order.objects)
             message = f"may mean {meant}, which demonstrations do not have"

@@ -17,6 +17,7 @@ from app.store.values import JsonObject
 from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.arrays import settle
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from roboprompt_client.types.names import checked_instruction
 from roboprompt_client.types.poses import Pose
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
@@ -113,6 +114,9 @@ class PredictRequest:
         meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         as_sent: the request as it came, to be stored with the prediction.
         alike: the objects that came with one name, and are numbered in `objects`.
+
+    Raises:
+        InvalidInputError: for an instruction that cannot be part of a prompt.
     """
 
     task: str
@@ -128,6 +132,7 @@ class PredictRequest:
     alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
+        settle(self, instruction=checked_instruction("instruction", self.instruction))
         objects, alike = numbered_queries(self.objects)
         if alike:
             settle(self, objects=objects, alike=alike)
@@ -151,9 +156,10 @@ class PromptStyle(NamedTuple):
     from_start: bool = False
 
     @classmethod
-    def of(cls, request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> "PromptStyle":
-        """The request's style; what it leaves out is the task's, then the model's."""
-        options = request.options
+    def of(
+        cls, options: PredictOptions, settings: TaskSettings, profile: ModelProfile, *, from_start: bool = False
+    ) -> "PromptStyle":
+        """The style that a request asks for; what it leaves out is the task's, then the model's."""
         representation = options.representation or settings.representation or profile.representation
         asked = options.prompt_format or settings.prompt_format
         prompt_format = asked or usual_format(representation, profile.prompt_format)
@@ -161,4 +167,4 @@ class PromptStyle(NamedTuple):
         if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
             lists = profile.style == "chat" and representation not in ("object_frame", "parts")
             system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
-        return cls(representation, prompt_format, system_prompt, request.end_effector is not None)
+        return cls(representation, prompt_format, system_prompt, from_start)
