@@ -299,6 +299,22 @@ def test_a_hand_that_slides_may_come_down_anywhere_along_its_way():
     assert finding.severity == "danger"
 
 
+@pytest.mark.parametrize(("ends_apart_m", "severities"), [(0.0, []), (0.03, ["danger"])])
+def test_a_hand_that_slides_from_one_object_to_another_is_between_them_on_its_way(ends_apart_m, severities):
+    group, random = [], np.random.default_rng(7)
+    for k in range(10):
+        plate_m, box_m = (
+            np.array([random.uniform(-0.1, 0.1), 0.5, 0.8]),
+            np.array([random.uniform(-0.1, 0.1), 0.8, 0.8]),
+        )
+        between_m = box_m + 0.4 * (plate_m - box_m)
+        ends_m = box_m + np.array([ends_apart_m * (k % 2), 0, 0])
+        rows = [action(place_m) for place_m in (plate_m + np.array([0, 0, 0.1]), plate_m, between_m, ends_m)]
+        group.append(demonstration("slide the plate into the box", (pose("plate", plate_m), pose("box", box_m)), rows))
+    findings = [finding.severity for finding in found(group) if finding.severity == "danger"]
+    assert findings == severities
+
+
 def test_a_hand_that_wipes_to_and_fro_turns_back_at_one_place():
     group = []
     for k in range(10):
