@@ -6,7 +6,7 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acting_row import ActingRow
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import CLOSER, PlanRow, acting_rows, slides_on, touching_rows, turn_off_deg
+from app.pipeline.plans.acting import acting_rows, leads_on, touching_rows, turn_off_deg
 from app.pipeline.plans.support import Support
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
@@ -26,7 +26,7 @@ def scatter_findings(support: Support, asked: Order, yaw_symmetry_deg: Mapping[s
         ActingRow(shown, rows, k, k in touching_rows(rows), asked, yaw_symmetry_deg)
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
-        if not _leads_on(rows, k)
+        if not leads_on(rows, k)
     ]
     each = ((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)) for item in acting)
     for causes in zip(*each, strict=True):
@@ -36,12 +36,6 @@ def scatter_findings(support: Support, asked: Order, yaw_symmetry_deg: Mapping[s
             return
     if scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
         yield _scattered(scattered)
-
-
-def _leads_on(rows: Sequence[PlanRow], k: int) -> bool:
-    """Return whether the hand slides on to a place at the same object that is clearly more consistent."""
-    here, after = rows[k], rows[k + 1] if k + 1 < len(rows) else rows[k]
-    return slides_on(rows, k) and after.anchors == here.anchors and after.scatter_m < CLOSER * here.scatter_m
 
 
 def _wrong_axes(item: ActingRow) -> Iterator[Cause]:

@@ -10,7 +10,8 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.quaternion_order import MISREADINGS, likeliest_meaning, off_mean_deg
 from app.pipeline.geometry import least_apart_rad
 from app.pipeline.order.order import Order
-from app.pipeline.plans.rows import PlanRow, of_a_way, touching_rows
+from app.pipeline.plans.acting import touching_rows
+from app.pipeline.plans.rows import PlanRow, of_a_way
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client.types.arrays import Array

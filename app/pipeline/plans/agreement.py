@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
+from app.pipeline.plans.acting import acting_rows
+from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import NOT_TURNED, anchor_poses, relative_row
 from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD
 from roboprompt_client.types.arrays import Array
