@@ -17,8 +17,8 @@ from app.logs import Tracing, hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.limits import Limits
-from app.services.teach.configure import RunJobs
-from app.services.vision import PoseServers
+from app.services.poses import PoseServers
+from app.services.teach.run_jobs import RunJobs
 from app.settings import MEGA, Settings
 from app.store.erasure import keep_house
 from app.store.store import SWEEP_GRACE, Store

@@ -17,8 +17,8 @@ from app.cli.shared import Data, EnvFile, check_port, errors_printed, settings_o
 from app.executors import Executor, LocalExecutor
 from app.logs import log_as_json
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import RunJobs
 from app.services.teach.extract import extract_all_again
+from app.services.teach.run_jobs import RunJobs
 from app.settings import Settings
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store

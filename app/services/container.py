@@ -9,6 +9,7 @@ from app.services.api_keys import KeyRing, Sessions
 from app.services.english import is_english
 from app.services.limits import Limits
 from app.services.measures import Metrics
+from app.services.poses import PoseServers
 from app.services.predict.ask import PredictActions
 from app.services.predict.known import KnownReader
 from app.services.predict.record import PredictionRecorder
@@ -16,10 +17,10 @@ from app.services.predict.repeated import RepeatedPredictions
 from app.services.predict.steps import ReadSteps
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
-from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask, RunJobs
+from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
 from app.services.teach.labels import LabelObjects
+from app.services.teach.run_jobs import RunJobs
 from app.services.teach.upload import UploadEpisode
-from app.services.vision import PoseServers
 from app.store.store import Store
 
 TEACHING_AT_ONCE = 4

@@ -12,10 +12,10 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.poses import PoseServers
 from app.services.predict.known import KnownReader
 from app.services.predict.question import question_of
 from app.services.predict.request import PredictOptions
-from app.services.vision import PoseServers
 from tests.stores import opened
 
 ONE_ACTION = "[[50, 50, 20, 0, 36, 36, 1]]"

@@ -1,6 +1,6 @@
 import pytest
 
-from app.services.vision import PoseServers
+from app.services.poses import PoseServers
 from roboprompt_client.errors import InvalidInputError
 
 LISTED = ("https://gpu-box:9000/poses", "http://10.0.0.5/")

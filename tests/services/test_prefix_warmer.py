@@ -7,11 +7,11 @@ import anyio
 import pytest
 
 from app.llm.base import Completion, ModelProfile
+from app.services.poses import PoseServers
 from app.services.predict import warm
 from app.services.predict.known import KnownReader
 from app.services.predict.prefix import usual_prefixes
 from app.services.predict.warm import PrefixWarmer
-from app.services.vision import PoseServers
 from app.store import predictions
 from tests.store.drafts import episode_draft, prediction_draft, upload
 

@@ -7,7 +7,7 @@ import pytest
 
 from app.services.teach import configure
 from app.services.teach import extract as extraction
-from app.services.teach.configure import RunJobs
+from app.services.teach.run_jobs import RunJobs
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.store import Store

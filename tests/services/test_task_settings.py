@@ -5,7 +5,7 @@ from pydantic import ValidationError
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, WorkspaceSettings
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import grown
+from app.services.teach.workspace import grown
 from tests.episodes import ur5e
 
 KEEP_OUT = {"min": (0, 0, 0), "max": (1, 1, 1)}

@@ -24,12 +24,12 @@ from app.perception.films import checked_film
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
+from app.services.images import stored_film, stored_image
 from app.services.limits import Limits
 from app.services.measures import note
 from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload_checks import Upload
-from app.services.vision import stored_film, stored_image
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store

@@ -13,11 +13,12 @@ from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
+from app.services.images import check_colors
 from app.services.measures import timed
+from app.services.poses import PoseServers, poses_of
 from app.services.predict.demonstrations import Demonstrations, TaskReading, TaskVersion
 from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
 from app.services.task_settings import TaskSettings
-from app.services.vision import PoseServers, check_colors, poses_of
 from app.store import episodes, tasks
 from app.store.errors import ConflictError
 from app.store.filters import EpisodeFilter

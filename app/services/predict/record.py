@@ -10,10 +10,10 @@ from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import MODEL_FAILED, UNPARSABLE, UNSAFE, UNSUPPORTED, Rule
 from app.services.errors import RefusedReply, RefusedReplyError
+from app.services.images import put_images
 from app.services.measures import Metrics, note, timed, timings
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.reply import Reply
-from app.services.vision import put_images
 from app.store import predictions, tasks
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store

@@ -17,8 +17,9 @@ from app.services.english import is_english
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job
-from app.services.teach.extract import NUM_FIRST, extract_again, remaining, uploaded
+from app.services.teach.extract import extract_again
 from app.services.teach.trim import trimmed
+from app.services.teach.workspace import NUM_FIRST, remaining, uploaded
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, Extraction, TaskRecord
 from app.store.store import Store

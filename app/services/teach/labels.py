@@ -12,7 +12,7 @@ from app.perception.images import ImageBytes
 from app.perception.registered.marks import Marks, Mask, Pixel, masks_from_marks, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
 from app.services.cache import Cache
-from app.services.vision import put_images, read_frame
+from app.services.images import put_images, read_frame
 from app.store import episodes, labels, tasks
 from app.store.labels import LabelRecord
 from app.store.store import Store

@@ -15,8 +15,9 @@ from app.perception.registered.learn import LabeledView, Learned, learn
 from app.perception.registered.model import LeftOutView, RegisteredModel, yaw_symmetry_deg
 from app.perception.registry import estimate_poses
 from app.services.errors import NoDemonstrationsError
+from app.services.images import read_frame
+from app.services.poses import PoseServers, with_template
 from app.services.teach.configure import ConfigureTask
-from app.services.vision import PoseServers, read_frame, with_template
 from app.store import episodes, labels, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord

@@ -8,11 +8,12 @@ from sqlalchemy import Connection
 
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import upload_findings
-from app.services.compared import compared
+from app.services.images import put_images
+from app.services.poses import PoseServers, compared
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import extract, uploaded
+from app.services.teach.extract import extract
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
-from app.services.vision import PoseServers, put_images
+from app.services.teach.workspace import uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord

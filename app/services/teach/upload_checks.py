@@ -29,7 +29,7 @@ from app.pipeline.thresholds import GRASPED_M
 from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import NUM_FIRST
+from app.services.teach.workspace import NUM_FIRST
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, TaskRecord
 from app.store.values import JsonObject

@@ -18,9 +18,9 @@ from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
 from app.pipeline.representation.base import usual_format
 from app.services.container import Services
+from app.services.images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
-from app.services.vision import read_frame, stored_film
 from app.store import api_keys, episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskRecord
