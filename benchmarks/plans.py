@@ -20,7 +20,8 @@ from rich.console import Console
 from app.pipeline.errors import InstructionError
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.pipeline.steps.reading import Skill, TasksOfScene, read_steps
+from app.pipeline.steps.reading import read_steps
+from app.pipeline.steps.skills import Skill, TasksOfScene
 from app.services.english import is_english
 
 ASKED = Path(__file__).with_suffix(".json")

@@ -7,7 +7,7 @@ import pytest
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InstructionError, ObjectSetError
-from app.pipeline.steps.reading import PlanStep
+from app.pipeline.steps.skills import PlanStep
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
 from app.services.teach.upload_checks import Upload

@@ -4,85 +4,25 @@ Every word must have a role, as in the instruction of one task, and every step m
 objects of these kinds. A sentence with two meanings is refused.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import chain, product
-from typing import NamedTuple
 
 from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.findings.roles import strangers
 from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, is_placed_after_moving, needs_free_hand
 from app.pipeline.order.descriptions import NounPhrase
 from app.pipeline.order.lexicon import TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Order
-from app.pipeline.order.reading import FilledFrame, closest
+from app.pipeline.order.reading import closest
 from app.pipeline.order.refusals import Refusal, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Frame, TaughtWords
 from app.pipeline.order.verbs import CONTAINING, TOGETHER
-from app.pipeline.order.words import IsWord
 from app.pipeline.steps import several
+from app.pipeline.steps.skills import MAX_LISTED, PlanStep, Skill, TasksOfScene, tasks_nearest_to
 
 MAX_STEPS = 24  # that one sentence asks for
-MAX_TASKS_LISTED = 10  # in a refusal
-MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
-
-
-class PlanStep(NamedTuple):
-    """The instruction of one task, in the words that it was taught."""
-
-    task: str
-    instruction: str
-
-
-@dataclass(frozen=True, eq=False)
-class Skill:
-    """A task and what it was taught."""
-
-    task: str
-    taught: TaughtWords
-
-    @cached_property
-    def wholes(self) -> tuple[str, ...]:
-        """The taught instructions that must be said as a whole: of several clauses, or without a parse."""
-        alone = {frame.text for frame in self.taught.frames if frame.may_stand_alone}
-        return tuple(text for text in self.taught.instructions if text not in alone)
-
-    def steps(self, clause: ParsedClause) -> Iterator[tuple[FilledFrame, PlanStep]]:
-        """Yield what the task may do for a clause, with objects or kinds of objects that were taught in these roles."""
-        names, asked = self.taught.names, {phrase.name for phrase in clause.phrases}
-        for frame in self.taught.frames if asked <= set(names) else ():
-            named = asked or not frame.clause.phrases
-            filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
-            text = frame.text_for(filled, names) if filled is not None else ""
-            if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
-                yield FilledFrame(frame, filled, clause), PlanStep(self.task, text.rstrip(". "))
-
-
-class TasksOfScene(TaughtWords):
-    """The objects of a scene, and what the tasks with these objects were taught.
-
-    Args:
-        names, aliases: of all objects, with or without a task.
-        skills: the tasks.
-        is_word: as of `TaughtWords`.
-    """
-
-    def __init__(
-        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], skills: Sequence[Skill], is_word: IsWord
-    ) -> None:
-        super().__init__(names, aliases, [text for skill in skills for text in skill.taught.instructions], is_word)
-        self.skills = tuple(skills)
-
-    @cached_property
-    def frames(self) -> tuple[Frame, ...]:
-        """The frames of each task, parsed among its own objects."""
-        return tuple(frame for skill in self.skills for frame in skill.taught.frames)
 
 
 def read_steps(
@@ -114,39 +54,8 @@ def read_steps(
     raise reader.refusal(found).error(tasks_nearest_to(instruction, scene.skills, others or {}))
 
 
-def tasks_nearest_to(instruction: str, usable: Sequence[Skill], others: Mapping[Skill, str]) -> str:
-    """Return a list of at most `MAX_TASKS_LISTED` tasks, those that share most words with the instruction first.
-
-    Args:
-        others: tasks that cannot be used, and why.
-    """
-    said = _words(instruction)
-
-    def shared(skill: Skill) -> float:
-        taught = (_words(f"{skill.task} {text}") for text in skill.taught.instructions)
-        return max((len(said & words) / len(said | words) for words in taught), default=0.0)
-
-    nearest = sorted((*usable, *others), key=shared, reverse=True)
-    shown = nearest[:MAX_TASKS_LISTED]
-    parts = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in shown if skill not in others]
-    if unlike := [f"{skill.task} ({others[skill]})" for skill in shown if skill in others]:
-        parts.append(f"not with these objects: {'; '.join(unlike)}")
-    if more := len(nearest) - len(shown):
-        parts.append(f"and {more} more task{'s' * (more > 1)}")
-    return "; ".join(parts)
-
-
-def _words(text: str) -> frozenset[str]:
-    return frozenset(re.findall(r"\w+", text.lower()))
-
-
 def _folded(text: str) -> str:
     return text.strip().rstrip(".").lower()
-
-
-def _listed(texts: Sequence[str]) -> str:
-    more = f" and {len(texts) - MAX_LISTED} more" if texts[MAX_LISTED:] else ""
-    return ", ".join(map(repr, texts[:MAX_LISTED])) + more
 
 
 class _Reader:

@@ -24,8 +24,9 @@ from app.services.predict.motion_check import MotionCheck
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question, question_of
 from app.services.predict.record import FAILURES, Prediction, PredictionRecorder
-from app.services.predict.reply import Reply, SampledReply
+from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
+from app.services.predict.samples import SampledReply
 from app.services.predict.warm import PrefixWarmer
 from app.store.data_folder import UnderWay, UnderWayNotes
 from app.store.errors import StoreUnavailableError

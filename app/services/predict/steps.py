@@ -10,7 +10,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
 from app.pipeline.names import check_object_names, shared_aliases
 from app.pipeline.order.space import Layout
-from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps, tasks_nearest_to
+from app.pipeline.steps.reading import read_steps
+from app.pipeline.steps.skills import PlanStep, Skill, TasksOfScene, tasks_nearest_to
 from app.services.cache import Cache
 from app.services.english import is_english
 from app.services.predict.instruction import MAX_TASKS, taught_of

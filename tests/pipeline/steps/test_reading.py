@@ -8,7 +8,8 @@ from app.pipeline.names import shared_aliases
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.pipeline.steps.reading import PlanStep, Skill, TasksOfScene, read_steps
+from app.pipeline.steps.reading import read_steps
+from app.pipeline.steps.skills import PlanStep, Skill, TasksOfScene
 from app.services.english import is_english
 
 TASKS = {
