@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.api.schemas.predictions import TaskCheckOut
+from app.api.schemas.checks import TaskCheckOut
 from app.cli import application
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError

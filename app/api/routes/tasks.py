@@ -14,8 +14,8 @@ from app.api.documents import answer, history_document, stats_document, task_doc
 from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
+from app.api.schemas.checks import TaskCheckOut
 from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryModelBody
-from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut
 from app.api.schemas.tasks import SettingsHistory, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document

@@ -15,17 +15,8 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, read_inside
 from app.datasets.columns import ColumnEpisode, Columns, trajectory_of
-from app.datasets.lerobot.files import (
-    INFO,
-    Info,
-    Place,
-    numbers_of,
-    read_info,
-    read_places,
-    read_scene,
-    read_table,
-    read_value,
-)
+from app.datasets.lerobot.files import INFO, Info, Place, read_info, read_places, read_scene
+from app.datasets.lerobot.tables import numbers_of, read_table, read_value
 from app.datasets.lerobot.video import KEY, film_from_video, first_picture
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel

@@ -15,7 +15,8 @@ import numpy as np
 
 from app.datasets.bounds import DatasetError, in_one_step
 from app.datasets.lerobot import reader
-from app.datasets.lerobot.files import require_arrow, write_scene
+from app.datasets.lerobot.files import write_scene
+from app.datasets.lerobot.tables import require_arrow
 from app.datasets.lerobot.video import Shape, VideoWriter, video_shape
 from app.datasets.parcel import FILM_PREFIX, Parcel
 from app.untrusted_arrays import film_from_npz, trajectory_from_npz
