@@ -8,7 +8,7 @@ import httpx
 from httpx_sse import EventSource
 
 from roboprompt_client.answers import OnFindings, PredictedActions, StreamReader
-from roboprompt_client.client import CUT_OFF, DEFAULT_URL, RoboPromptClient, key_of
+from roboprompt_client.client import CUT_OFF, DEFAULT_URL, RoboPromptClient
 from roboprompt_client.encoding import prediction_request
 from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.http import Request, http_options, require_success
@@ -59,7 +59,7 @@ class AsyncRoboPromptClient:
     def __init__(
         self, url: str = DEFAULT_URL, connection: httpx.AsyncClient | None = None, *, api_key: str | None = None
     ) -> None:
-        self._http = connection or httpx.AsyncClient(**http_options(url, key_of(api_key)))
+        self._http = connection or httpx.AsyncClient(**http_options(url, api_key))
 
     async def __aenter__(self) -> "AsyncRoboPromptClient":
         return self

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 from roboprompt_client.answers import OnDanger
 from roboprompt_client.cell import closing_robot, open_robot
-from roboprompt_client.client import DEFAULT_URL, KEY_VARIABLE, RoboPromptClient
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
@@ -20,6 +20,7 @@ from roboprompt_client.commands.record import add_record, offer_correction
 from roboprompt_client.commands.shared import ROBOT, SEEN, Command, add_find, asking_robot, find_in_pictures
 from roboprompt_client.commands.terminal import Person, recovered
 from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
+from roboprompt_client.http import KEY_VARIABLE
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation, Robot, observation_from_file
 from roboprompt_client.runs.live import Live

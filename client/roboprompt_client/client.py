@@ -21,7 +21,6 @@ from roboprompt_client.types.trajectory import Trajectory
 
 Answer = TypeVar("Answer")
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
-KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
 CUT_OFF = "POST /predict: the stream ended before it was complete"
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
@@ -42,7 +41,7 @@ class RoboPromptClient:
     def __init__(
         self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, api_key: str | None = None
     ) -> None:
-        self._http = connection or httpx.Client(**http_options(url, key_of(api_key)))
+        self._http = connection or httpx.Client(**http_options(url, api_key))
 
     def __enter__(self: OfKind) -> OfKind:
         return self
@@ -298,8 +297,3 @@ class RoboPromptClient:
                 if isinstance(item, PredictedActions):
                     return
         raise ServiceUnreachableError(CUT_OFF)
-
-
-def key_of(api_key: str | None) -> str:
-    """Return the key, that of the environment for None; empty if there is none."""
-    return os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key

@@ -2,6 +2,7 @@
 
 import ipaddress
 import json
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from roboprompt_client.errors import InvalidInputError, ServiceProblemError, Ser
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 MAX_PORT = 65535
 EVENT_STREAM = "text/event-stream"
 DEFAULT_TIMEOUT_S = 60.0
@@ -49,13 +51,17 @@ def without_proxy(url: str) -> dict[str, None] | None:
     return {"http://": None, "https://": None} if is_own_machine(url) else None
 
 
-def http_options(url: str, api_key: str) -> dict[str, Any]:
-    """Return the arguments of an httpx client for a service; an empty key means no key.
+def http_options(url: str, api_key: str | None) -> dict[str, Any]:
+    """Return the arguments of an httpx client for a service.
+
+    Args:
+        api_key: None: the one in the environment; an empty one is none.
 
     Raises:
         ServiceUnreachableError: for a URL without scheme or host.
         InvalidInputError: for a key with blanks, or letters outside ASCII.
     """
+    api_key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
     if not re.fullmatch(r"[!-~]*", api_key):
         raise InvalidInputError("api_key", "has blanks, or letters outside ASCII", "as `roboprompt keys add` prints it")
     headers = {"Authorization": f"Bearer {api_key}"} if api_key else {}
