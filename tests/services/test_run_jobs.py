@@ -5,7 +5,7 @@ from datetime import timedelta
 
 import pytest
 
-from app.services.teach import configure
+from app.services.teach import run_jobs
 from app.services.teach import extract as extraction
 from app.services.teach.run_jobs import RunJobs
 from app.store import episodes, jobs, tasks
@@ -28,7 +28,7 @@ def store(request, tmp_path):
 
 @pytest.fixture
 def services(scripted, monkeypatch):
-    monkeypatch.setattr(configure, "BATCH", 2)
+    monkeypatch.setattr(run_jobs, "BATCH", 2)
     services = scripted("[]")
     services.configure_task._max_at_once = 4
     for _ in range(5):
