@@ -5,8 +5,8 @@ from datetime import timedelta
 
 import pytest
 
-from app.services.teach import run_jobs
 from app.services.teach import extract as extraction
+from app.services.teach import run_jobs
 from app.services.teach.run_jobs import RunJobs
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
