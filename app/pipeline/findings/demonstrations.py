@@ -23,6 +23,7 @@ from app.pipeline.findings.outliers import (
 from app.pipeline.findings.path_kept import path_findings
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
+from app.pipeline.findings.rules import SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.findings.yaw import Rotations, turning_findings
@@ -120,13 +121,15 @@ class Taught:
         """Return the findings about the demonstrations that ask for the same, or about all if none does."""
         form, number = asked.form if asked.form in self._alike else "", len(asked.clauses)
         if (known := self._known.get((form, number, asked.objects))) is None:
-            scattered = scatter_findings(self.support, asked, self.yaw_symmetry_deg)
-            dropped = dropping_findings(self.hands) if number > 1 and not form else ()
+            of_forms = tuple(self._of_forms(form))
+            in_ways = self.several_ways or any(item.code == SEVERAL_WAYS.code for item in of_forms)
+            one_way = form and not in_ways and self._parted[form] is None
+            undecided = self._alike[form] if one_way else ()
             known = (
-                *self._of_forms(form),
-                *scattered,
+                *of_forms,
+                *scatter_findings(self.support, asked, self.yaw_symmetry_deg, undecided),
                 *turning_findings(self.support, asked, self.yaw_symmetry_deg, self.given_xyzw),
-                *dropped,
+                *(dropping_findings(self.hands) if number > 1 and not form else ()),
                 *objects_order_findings(self.demonstrations),
             )
             self._known[form, number, asked.objects] = known

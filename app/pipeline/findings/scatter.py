@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acting_row import ActingRow
 from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
-from app.pipeline.plans.acting import acting_rows, leads_on, touching_rows, turn_off_deg
+from app.pipeline.plans.acting import acting_rows, leads_on, switches_alone, touching_rows, turn_off_deg
+from app.pipeline.plans.rows import plan_rows
 from app.pipeline.plans.support import Support
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
@@ -15,27 +17,46 @@ Cause = tuple[Rule, float, str]
 """A rule, its value and the message: why a row scatters."""
 
 
-def scatter_findings(support: Support, asked: Order, yaw_symmetry_deg: Mapping[str, float]) -> Iterator[Finding]:
+def scatter_findings(
+    support: Support,
+    asked: Order,
+    yaw_symmetry_deg: Mapping[str, float],
+    undecided: Sequence[Demonstration] = (),
+) -> Iterator[Finding]:
     """Yield at most one finding for demonstrations that scatter, or contradict each other, where the hand acts.
 
     Prompts show the robust center of the demonstrations, so that the standard error of the center counts. If more than
     a third of them are far from it, there is no common center, however many they are. Where the hand grasps or presses
     something, a standard error beyond the tolerance of a grasp is a danger.
+
+    Args:
+        undecided: demonstrations of several plans, between which nothing decides: they should act alike all the same,
+            and each plan may have too few to show that some do not.
     """
-    acting = [
+    of_plans = [
         ActingRow(shown, rows, k, k in touching_rows(rows), asked, yaw_symmetry_deg)
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
         if not leads_on(rows, k)
     ]
+    acting = [*of_plans, *_across_plans(undecided, asked, yaw_symmetry_deg)]
     each = ((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)) for item in acting)
     for causes in zip(*each, strict=True):
         (rule, value, message), item = max(zip(causes, acting, strict=True), key=lambda pair: pair[0][1])
         if rule.severity(value) is not None:  # the first cause, where it is worst
             yield from item.findings(rule, value, message)
             return
-    if scattered := [item for item in acting if item.row.scatter_m > SCATTER_M]:
+    if scattered := [item for item in of_plans if item.row.scatter_m > SCATTER_M]:
         yield _scattered(scattered)
+
+
+def _across_plans(
+    undecided: Sequence[Demonstration], asked: Order, yaw_symmetry_deg: Mapping[str, float]
+) -> Iterator[ActingRow]:
+    """Yield the switches of the gripper in all of these demonstrations as rows; none where they are of one plan."""
+    shown = switches_alone(undecided) if len({item.kind for item in undecided}) > 1 else ()
+    rows = plan_rows(shown) if shown else ()
+    return (ActingRow(shown, rows, k, True, asked, yaw_symmetry_deg) for k in range(len(rows)))
 
 
 def _wrong_axes(item: ActingRow) -> Iterator[Cause]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.outliers import prompt_findings
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.plans.rows import plan_rows
@@ -291,6 +292,29 @@ def slid(along_m, across_m):
         rows = [action(place_m) for place_m in (touch_m + np.array([0, 0, 0.1]), touch_m, pushed_m)]
         group.append(demonstration("close the drawer", (pose("drawer", handle_m, 0),), rows))
     return group
+
+
+def in_two_plans(off_m):
+    """Ten grasps of which five are off: all three of one plan, and two of the seven of the other."""
+    random, group = np.random.default_rng(11), []
+    for k in range(10):
+        cube_m = np.array([*random.uniform(-0.2, 0.2, 2), 0.8])
+        at_m = cube_m + np.array([off_m if k < 5 else 0, 0, 0])
+        ups_m = (0.2, 0.1, 0.0, 0.2) if k < 3 else (0.1, 0.0, 0.1)
+        closes = ups_m.index(0.0)
+        rows = [action(at_m + np.array([0, 0, m]), gripper_open=row < closes) for row, m in enumerate(ups_m)]
+        item = demonstration(INSTRUCTION, (pose("cube", cube_m, 0),), rows)
+        group.append(replace(item, plan=int(k < 3), id=str(k)))
+    return group
+
+
+@pytest.mark.parametrize(("off_m", "severities"), [(0.0, []), (0.03, ["danger"])])
+def test_acts_of_several_plans_between_which_nothing_decides_are_compared(off_m, severities):
+    known = Taught(tuple(in_two_plans(off_m)))
+    findings = [
+        item for item in known.findings(known.demonstrations[0].order) if item.code == "scattered-demonstrations"
+    ]
+    assert [item.severity for item in findings] == severities
 
 
 def test_a_hand_that_slides_may_come_down_anywhere_along_its_way():
