@@ -6,8 +6,9 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acting_row import ActingRow
 from app.pipeline.findings.rules import Rule
+from app.pipeline.groups import switches_alone
 from app.pipeline.order.order import Order
-from app.pipeline.plans.acting import acting_rows, leads_on, switches_alone, touching_rows, turn_off_deg
+from app.pipeline.plans.acting import acting_rows, leads_on, touching_rows, turn_off_deg
 from app.pipeline.plans.rows import plan_rows
 from app.pipeline.plans.support import Support
 

@@ -1,13 +1,10 @@
 """Which rows of a plan are acts: the hand, or what it holds, does something to an object there."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.groups import Group, by_plan
-from app.pipeline.plans.rows import PlanRow, of_a_way, plan_rows
+from app.pipeline.plans.rows import PlanRow, of_a_way
 from app.pipeline.thresholds import GRASPED_M
 from roboprompt_client.types.arrays import Array
 
@@ -113,19 +110,6 @@ def switching_rows(plan: Sequence[PlanRow]) -> list[int]:
         for k in switches
         if _at_object(plan[k]) or not any(row.scatter_m < CLOSER * plan[k].scatter_m for row in plan[k + 1 :])
     ]
-
-
-def switches_alone(demonstrations: Sequence[Demonstration]) -> Group:
-    """Return demonstrations of several plans with nothing but the actions in which the gripper acts, as of one plan.
-
-    Empty if the gripper never acts, or not alike in all.
-    """
-    found = []
-    for group in by_plan(demonstrations):
-        switches = switching_rows(plan_rows(group)) if group[0].actions else []
-        found += [replace(item, plan=0, actions=tuple(item.actions[k] for k in switches)) for item in group]
-    patterns = {tuple(action.gripper_open for action in item.actions) for item in found}
-    return tuple(found) if len(patterns) == 1 and () not in patterns else ()
 
 
 def _at_object(row: PlanRow) -> bool:
