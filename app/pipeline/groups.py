@@ -2,7 +2,6 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import replace
 from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
@@ -46,18 +45,6 @@ def made_by_group(
 def by_plan(demonstrations: Sequence[Demonstration]) -> list[Group]:
     """The demonstrations of each form of instruction and plan."""
     return [tuple(group) for group in grouped(demonstrations, attrgetter("kind")).values()]
-
-
-def switches_alone(demonstrations: Sequence[Demonstration]) -> Group:
-    """Return demonstrations with nothing but the actions in which the gripper switches, as of one plan.
-
-    Empty if it never does, or not alike in all.
-    """
-    found = tuple(
-        replace(item, plan=0, actions=tuple(item.actions[k] for k in item.switches)) for item in demonstrations
-    )
-    patterns = {tuple(action.gripper_open for action in item.actions) for item in found}
-    return found if len(patterns) == 1 and () not in patterns else ()
 
 
 def shown_together(demonstrations: Sequence[Demonstration]) -> Group:

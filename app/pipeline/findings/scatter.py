@@ -1,18 +1,23 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows something unknown."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acting_row import ActingRow
 from app.pipeline.findings.rules import Rule
-from app.pipeline.groups import switches_alone
+from app.pipeline.groups import by_plan
 from app.pipeline.order.order import Order
-from app.pipeline.plans.acting import acting_rows, leads_on, touching_rows, turn_off_deg
-from app.pipeline.plans.rows import plan_rows
+from app.pipeline.plans.acting import acting_rows, leads_on, switching_rows, touching_rows, turn_off_deg
+from app.pipeline.plans.rows import PlanRow, plan_row
 from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import asked_anchor
 
 SCATTER_M = 0.01  # the least scatter of people and pose estimators
+AT_AXIS_M = 0.01  # nearer to an object's vertical axis, all of its sides are at one place
 
 Cause = tuple[Rule, float, str]
 """A rule, its value and the message: why a row scatters."""
@@ -54,10 +59,29 @@ def scatter_findings(
 def _across_plans(
     undecided: Sequence[Demonstration], asked: Order, yaw_symmetry_deg: Mapping[str, float]
 ) -> Iterator[ActingRow]:
-    """Yield the switches of the gripper in all of these demonstrations as rows; none where they are of one plan."""
-    shown = switches_alone(undecided) if len({item.kind for item in undecided}) > 1 else ()
-    rows = plan_rows(shown) if shown else ()
-    return (ActingRow(shown, rows, k, True, asked, yaw_symmetry_deg) for k in range(len(rows)))
+    """Yield the switches of the gripper in all plans, seen from what they follow in the most usual one.
+
+    Each plan may take another side of an object that is declared symmetric: there only places at its axis count.
+    """
+    plans = sorted(Support.of(by_plan(undecided)).plans, key=lambda plan: len(plan.demonstrations), reverse=True)
+    switches = [switching_rows(plan.rows) for plan in plans]
+    shown = [
+        replace(item, actions=tuple(item.actions[k] for k in own))
+        for plan, own in zip(plans, switches, strict=True)
+        for item in plan.demonstrations
+    ]
+    if len(plans) < 2 or len({tuple(action.gripper_open for action in item.actions) for item in shown}) > 1:
+        return
+    usual, rows = plans[0], list[PlanRow]()
+    for k, place in enumerate(switches[0]):
+        anchors = (asked_anchor(usual.rows[place].anchors[0], usual.order, item.order) for item in shown)
+        rows.append(plan_row(shown, k, tuple(anchors)))
+    for k, place in enumerate(switches[0]):
+        item = ActingRow(shown, rows, k, True, asked, yaw_symmetry_deg)
+        if not item.is_round:
+            yield item
+        elif np.linalg.norm(usual.rows[place].center_m[:2]) < AT_AXIS_M:
+            yield replace(item, rows=[row.unturned for row in rows])
 
 
 def _wrong_axes(item: ActingRow) -> Iterator[Cause]:

@@ -8,7 +8,7 @@ Without such a quantity the scene does not choose.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration, rotation_of
-from app.pipeline.groups import by_plan, switches_alone
+from app.pipeline.groups import by_plan
 from app.pipeline.plans.rows import plan_rows
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -141,9 +141,11 @@ def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
 
 def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
     """Return whether grasps and releases are the same relative to their anchors; false if there are none."""
-    switching = switches_alone(demonstrations)
-    rows = plan_rows(switching) if switching else ()
-    return bool(rows) and all(row.off_deg.max() <= SAME_ACT_DEG and row.off_m.max() <= SAME_ACT_M for row in rows)
+    acting = [replace(shown, actions=tuple(shown.actions[k] for k in shown.switches)) for shown in demonstrations]
+    grips = {tuple(action.gripper_open for action in shown.actions) for shown in acting}
+    if len(grips) > 1 or grips == {()}:
+        return False
+    return all(row.off_deg.max() <= SAME_ACT_DEG and row.off_m.max() <= SAME_ACT_M for row in plan_rows(acting))
 
 
 def _separation(

@@ -114,10 +114,11 @@ def plan_rows(
         written: the same as a prompt shows them, which then decide the anchors.
     """
     chosen = choose_anchors(written or group, tilted_objects(group), beyond_objects=beyond_objects)
-    return tuple(_row(group, k, anchors) for k, anchors in enumerate(chosen))
+    return tuple(plan_row(group, k, anchors) for k, anchors in enumerate(chosen))
 
 
-def _row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> PlanRow:
+def plan_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> PlanRow:
+    """Return the row of the actions `k`, relative to these anchors, one for each demonstration."""
     actions = [demonstration.actions[k] for demonstration in group]
     positions_m, hands = hand_poses(actions)
     offsets_m, rotations = anchor_poses(anchors, group).seen(positions_m, hands)
