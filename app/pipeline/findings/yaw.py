@@ -20,7 +20,6 @@ from roboprompt_client.types.severity import SEVERITIES
 MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 MUCH_LESS = 1 / 3
-HALF_TURNS = Rotation.from_euler("z", [[0.0], [180.0]], degrees=True)
 
 Rotations = Mapping[str, Mapping[str, Array]]
 """(4,) by id of the demonstration and name of the object."""
@@ -31,12 +30,17 @@ def _turned(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
     return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
 
 
-def _nearest_half_turn(objects: Rotation, hands: Rotation) -> Rotation:
-    """Return the hands seen from objects, each turned by half a turn where it is then nearer to the first one."""
-    seen = objects.inv() * hands
-    turned = [turn * seen for turn in HALF_TURNS]
-    nearest = np.argmin([(seen[0].inv() * each).magnitude() for each in turned], axis=0)
-    return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)])
+def _nearest_turn(step_deg: float) -> Callable[[Rotation, Rotation], Rotation]:
+    """Return the hands seen from objects, each turned by the multiple of a step by which it is nearest to the first."""
+    turns = Rotation.from_euler("z", np.arange(0.0, 360.0, step_deg)[:, None], degrees=True)
+
+    def read(objects: Rotation, hands: Rotation) -> Rotation:
+        seen = objects.inv() * hands
+        turned = [turn * seen for turn in turns]
+        nearest = np.argmin([(seen[0].inv() * each).magnitude() for each in turned], axis=0)
+        return Rotation.concatenate([turned[int(which)][k] for k, which in enumerate(nearest)])
+
+    return read
 
 
 # What rotations of an object may mean instead of what they say; hands are then turned alike, seen from it
@@ -44,11 +48,13 @@ READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
     "were turned the other way": _turned(-1.0),
     "were turned twice as far": _turned(2.0),
     "were turned half as far": _turned(0.5),
-    "were turned by half a turn more in some": _nearest_half_turn,
+    "were turned by half a turn more in some": _nearest_turn(180.0),
 }
-READINGS_OF_SYMMETRIC = {
-    "had no symmetry (yaw_symmetry_deg)": _turned(1.0),
-    "had a yaw_symmetry_deg of 180": _nearest_half_turn,
+# The same of an object with a declared symmetry, by the greater symmetries that it may have instead
+READINGS_OF_SYMMETRIC: Mapping[float, tuple[str, Callable[[Rotation, Rotation], Rotation]]] = {
+    360.0: ("had no symmetry (yaw_symmetry_deg)", _turned(1.0)),
+    180.0: ("had a yaw_symmetry_deg of 180", _nearest_turn(180.0)),
+    90.0: ("had a yaw_symmetry_deg of 90", _nearest_turn(90.0)),
 }
 
 
@@ -111,11 +117,15 @@ class TurningRow:
 
     def by_other_yaw(self) -> tuple[Finding, ...]:
         """Return a finding if a third of the hands are turned otherwise, and are not by another reading of yaws."""
-        off_deg = of_a_way(self.row.off_deg)
-        readings, objects = (READINGS, self.objects) if self.given is None else (READINGS_OF_SYMMETRIC, self.given)
+        off_deg, readings, objects = of_a_way(self.row.off_deg), READINGS, self.objects
+        least_deg = MUCH_LESS * off_deg
+        greater = [reading for deg, reading in READINGS_OF_SYMMETRIC.items() if deg > (self.symmetry_deg or 0.0)]
+        if self.given is not None and greater:
+            readings, objects = dict(greater), self.given
+            least_deg = min(least_deg, TURNS_DEG)  # any hand is within 45 degrees of a quarter turn
         meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read in readings.items()}
         reading = min(meant_deg, key=meant_deg.__getitem__)
-        if meant_deg[reading] >= MUCH_LESS * off_deg:
+        if meant_deg[reading] >= least_deg:
             return ()
         message = (
             f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all"

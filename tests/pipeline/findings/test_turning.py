@@ -78,7 +78,15 @@ def test_hands_take_a_symmetric_object_alike(said_deg, codes):
 
 @pytest.mark.parametrize(
     ("declared_deg", "turns_deg", "is_misread"),
-    [(90.0, 360, True), (90.0, 90, False), (0.0, 180, True), (0.0, 1, False)],
+    [
+        (90.0, 360, True),
+        (90.0, 90, False),
+        (0.0, 180, True),
+        (0.0, 90, True),
+        (180.0, 180, False),
+        (360.0, 360, False),
+        (0.0, 1, False),
+    ],
 )
 def test_a_symmetry_that_the_hands_contradict(declared_deg, turns_deg, is_misread):
     """Hands that turn with a square object are the same after a quarter turn, and at a round one at every angle."""
