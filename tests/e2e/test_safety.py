@@ -197,7 +197,7 @@ def test_ctrl_c_stops_the_robot(scripted, tmp_path, sent, how):
     log = tmp_path / "arm.log"
     process = script(scripted, log, "--task", "pick", *how, arm_seconds=30)
     deadline = time.monotonic() + 30
-    while not log.exists() and time.monotonic() < deadline:
+    while not (log.exists() and log.read_text().endswith("\n")) and time.monotonic() < deadline:
         time.sleep(0.05)
     process.send_signal(sent)
     _, said = process.communicate(timeout=10)
