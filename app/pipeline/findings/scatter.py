@@ -1,6 +1,6 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows something unknown."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -45,15 +45,26 @@ def scatter_findings(
         for k in acting_rows(rows)
         if not leads_on(rows, k)
     ]
-    acting = [*of_plans, *_across_plans(undecided, asked, yaw_symmetry_deg)]
-    each = ((*_wrong_axes(item), *_no_common_center(item), *_turned_otherwise(item)) for item in acting)
-    for causes in zip(*each, strict=True):
-        (rule, value, message), item = max(zip(causes, acting, strict=True), key=lambda pair: pair[0][1])
-        if rule.severity(value) is not None:  # the first cause, where it is worst
-            yield from item.findings(rule, value, message)
-            return
-    if scattered := [item for item in of_plans if item.row.scatter_m > SCATTER_M]:
+    across = list(_across_plans(undecided, asked, yaw_symmetry_deg))
+    if causes := (*_worst(of_plans, _causes), *_worst(across, _no_common_center)):
+        yield causes[0]
+    elif scattered := [item for item in of_plans if item.row.scatter_m > SCATTER_M]:
         yield _scattered(scattered)
+
+
+def _worst(acting: Sequence[ActingRow], causes_of: Callable[[ActingRow], Iterator[Cause]]) -> tuple[Finding, ...]:
+    """Return the finding of the first cause that has a severity, for the row in which it is worst; or none."""
+    for causes in zip(*map(causes_of, acting), strict=True):
+        (rule, value, message), item = max(zip(causes, acting, strict=True), key=lambda pair: pair[0][1])
+        if rule.severity(value) is not None:
+            return item.findings(rule, value, message)
+    return ()
+
+
+def _causes(item: ActingRow) -> Iterator[Cause]:
+    yield from _wrong_axes(item)
+    yield from _no_common_center(item)
+    yield from _turned_otherwise(item)
 
 
 def _across_plans(
@@ -61,7 +72,8 @@ def _across_plans(
 ) -> Iterator[ActingRow]:
     """Yield the switches of the gripper in all plans, seen from what they follow in the most usual one.
 
-    Each plan may take another side of an object that is declared symmetric: there only places at its axis count.
+    Only their places can be compared: a plan may have the gripper turned by half a turn. Of an object that is declared
+    symmetric each plan may take another side, so that places beside its axis cannot.
     """
     plans = sorted(Support.of(by_plan(undecided)).plans, key=lambda plan: len(plan.demonstrations), reverse=True)
     switches = [switching_rows(plan.rows) for plan in plans]
@@ -78,10 +90,8 @@ def _across_plans(
         rows.append(plan_row(shown, k, tuple(anchors)))
     for k, place in enumerate(switches[0]):
         item = ActingRow(shown, rows, k, True, asked, yaw_symmetry_deg)
-        if not item.is_round:
+        if not item.is_round or np.linalg.norm(usual.rows[place].center_m[:2]) < AT_AXIS_M:
             yield item
-        elif np.linalg.norm(usual.rows[place].center_m[:2]) < AT_AXIS_M:
-            yield replace(item, rows=[row.unturned for row in rows])
 
 
 def _wrong_axes(item: ActingRow) -> Iterator[Cause]:
