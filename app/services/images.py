@@ -1,25 +1,18 @@
-"""Images of episodes and predictions: stored as they came, read again as frames, with what was found drawn in."""
+"""Images of episodes and predictions: stored as they came, and read again as frames."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Literal
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.base import ObjectQuery
 from app.perception.frame_checks import are_swapped
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
-from app.perception.overlay import draw_overlay
 from app.services.cache import Cache
-from app.services.poses import with_models
-from app.services.task_settings import TaskSettings
-from app.store import episodes, predictions
+from app.store import episodes
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
-from app.store.records import EpisodeRecord
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, ImageKind
@@ -124,21 +117,3 @@ def _mean(rgb: npt.NDArray[np.uint8]) -> Array:
     """Return the mean color (3,) of an image (H, W, 3)."""
     mean: Array = rgb[::MEAN_STEP_PX, ::MEAN_STEP_PX].mean(axis=(0, 1))
     return mean
-
-
-def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:
-    """A PNG of what the camera saw first with masks, outlines, axes and names; outlines are those of present models.
-
-    Raises:
-        NotFoundError: if there is no such episode or prediction, or it has no color image of that camera.
-    """
-    with store.read() as connection:
-        record = episodes.get(connection, id_) if kind == "episode" else predictions.get(connection, id_)
-        settings = TaskSettings.of(connection, record.task)
-    sent = record.given_objects if isinstance(record, EpisodeRecord) else record.request.get("objects", ())
-    stored, _ = stored_image(record.cameras, camera, "rgb", f"{kind} {id_}")
-    mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
-    shown = (ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects)
-    queries = with_models(shown, settings)
-    image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects], queries)
-    return cv2.imencode(".png", image[..., ::-1])[1].tobytes()

@@ -1,4 +1,4 @@
-"""Objects' poses: found in images by the task's models and templates, or by pose servers; compared with given ones.
+"""Objects' poses in images: found by the task's models and templates or by pose servers, and drawn in.
 
 Pose servers are those that images may be sent to, and this service as one (`POST /poses`). Without a list of them,
 whoever may configure a task could let this service send requests to any address of its network.
@@ -6,23 +6,28 @@ whoever may configure a task could let this service send requests to any address
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
+import cv2
 import httpx
 
-from app.perception.base import GivenPoses, ObjectQuery
+from app.perception.base import ObjectQuery
 from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModelError
+from app.perception.overlay import draw_overlay
 from app.perception.registered.estimator import TaughtQuery
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.perception.registry import estimate_poses
-from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
+from app.services.images import read_frame, stored_image
 from app.services.task_settings import TaskSettings
+from app.store import episodes, predictions
 from app.store.blobs import BlobStore
 from app.store.errors import CorruptDataError
+from app.store.records import EpisodeRecord
+from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.http import is_loopback
 from roboprompt_client.types.camera import RgbdFrame
@@ -74,6 +79,24 @@ def with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
         remedy = "what POST /tasks/{name}/labels/learn gives"
         raise ObjectModelError(query.name, message, remedy, within="template") from None
     return TaughtQuery(**vars(query), template=template)
+
+
+def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:
+    """A PNG of what the camera saw first with masks, outlines, axes and names; outlines are those of present models.
+
+    Raises:
+        NotFoundError: if there is no such episode or prediction, or it has no color image of that camera.
+    """
+    with store.read() as connection:
+        record = episodes.get(connection, id_) if kind == "episode" else predictions.get(connection, id_)
+        settings = TaskSettings.of(connection, record.task)
+    sent = record.given_objects if isinstance(record, EpisodeRecord) else record.request.get("objects", ())
+    stored, _ = stored_image(record.cameras, camera, "rgb", f"{kind} {id_}")
+    mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
+    shown = (ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects)
+    queries = with_models(shown, settings)
+    image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects], queries)
+    return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
 
 
 class PoseServers:
@@ -131,22 +154,3 @@ def find_poses(queries: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], blob
         if isinstance(query.model, RemoteModel):  # servers that ask each other would never end
             raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks, registered")
     return estimate_poses("masks", [with_template(query, blobs) for query in queries], frames)
-
-
-def compared(given: Iterable[ObjectQuery], found: Iterable[ObjectPose], settings: TaskSettings) -> tuple[Compared, ...]:
-    """The objects that came with a pose, and were found in images as well."""
-    said = {query.name: query for query in given if query.position_m is not None}
-    return tuple(
-        Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, _turn_deg(pose.name, settings))
-        for pose in found
-        if pose.name in said and pose.estimator != GIVEN
-    )
-
-
-def _turn_deg(name: str, settings: TaskSettings) -> float | None:
-    """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
-    if name in settings.yaw_symmetry_deg:
-        return settings.yaw_symmetry_deg[name]
-    model = settings.object_models.get(name)
-    turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
-    return turn_deg

@@ -32,9 +32,8 @@ from app.perception.frame_checks import check_rgbd
 from app.perception.images import decode_mask
 from app.perception.poses_wire import poses_document
 from app.perception.registered.marks import Marks, outlines
-from app.services.images import overlay_of
 from app.services.limits import Limits
-from app.services.poses import find_poses
+from app.services.poses import find_poses, overlay_of
 from app.services.teach import learn
 from app.services.teach.labels import LabelDraft
 from app.store import labels

@@ -13,7 +13,7 @@ from app.pipeline.findings.recording import upload_findings
 from app.pipeline.findings.units import check_recording
 from app.pipeline.keyframes import Motion
 from app.pipeline.thresholds import GRASPED_M
-from app.services.poses import compared
+from app.services.compared import compared
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract_again
 from app.services.teach.upload_checks import MAX_COMPARED

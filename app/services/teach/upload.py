@@ -8,8 +8,9 @@ from sqlalchemy import Connection
 
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import upload_findings
+from app.services.compared import compared
 from app.services.images import put_images
-from app.services.poses import PoseServers, compared
+from app.services.poses import PoseServers
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
