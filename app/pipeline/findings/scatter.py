@@ -12,7 +12,7 @@ from app.pipeline.findings.rules import Rule
 from app.pipeline.groups import by_plan
 from app.pipeline.order.order import Order
 from app.pipeline.plans.acting import acting_rows, leads_on, switching_rows, touching_rows, turn_off_deg
-from app.pipeline.plans.rows import PlanRow, plan_row
+from app.pipeline.plans.rows import plan_row
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
 
@@ -75,7 +75,8 @@ def _across_plans(
     Only their places can be compared: a plan may have the gripper turned by half a turn. Of an object that is declared
     symmetric each plan may take another side, so that places beside its axis cannot.
     """
-    plans = sorted(Support.of(by_plan(undecided)).plans, key=lambda plan: len(plan.demonstrations), reverse=True)
+    groups = sorted(by_plan(undecided), key=len, reverse=True)
+    plans = Support.of(groups).plans if len(groups) > 1 else ()
     switches = [switching_rows(plan.rows) for plan in plans]
     shown = [
         replace(item, actions=tuple(item.actions[k] for k in own))
@@ -84,13 +85,12 @@ def _across_plans(
     ]
     if len(plans) < 2 or len({tuple(action.gripper_open for action in item.actions) for item in shown}) > 1:
         return
-    usual, rows = plans[0], list[PlanRow]()
-    for k, place in enumerate(switches[0]):
-        anchors = (asked_anchor(usual.rows[place].anchors[0], usual.order, item.order) for item in shown)
-        rows.append(plan_row(shown, k, tuple(anchors)))
-    for k, place in enumerate(switches[0]):
+    usual = [plans[0].rows[k] for k in switches[0]]
+    followed = [[asked_anchor(row.anchors[0], plans[0].order, item.order) for item in shown] for row in usual]
+    rows = [plan_row(shown, k, tuple(anchors)) for k, anchors in enumerate(followed)]
+    for k, row in enumerate(usual):
         item = ActingRow(shown, rows, k, True, asked, yaw_symmetry_deg)
-        if not item.is_round or np.linalg.norm(usual.rows[place].center_m[:2]) < AT_AXIS_M:
+        if not item.is_round or np.linalg.norm(row.center_m[:2]) < AT_AXIS_M:
             yield item
 
 
