@@ -1,5 +1,6 @@
 """Hands that turn with an object: beside it, or only if rotations meant something else than they say."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -117,16 +118,20 @@ class TurningRow:
 
     def by_other_yaw(self) -> tuple[Finding, ...]:
         """Return a finding if a third of the hands are turned otherwise, and are not by another reading of yaws."""
-        off_deg, readings, objects = of_a_way(self.row.off_deg), READINGS, self.objects
-        least_deg = MUCH_LESS * off_deg
-        greater = [reading for deg, reading in READINGS_OF_SYMMETRIC.items() if deg > (self.symmetry_deg or 0.0)]
+        off_deg, objects = of_a_way(self.row.off_deg), self.objects
+        readings = [(text, read, math.inf) for text, read in READINGS.items()]
+        greater = [
+            (text, read, math.inf if deg == 360.0 else TURNS_DEG)  # any hand is within 45 degrees of a quarter turn
+            for deg, (text, read) in READINGS_OF_SYMMETRIC.items()
+            if deg > (self.symmetry_deg or 0.0)
+        ]
         if self.given is not None and greater:
-            readings, objects = dict(greater), self.given
-            least_deg = min(least_deg, TURNS_DEG)  # any hand is within 45 degrees of a quarter turn
-        meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read in readings.items()}
-        reading = min(meant_deg, key=meant_deg.__getitem__)
-        if meant_deg[reading] >= least_deg:
+            readings, objects = greater, self.given
+        meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read, _ in readings}
+        fitting = [text for text, _, most_deg in readings if meant_deg[text] < min(most_deg, MUCH_LESS * off_deg)]
+        if not fitting:
             return ()
+        reading = min(fitting, key=meant_deg.__getitem__)
         message = (
             f"Where the hand acts, more than a third are turned by {off_deg:.0f} degrees or more from the others; all"
             f" would turn with {self.name} if it {reading}. Check the sign and unit of yaws, and yaw_symmetry_deg."

@@ -105,6 +105,14 @@ def test_a_symmetry_that_the_hands_contradict(declared_deg, turns_deg, is_misrea
     assert found(group, declared_deg, given) == ["yaw-misread"] * is_misread
 
 
+def test_noisy_hands_that_turn_with_an_object_contradict_its_symmetry_too():
+    group = takes(lambda k, deg: deg, noise_deg=12.0, most_deg=170.0)
+    folded = [replace(item, objects=tuple(canonical_pose(each, 90) for each in item.objects)) for item in group]
+    folded = [replace(item, id=str(k)) for k, item in enumerate(folded)]
+    given = {str(k): {"bar": item.objects[0].quaternion_xyzw} for k, item in enumerate(group)}
+    assert "yaw-misread" in found(folded, 90.0, given)
+
+
 def test_hands_may_take_a_cube_by_another_side_than_its_yaw_is_folded_to():
     group = []
     for k in range(10):
