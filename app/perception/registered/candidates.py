@@ -9,16 +9,15 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from app.perception.registered.depth_view import VOXEL_M, Index, lengths
-from app.perception.registered.hypotheses import MAX_RISE_M
 from app.perception.registered.icp import Poses
 from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
-from app.perception.registered.template import STANDS_WITHIN_M, Template
+from app.perception.registered.template import MAX_RISE_M, SAME_LIGHT_LAB, STANDS_WITHIN_M, Template
 from roboprompt_client.types.arrays import Array
 
 GAPS_M = (0.008, 0.016, 0.032, 0.064)  # tried cell sizes: points in neighboring cells are connected
 NEIGHBOR_CELLS = 1.75  # distance from a cell within which the 26 around it lie
 CONNECTED_SHARE = 0.9  # least share of a template's points in one part for a cell size to suffice
-LIKE_LAB, SAME_LAB = 26.0, 12.0  # tolerance of an object's colors in other light, in the same light; Lab units
+LIKE_LAB = 26.0  # tolerance of an object's colors in other light, in Lab units
 # A part with fewer points of the same colors may be the object and something that touches it: it is also tried without
 # the other points.
 ALIKE_SHARE = 0.8
@@ -47,7 +46,7 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
     parts = _parts(template, points_m, like, across_m)
     pieces = [piece for whole in parts for piece in _pieces(template, points_m, whole)]
     for whole in parts:
-        alike = whole[off_lab[whole] < SAME_LAB]
+        alike = whole[off_lab[whole] < SAME_LIGHT_LAB]
         if len(alike) < ALIKE_SHARE * len(whole):
             pieces += _parts(template, points_m, alike, across_m)
     return [*parts, *pieces]

@@ -10,7 +10,7 @@ from app.perception.registered.depth_view import Index, lengths
 from app.perception.registered.icp import ALL_FREE, COARSE_M, FINAL_M, FINE_M, UPRIGHT, Poses, about_z, icp
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import same_color, score
-from app.perception.registered.template import Template
+from app.perception.registered.template import MAX_RISE_M, Template
 from roboprompt_client.types.arrays import Array
 
 FEW, SOME, MANY, MOST = 110, 160, 250, 800  # points of the scene in each stage, from coarse to final
@@ -23,7 +23,6 @@ HEADINGS = np.array([[np.cos(yaw), np.sin(yaw), 0.0] for yaw in np.radians(np.ar
 SURE = 3.0  # standard errors of evidence that one pose needs over another
 MIN_SHARE = 0.02  # least evidence for that, relative to the number of points
 
-MAX_RISE_M = 0.025  # tolerance of the taught height above the table: a cloth, errors of calibration
 START_YAWS_DEG = np.arange(0, 360, 15.0)
 FEW_SEEN = 20  # with fewer visible points, use all points of the template
 FALLS = Rotation.from_euler("xyz", [[90, 0, 0], [-90, 0, 0], [0, 90, 0], [0, -90, 0], [180, 0, 0]], degrees=True)

@@ -3,10 +3,9 @@
 import numpy as np
 
 from app.perception.frame_checks import are_swapped
-from app.perception.registered.candidates import SAME_LAB
 from app.perception.registered.depth_view import DepthView
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.template import Template
+from app.perception.registered.template import SAME_LIGHT_LAB, Template
 from roboprompt_client.cameras.table import MAX_OFF_M, OTHER_M, find_flat_surface
 from roboprompt_client.types.camera import RgbdFrame
 
@@ -55,7 +54,7 @@ def _colored_otherwise(view: DepthView, scene: Scene) -> str:
 def _without_depth(template: Template, lit: LitScene, number: int) -> str:
     view = lit.scene.views[number]
     rows, columns = STEP_PX * np.indices(view.depth_m[::STEP_PX, ::STEP_PX].shape).reshape(2, -1)
-    off_lab, _ = template.palette.query(lit.lab_at(number, rows, columns), distance_upper_bound=SAME_LAB)
+    off_lab, _ = template.palette.query(lit.lab_at(number, rows, columns), distance_upper_bound=SAME_LIGHT_LAB)
     depths_m = view.depth_m[rows, columns][np.isfinite(off_lab)]
     unknown = int(np.count_nonzero(depths_m == 0))
     if unknown * STEP_PX**2 < MIN_PIXELS or unknown < MIN_SHARE * len(depths_m):

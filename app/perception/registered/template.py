@@ -24,6 +24,8 @@ MARGIN_M = 0.03  # margin of the voxel grid of nearest points
 DEPTH_UNIT_M = 1e-4  # of depths in the file: up to 6.5 m
 COLOR_CELL = 12.0  # Lab units: finer differences are one color of the object
 RARE_SHARE = 0.01  # a color of a smaller share of the points is noise
+SAME_LIGHT_LAB = 12.0  # tolerance of its colors in the light that it was taught in, in Lab units
+MAX_RISE_M = 0.025  # tolerance of the taught height above the table: a cloth, errors of calibration
 STANDS_WITHIN_M = 0.03  # an object stands on the table if its lowest point is less above it
 LAB_AS_M = 0.0006  # meters per Lab unit in distances of place and color together
 

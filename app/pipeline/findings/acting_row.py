@@ -13,8 +13,8 @@ from app.pipeline.findings.rules import Rule
 from app.pipeline.geometry import least_apart_rad
 from app.pipeline.order.order import Order
 from app.pipeline.plans.acting import slides_on
-from app.pipeline.plans.agreement import left_out_errors_m, two_ways
-from app.pipeline.plans.rows import PlanRow, of_a_way
+from app.pipeline.plans.rows import PlanRow, left_out_errors_m, of_a_way
+from app.pipeline.plans.ways import two_ways
 from app.pipeline.representation.anchor_scatter import MIN_SCATTERED, TURNED_SHARE, much_less, scatters_m
 from app.pipeline.representation.anchors import asked_anchor
 from app.pipeline.thresholds import M_PER_RAD

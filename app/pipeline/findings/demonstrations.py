@@ -31,9 +31,9 @@ from app.pipeline.groups import by_plan, grouped, shown_together, usual_ways
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.acting import acting_rows
-from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.by_scene import Parting, parting
 from app.pipeline.plans.support import PlacedPlan, Support
+from app.pipeline.plans.ways import TWO_WAYS_M
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from app.pipeline.thresholds import BEYOND_NOISE_M
 from roboprompt_client.types.poses import EndEffectorAction

@@ -16,7 +16,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.places import MIN_DEMONSTRATIONS, spread_m
+from app.pipeline.findings.places import AT_M, MIN_DEMONSTRATIONS, beside_m, spread_m
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose, Pose
@@ -28,7 +28,7 @@ COPIED_M = 0.001  # a given pose this near to a demonstration's was read from th
 TILT_DEG = 5.0  # the hand's z axes differ by less; its rotation about z does not count, as flanges are often turned
 ALONG_M, ACROSS_M = 0.04, 0.015  # the least distance of flange and fingertips along z, and the most across it
 VARY = 2.0  # times the spread of starts across z: a robot does not always start in one place
-BESIDE_M, AT_M = 0.035, 0.02  # from the nearest object's vertical axis: acts beside it, acts at it
+BESIDE_M = 0.035  # from the nearest object's vertical axis: the hand acts beside it
 NOT_AT_M = 0.20  # what is farther from the hand is not in it
 SAME_PLACE_M, TURNED_DEG = 0.02, 20.0  # hands at one place that are all turned alike, by more, have other axes
 
@@ -223,10 +223,3 @@ def _acts_beside(way_m: Array, shown: Demonstration, hand: RecordedHand) -> bool
         if beside_m(at.position_m[None], shown)[0] > BESIDE_M and beside_m(moved_m, shown).min() < AT_M:
             return True
     return False
-
-
-def beside_m(places_m: Array, shown: Demonstration) -> Array:
-    """Return (K,) the horizontal distance of each of K places from the nearest object."""
-    objects_m = np.array([pose.position_m for pose in shown.objects])
-    distances_m: Array = np.linalg.norm(places_m[:, None, :2] - objects_m[None, :, :2], axis=2).min(axis=1)
-    return distances_m

@@ -13,7 +13,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.findings.places import places_by_object, spread_m
+from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
 from app.pipeline.findings.recording_ends import (
     FETCHING,
     PRESSING,
@@ -23,7 +23,6 @@ from app.pipeline.findings.recording_ends import (
     backwards_findings,
     end_faults,
 )
-from app.pipeline.findings.yaw import MIN_TURNED, MUCH_LESS
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 

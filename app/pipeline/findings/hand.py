@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.path_kept import Kept
 from app.pipeline.keyframes import Motion
 from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.thresholds import M_PER_RAD
@@ -28,6 +27,18 @@ LEAP_M, LEAP = 0.10, 4.0  # a step longer than this, and so many times as long a
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.
 CERTAIN, POSSIBLE = (0.04, -0.8), (0.015, -0.3)
+
+
+class Kept(NamedTuple):
+    """How far actions are from a recording.
+
+    Attributes:
+        missed_m: from the places where the hand acts.
+        left_m: of the path through them from the recorded one, where the hand moves.
+    """
+
+    missed_m: float
+    left_m: float
 
 
 class Act(NamedTuple):

@@ -17,10 +17,10 @@ from app.pipeline.findings.path_kept import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ACTS_ELSEWHERE, LEFT_OUT, NAMES_EXCHANGED, NOT_SHOWN
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.acting import acting_rows, touching_rows
-from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import PlanRow
 from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.turn import half_turned
+from app.pipeline.plans.ways import TWO_WAYS_M
 from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD, RARE_SHARE, WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import EndEffectorAction

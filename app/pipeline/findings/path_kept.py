@@ -1,12 +1,12 @@
 """Whether actions keep to the recorded path: to the places where hands act, and to the way between them."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrated_scenes import distances_m
+from app.pipeline.findings.hand import Kept
 from app.pipeline.findings.rules import PATH_LEFT_BY_SOME, PATH_NOT_KEPT, PATH_NOT_KEPT_BETWEEN
 from app.pipeline.keyframes import Motion, manner_of
 from app.pipeline.keyframes.resting import path_left_m
@@ -15,18 +15,6 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 NEVER_M = 1.0  # the distance from a switch that no action makes
-
-
-class Kept(NamedTuple):
-    """How far actions are from a recording.
-
-    Attributes:
-        missed_m: from the places where the hand acts.
-        left_m: of the path through them from the recorded one, where the hand moves.
-    """
-
-    missed_m: float
-    left_m: float
 
 
 def kept(motion: Motion, actions: Sequence[EndEffectorAction], delta_rad_s: float) -> Kept:

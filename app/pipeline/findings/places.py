@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Query
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
@@ -28,6 +28,9 @@ SLACK = 15.0  # times range / N^2: 0.15 of the range for ten demonstrations, 0.6
 EVENLY, EVENLY_LESS_M = 4.5, 0.10
 SPREAD_SHARE = 0.8  # of the places, which a spread counts; the others may be outliers
 LEAST_OF_A_LEVEL = 2  # demonstrations that have an object at one of several heights
+AT_M = 0.02  # from the nearest object's vertical axis: the hand acts at it
+MIN_TURNED = 5  # demonstrations that show how hands turn with objects
+MUCH_LESS = 1 / 3  # of a spread seen from another frame: the frame with the smaller one is followed
 MIN_DEMONSTRATIONS = 3  # fewer demonstrations show no range
 
 
@@ -223,3 +226,10 @@ def places_by_object(scenes: Sequence[Query], places_m: Array) -> dict[tuple[str
 def spread_m(places_m: Array) -> float:
     """Return the distance from their median within which most of the places (N, 3) lie."""
     return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), SPREAD_SHARE))
+
+
+def beside_m(places_m: Array, shown: Demonstration) -> Array:
+    """Return (K,) the horizontal distance of each of K places from the nearest object."""
+    objects_m = np.array([pose.position_m for pose in shown.objects])
+    distances_m: Array = np.linalg.norm(places_m[:, None, :2] - objects_m[None, :, :2], axis=2).min(axis=1)
+    return distances_m

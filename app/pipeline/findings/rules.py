@@ -145,7 +145,7 @@ NOT_SHOWN = Rule("scattered-demonstrations", "between plans of the prompt and of
 SCATTER_ON_A_CIRCLE = Rule("scattered-demonstrations", "at one distance from a round object", "m", danger=0.03)
 SCATTER_ON_AN_ARC = Rule("scattered-demonstrations", "the same, unlike the object's yaw", "m", danger=0.02)
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
-# 4 cm: clusters that are nearer to each other are one way (plans.agreement)
+# 4 cm: clusters that are nearer to each other are one way (plans.ways)
 WAY_BESIDE = Rule("several-ways", "from every object, where another way acts at one", "m", danger=0.04)
 NAMES_EXCHANGED = Rule("names-exchanged", "share of the demonstrations", danger=0.15)
 ACTS_ELSEWHERE = Rule("acts-elsewhere", "share; 1 where a place decides", info=0.0, warning=0.01, danger=0.21)

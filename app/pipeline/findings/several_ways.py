@@ -8,15 +8,15 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.frames import AT_M, beside_m
 from app.pipeline.findings.hand import RecordedHand, Reversals
+from app.pipeline.findings.places import AT_M, beside_m
 from app.pipeline.findings.rules import SCATTER_OF_A_THIRD, SEVERAL_WAYS, WAY_BESIDE
 from app.pipeline.groups import Group, usual_ways, words_decide
 from app.pipeline.plans.acting import acting_rows
-from app.pipeline.plans.agreement import TWO_WAYS_M, two_ways
 from app.pipeline.plans.by_scene import Parting, parting
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.plans.turn import grasps_along_approach, half_turned
+from app.pipeline.plans.ways import TWO_WAYS_M, two_ways
 from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding, rules
+from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS
 from app.pipeline.findings.quaternion_order import MISREADINGS, likeliest_meaning, off_mean_deg
 from app.pipeline.geometry import least_apart_rad
 from app.pipeline.order.order import Order
@@ -18,9 +19,7 @@ from app.pipeline.representation.anchors import asked_anchor
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.severity import SEVERITIES
 
-MIN_TURNED = 5  # demonstrations that show how hands turn with objects
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
-MUCH_LESS = 1 / 3
 
 Rotations = Mapping[str, Mapping[str, Array]]
 """(4,) by id of the demonstration and name of the object."""

@@ -19,9 +19,9 @@ from app.pipeline.groups import places_by
 from app.pipeline.keyframes import Keyframe
 from app.pipeline.keyframes.resting import leave_path, paths_left_m
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES
-from app.pipeline.plans.agreement import other_way
 from app.pipeline.plans.recording import Recording, choose, off_one, off_rows
 from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.plans.ways import other_way
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 

@@ -151,3 +151,11 @@ def robust_center(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
         center_m = weights @ offsets_m / weights.sum()
         mean = np.linalg.eigh((weights * alike * hands.T) @ hands)[1][:, -1]  # Markley et al. 2007, eq. 12
     return center_m, Rotation.from_quat(mean)
+
+
+def left_out_errors_m(inputs: Array, offsets_m: Array) -> Array:
+    """Return (N, 3) the leave-one-out errors of a linear regression from inputs (N, D) to offsets (N, 3)."""
+    design = np.concatenate([np.ones((len(inputs), 1)), inputs], axis=1)
+    hat = design @ np.linalg.pinv(design)
+    errors_m: Array = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
+    return errors_m

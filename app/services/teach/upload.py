@@ -59,7 +59,8 @@ class UploadEpisode:
                 _check_links(connection, upload)
                 task = StoredTask.read(connection, upload)
             self._pose_servers.check(task.settings.object_models)
-            extracted = self._extracted(upload, task, checked_upload(upload, task))
+            checked = checked_upload(upload, task)
+            extracted = self._extracted(upload, task, checked)
             if (answer := self._commit(upload, task, extracted, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")

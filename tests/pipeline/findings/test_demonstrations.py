@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.hand import Kept
 from app.pipeline.findings.outliers import gripper_outlier_findings
-from app.pipeline.findings.path_kept import Kept, kept, missed_m, path_findings
+from app.pipeline.findings.path_kept import kept, missed_m, path_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import INSTRUCTION, picked, reached, recording, scene

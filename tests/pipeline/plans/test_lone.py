@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.pipeline.plans.agreement import lone_way
+from app.pipeline.plans.ways import lone_way
 
 from ..scenes import action, demonstration, pose
 
