@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from benchmarks.adversary import objects, recordings, whole
+from benchmarks.adversary import objects, recorder, recordings, whole
 from benchmarks.adversary.case import Mutation
 from benchmarks.adversary.objects import in_question, of_recordings
 from benchmarks.adversary.recordings import in_all, in_half, in_one
@@ -131,5 +131,27 @@ WRONG: Mapping[str, Kind] = {
     "objects seen after the motion in all": _plausible(in_all(recordings.objects_after)),
     "places scaled in half": Kind(in_half(of_recordings(objects.places_scaled))),
     "places scaled in question": _plausible(in_question(objects.places_scaled)),
+    "gripper late in half": Kind(in_half(recorder.gripper_late)),
+    "gripper late in all": _plausible(in_all(recorder.gripper_late)),
+    "gripper early in half": Kind(in_half(recorder.gripper_early)),
+    "gripper early in all": _plausible(in_all(recorder.gripper_early)),
+    "gripper stuck in half": Kind(in_half(recorder.gripper_stuck)),
+    "gripper stuck in all": _plausible(in_all(recorder.gripper_stuck)),
+    "hand smoothed in half": Kind(in_half(recorder.smoothed)),
+    "hand smoothed in all": _plausible(in_all(recorder.smoothed)),
+    "begun late in half": Kind(in_half(recorder.begun_late)),
+    "begun late in all": _plausible(in_all(recorder.begun_late)),
+    "middle missing in half": Kind(in_half(recorder.middle_missing)),
+    "middle missing in all": _plausible(in_all(recorder.middle_missing)),
+    "few frames in half": Kind(in_half(recorder.sparse)),
+    "few frames in all": _plausible(in_all(recorder.sparse)),
+    "hand in a tilted frame in half": Kind(in_half(recorder.hand_in_tilted_frame)),
+    "hand in a tilted frame in all": Kind(in_all(recorder.hand_in_tilted_frame)),
+    "hand with y up in half": Kind(in_half(recorder.hand_with_y_up)),
+    "hand with y up in all": Kind(in_all(recorder.hand_with_y_up)),
+    "hand scaled in half": Kind(in_half(recorder.hand_scaled)),
+    "hand scaled in all": _plausible(in_all(recorder.hand_scaled)),
+    "hand turned about itself in half": Kind(in_half(recorder.hand_turned_about_itself)),
+    "hand turned about itself in all": _plausible(in_all(recorder.hand_turned_about_itself)),
 }
 KINDS: Mapping[str, Kind] = {**RIGHT, **WRONG}

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from benchmarks.adversary.case import Case, Mutation, Poses, Recording
@@ -59,19 +60,19 @@ def frame_moved(case: Case, random: np.random.Generator) -> Change:
 def hand_shifted(case: Case, random: np.random.Generator) -> Change:
     """The hand alone is in another frame, 6 to 30 cm away."""
     shift_m = level(random, 0.06, 0.3)
-    return lambda recording: _hand_moved(recording, shift_m, Rotation.identity())
+    return lambda recording: hand_moved(recording, shift_m, Rotation.identity())
 
 
 def hand_turned(case: Case, random: np.random.Generator) -> Change:
     """The hand alone is in a frame that is turned about the base's z axis by 90 or 180 degrees."""
     turn = Rotation.from_euler("z", random.choice([-90, 90, 180]), degrees=True)
-    return lambda recording: _hand_moved(recording, np.zeros(3), turn)
+    return lambda recording: hand_moved(recording, np.zeros(3), turn)
 
 
 def hand_lifted(case: Case, random: np.random.Generator) -> Change:
     """The hand's pose is that of the flange, not of the fingers: 5 to 12 cm further up."""
     shift_m = np.array([0.0, 0.0, random.uniform(0.05, 0.12)])
-    return lambda recording: _hand_moved(recording, shift_m, Rotation.identity())
+    return lambda recording: hand_moved(recording, shift_m, Rotation.identity())
 
 
 def mirrored(case: Case, random: np.random.Generator) -> Change:
@@ -98,7 +99,7 @@ def hand_mirrored(case: Case, random: np.random.Generator) -> Change:
 
 def hand_in_millimeters(case: Case, random: np.random.Generator) -> Change:
     """The hand's positions are a thousand times what they should be."""
-    return lambda recording: _with_hand(recording, 1000 * recording.trajectory.positions_m)
+    return lambda recording: with_hand(recording, 1000 * recording.trajectory.positions_m)
 
 
 def gripper_inverted(case: Case, random: np.random.Generator) -> Change:
@@ -115,7 +116,7 @@ def quaternions_wxyz(case: Case, random: np.random.Generator) -> Change:
     """The hand's quaternions have w first."""
 
     def change(recording: Recording) -> Recording:
-        return _with_hand(
+        return with_hand(
             recording, recording.trajectory.positions_m, recording.trajectory.quaternions_xyzw[:, [3, 0, 1, 2]]
         )
 
@@ -127,7 +128,7 @@ def hand_rotations_inverted(case: Case, random: np.random.Generator) -> Change:
 
     def change(recording: Recording) -> Recording:
         given = recording.trajectory
-        return _with_hand(recording, given.positions_m, quaternions.inverse(given.quaternions_xyzw))
+        return with_hand(recording, given.positions_m, quaternions.inverse(given.quaternions_xyzw))
 
     return change
 
@@ -143,7 +144,7 @@ def reversed_in_time(case: Case, random: np.random.Generator) -> Change:
     """The last frame comes first; the objects are where they were before the motion."""
 
     def change(recording: Recording) -> Recording:
-        trajectory = _frames(recording.trajectory, slice(None, None, -1))
+        trajectory = frames(recording.trajectory, slice(None, None, -1))
         return replace(
             recording, trajectory=replace(trajectory, joint_velocities_rad_s=-trajectory.joint_velocities_rad_s)
         )
@@ -156,7 +157,7 @@ def broken_off(case: Case, random: np.random.Generator) -> Change:
 
     def change(recording: Recording) -> Recording:
         kept = max(2, round(KEPT_SHARE * len(recording.trajectory)))
-        return replace(recording, trajectory=_frames(recording.trajectory, slice(0, kept)))
+        return replace(recording, trajectory=frames(recording.trajectory, slice(0, kept)))
 
     return change
 
@@ -185,7 +186,7 @@ def with_objects_of_another_task(case: Case, random: np.random.Generator) -> Cha
 
 def all_moved(recording: Recording, shift_m: Array, turn: Rotation) -> Recording:
     """Hand and objects turned about the base and shifted."""
-    return replace(_hand_moved(recording, shift_m, turn), objects=_moved(recording.objects, shift_m, turn))
+    return replace(hand_moved(recording, shift_m, turn), objects=_moved(recording.objects, shift_m, turn))
 
 
 def level(random: np.random.Generator, least_m: float, most_m: float) -> Array:
@@ -194,13 +195,14 @@ def level(random: np.random.Generator, least_m: float, most_m: float) -> Array:
     return far_m * np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-def _with_hand(recording: Recording, positions_m: Array, quaternions_xyzw: Array | None = None) -> Recording:
+def with_hand(recording: Recording, positions_m: Array, quaternions_xyzw: Array | None = None) -> Recording:
+    """The recording with other positions of the hand, and other rotations where they are given."""
     given = recording.trajectory
     turned = given.quaternions_xyzw if quaternions_xyzw is None else quaternions_xyzw
     return replace(recording, trajectory=replace(given, positions_m=positions_m, quaternions_xyzw=turned))
 
 
-def _frames(trajectory: Trajectory, kept: slice) -> Trajectory:
+def frames(trajectory: Trajectory, kept: slice | npt.NDArray[np.intp]) -> Trajectory:
     """These of its frames, at the times of as many first ones."""
     arrays = {
         item.name: value[kept]
@@ -215,13 +217,14 @@ def _frames(trajectory: Trajectory, kept: slice) -> Trajectory:
 
 def _hand_mirrored(recording: Recording) -> Recording:
     given = recording.trajectory
-    return _with_hand(recording, given.positions_m * MIRROR, given.quaternions_xyzw * MIRROR_XYZW)
+    return with_hand(recording, given.positions_m * MIRROR, given.quaternions_xyzw * MIRROR_XYZW)
 
 
-def _hand_moved(recording: Recording, shift_m: Array, turn: Rotation) -> Recording:
+def hand_moved(recording: Recording, shift_m: Array, turn: Rotation) -> Recording:
+    """The hand alone turned about the base and shifted."""
     given = recording.trajectory
     turned = (turn * Rotation.from_quat(given.quaternions_xyzw)).as_quat()
-    return _with_hand(recording, _rotated(turn, given.positions_m) + shift_m, turned)
+    return with_hand(recording, _rotated(turn, given.positions_m) + shift_m, turned)
 
 
 def _moved(poses: Poses, shift_m: Array, turn: Rotation) -> Poses:

@@ -12,15 +12,17 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.hand import AT_OBJECT_M, Act, RecordedHand
 from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
 from app.pipeline.findings.recording_ends import (
     FETCHING,
+    GRIPPING,
     PRESSING,
     PUTTING,
     TAKING,
     Recorded,
     backwards_findings,
+    begun_late_findings,
     end_faults,
 )
 from app.pipeline.plans.rows import of_a_way
@@ -75,6 +77,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     yield from rules.ACTS_FAR_FROM_OBJECTS.findings(far_m, message, "demonstrations", nearest_m=far_m)
     yield from _some_far_away(hands)
     yield from backwards_findings(pairs)
+    yield from begun_late_findings(pairs)
 
 
 def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
@@ -140,12 +143,18 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
         return UNHELD
     if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    if takes and not hand.acts and not (clause.verb in FETCHING and hand.slides):
+    if (takes or clause.verb in GRIPPING) and not hand.acts and not (clause.verb in FETCHING and hand.slides):
         return TAKES_NOTHING
-    if takes and closings and closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m):
+    if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings):
         return CLOSES_ASIDE
     if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
         return None
     if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
+
+
+def _closes_aside(closings: Sequence[Act]) -> bool:
+    """Return whether the hand first closes away from what it comes to, or closes as it passes by."""
+    far = closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m)
+    return far or any(act.moves_on for act in closings)

@@ -16,13 +16,18 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
-END_S = 0.2  # a moving hand leaves its place within this time
+END_S = 0.2  # a moving hand leaves its place within this time, at the start as at the end
 DIPS_M = 0.03  # a smaller range of heights is no motion to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MOVING_M = 0.005  # between two frames of a moving hand
 SLIDES_M, LEVEL_M = 0.05, 0.02  # a hand that moves farther, within this of its lowest height, slides what it touches
-LEAP_M, LEAP = 0.10, 4.0  # a step longer than this, and so many times as long as most others, is no motion of an arm
+# A step longer and faster than this, and so many times as long as those before and after it, is no motion of an arm
+LEAP_M, LEAP_M_S, LEAP = 0.03, 0.5, 3.0
+GAP_S, GAP = 0.5, 5.0  # a longer time between two frames, and so many times as long as usual, lacks frames
+# A hand that moves faster than this where fingers switch, and is slower by this factor nearer to the object within a
+# few seconds, grasps there
+MOVES_ON_M_S, SLOWER, BESIDE_S = 0.03, 5.0, 2.0
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.
@@ -50,6 +55,7 @@ class Act(NamedTuple):
         least_m: the least distance from the nearest of them between the switches before and after this one.
         at_object: whether the hand is at the nearest object, not on its way to it.
         moved_m: the distance to where the hand is at the next switch, or at the end; 10 degrees count as 1 cm.
+        moves_on: whether the hand moves there, and rests nearer to the object before or after, as if two clocks differ.
     """
 
     opens: bool
@@ -57,6 +63,7 @@ class Act(NamedTuple):
     least_m: float
     at_object: bool
     moved_m: float
+    moves_on: bool = False
 
     @property
     def nearest(self) -> str:
@@ -95,6 +102,7 @@ class RecordedHand:
         starts_open: whether the fingers are open until the first act.
         acts: the switches of the gripper, without fingers that come to their place before the hand moves.
         start: its first pose.
+        start_speed_m_s: in the first moments.
         acts_at: where it may act: at the first switch of the gripper, if it switches, and at its lowest place.
         end_m: (3,) where it is at last.
         end_speed_m_s: at the last frame; a hand that trembles at one place has none.
@@ -112,6 +120,7 @@ class RecordedHand:
     starts_open: bool
     acts: tuple[Act, ...]
     start: EndEffectorAction
+    start_speed_m_s: float
     acts_at: tuple[EndEffectorAction, ...]
     end_m: Array
     end_speed_m_s: float
@@ -144,16 +153,17 @@ class RecordedHand:
             starts_open,
             tuple(_act(motion, s, ends[k], ends[k + 2], shown, away_m) for k, s in enumerate(acting)),
             trajectory.action_at(0),
+            _speed_m_s(motion, *_first_moments(motion)),
             tuple(map(trajectory.action_at, [*(s.frame for s in acting[:1]), lowest])),
             trajectory.positions_m[-1],
-            min(float(motion.hand_speeds_m_s[-1]), _gets_on_m_s(motion)),
+            min(float(motion.hand_speeds_m_s[-1]), _speed_m_s(motion, *_last_moments(motion))),
             float(away_m.min()),
             nearest == len(trajectory) - 1,
             min(trajectory.positions_m[[0, -1], 2]) - trajectory.positions_m[:, 2].min() > DIPS_M,
             _slides(trajectory.positions_m),
             frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
             Reversals(*(_reversals(trajectory.positions_m, *limits) for limits in (CERTAIN, POSSIBLE))),
-            _leaps(trajectory.positions_m),
+            _leaps(trajectory.positions_m, motion.times_s),
             _flickers(motion),
         )
 
@@ -167,7 +177,21 @@ def _act(motion: Motion, switch: Switch, first: int, end: int, shown: Demonstrat
     way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
     turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
     least_m = float(nearest_m[first : end + 1].min())
-    return Act(switch.opens, of_name, least_m, at_object, way_m + M_PER_RAD * turn_rad)
+    moves_on = _moves_on(motion, frame, slice(first, end + 1), nearest_m)
+    return Act(switch.opens, of_name, least_m, at_object, way_m + M_PER_RAD * turn_rad, moves_on)
+
+
+def _moves_on(motion: Motion, frame: int, between: slice, nearest_m: Array) -> bool:
+    """Return whether the hand moves in a frame, and rests nearer to an object in another.
+
+    Args:
+        between: the frames between the switches before and after.
+        nearest_m: (T,) the distances from the object.
+    """
+    speed_m_s, off_s = motion.hand_speeds_m_s[frame], np.abs(motion.times_s[between] - motion.times_s[frame])
+    rests = SLOWER * motion.hand_speeds_m_s[between] < speed_m_s
+    nearer = nearest_m[between] < nearest_m[frame] - NEARER_M
+    return bool(speed_m_s > MOVES_ON_M_S and (rests & nearer & (off_s < BESIDE_S)).any())
 
 
 def _slides(positions_m: Array) -> bool:
@@ -181,15 +205,30 @@ def _flickers(motion: Motion) -> bool:
     return bool(((lasts_s > BLIP_S) & (lasts_s < FLICKERS_S)).any())
 
 
-def _leaps(positions_m: Array) -> bool:
-    steps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
-    moving_m = steps_m[steps_m > MOVING_M]
-    return len(moving_m) > 0 and bool(moving_m.max() > max(LEAP_M, LEAP * float(np.quantile(moving_m, 0.9))))
+def _leaps(positions_m: Array, times_s: Array) -> bool:
+    """Return whether a single step is no motion of an arm, or frames are missing in which the hand moves."""
+    if len(times_s) < 2:
+        return False
+    steps_m, steps_s = np.linalg.norm(np.diff(positions_m, axis=0), axis=1), np.diff(times_s)
+    around_m = np.maximum(np.append(0.0, steps_m[:-1]), np.append(steps_m[1:], 0.0))
+    sudden = (steps_m > LEAP * around_m) & (steps_m > LEAP_M_S * steps_s)
+    missing = steps_s > max(GAP_S, GAP * float(np.median(steps_s)))
+    return bool(((sudden | missing) & (steps_m > LEAP_M)).any())
 
 
-def _gets_on_m_s(motion: Motion) -> float:
-    """Return the speed at which the hand leaves its place in the last `END_S` of a recording."""
+def _first_moments(motion: Motion) -> tuple[int, int]:
+    return 0, max(int(np.searchsorted(motion.times_s, motion.times_s[0] + END_S, "right")) - 1, 1)
+
+
+def _last_moments(motion: Motion) -> tuple[int, int]:
+    return max(min(int(np.searchsorted(motion.times_s, motion.times_s[-1] - END_S)), len(motion) - 2), 0), len(
+        motion
+    ) - 1
+
+
+def _speed_m_s(motion: Motion, first: int, last: int) -> float:
+    """Return the speed at which the hand gets from one place to another, whatever it does between."""
     positions_m, times_s = motion.trajectory.positions_m, motion.times_s
-    first = min(int(np.searchsorted(times_s, times_s[-1] - END_S)), max(len(times_s) - 2, 0))
-    way_m = float(np.linalg.norm(positions_m[-1] - positions_m[first]))
-    return way_m / max(float(times_s[-1] - times_s[first]), 1e-9)
+    last = min(last, len(motion) - 1)
+    way_m = float(np.linalg.norm(positions_m[last] - positions_m[first]))
+    return way_m / max(float(times_s[last] - times_s[first]), 1e-9)
