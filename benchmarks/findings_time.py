@@ -58,7 +58,7 @@ def _of_each(taught: Taught) -> dict[str, Callable[[], Iterable[object]]]:
         "the hand's start and frame": lambda: (
             *start_findings(HAND, taught.scenes),
             *frame_findings(HAND, shown, hands),
-            *held_findings(HAND, seen, hands),
+            *held_findings(HAND, seen, shown, hands),
         ),
         "demonstrations, known": lambda: taught.findings(seen.order),
         "actions that pass close": lambda: passing_findings(seen, actions, taught.scenes),

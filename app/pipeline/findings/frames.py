@@ -150,18 +150,25 @@ def frame_findings(
     yield from _in_another_frame(how, alike & turned, far_m)
 
 
-def held_findings(now: Pose | None, scene: Query, hands: Sequence[RecordedHand]) -> Iterator[Finding]:
-    """Yield a finding if recordings start with an object in the hand, which is not at it now."""
+def held_findings(
+    now: Pose | None, scene: Query, shown: Sequence[Demonstration], hands: Sequence[RecordedHand]
+) -> Iterator[Finding]:
+    """Yield a finding if recordings start with an object in the hand, or closed at it, and it is not there now."""
     if now is None or not hands:
         return
-    holding = [hand for hand in hands if hand.acts and hand.acts[0].opens and not hand.starts_open]
-    held = Counter(name for hand in holding for name in hand.may_hold)
+    held = Counter(
+        one.order.placeholder(name)
+        for one, hand in zip(shown, hands, strict=True)
+        if not hand.starts_open and (not hand.acts or hand.acts[0].opens)
+        for name in hand.may_hold
+    )
     for pose in scene.objects:
-        share, far_m = held[pose.name] / len(hands), float(np.linalg.norm(pose.position_m - now.position_m))
+        share = held[scene.order.placeholder(pose.name)] / len(hands)
+        far_m = float(np.linalg.norm(pose.position_m - now.position_m))
         if far_m > NOT_AT_M and rules.NOT_IN_THE_HAND.severity(share) is not None:
             message = (
-                f"Recordings start with {pose.name} in the hand, which is {100 * far_m:.0f} cm from it now. Put it into"
-                " the hand, or record how the hand takes it."
+                f"Recordings start with {pose.name} in the hand or at it, and the hand is {100 * far_m:.0f} cm from it"
+                " now. Put it into the hand, or record how the hand gets to it."
             )
             yield rules.NOT_IN_THE_HAND.finding(message, f"objects[{pose.name}]", {"share": share}, value=share)
             return

@@ -143,7 +143,8 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
         return UNHELD
     if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    if (takes or clause.verb in GRIPPING) and not hand.acts and not (clause.verb in FETCHING and hand.slides):
+    grips, slides = takes or clause.verb in GRIPPING, clause.verb in FETCHING and hand.slides
+    if grips and not closings and not slides and not (hand.acts and hand.may_hold):
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings):
         return CLOSES_ASIDE

@@ -162,30 +162,35 @@ def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
         return
     near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
     home = near[near.sum(axis=1).argmax()]
-    moving = np.array([hand.start_speed_m_s > MOVES_M_S for _, hand in pairs])
+    away = [pair for pair, at_home in zip(pairs, home, strict=True) if not at_home]
     if home.mean() > WAY_SHARE:
-        number = int((moving & ~home).sum())
-        late = number > WAY_SHARE * len(pairs)
+        late = len(away) > WAY_SHARE * len(pairs) and (_most_move(away) or _depend_on_objects(away))
     else:
-        number = len(pairs)
-        late = _depend_on_objects([shown for shown, _ in pairs], starts_m) and not _most_hold(pairs)
+        away = list(pairs)
+        late = _depend_on_objects(pairs) and not _most_hold(pairs)
     if late:
         message = (
-            f"{number} of {len(pairs)} recordings begin on the way to an object or at it, and do not show how the hand"
-            " gets there. Begin to record where the robot starts, before it moves."
+            f"{len(away)} of {len(pairs)} recordings begin on the way to an object or at it, and do not show how the"
+            " hand gets there. Begin to record where the robot starts, before it moves."
         )
         yield rules.BEGUN_LATE.finding(message, "demonstrations")
 
 
-def _depend_on_objects(shown: Sequence[Demonstration], starts_m: Array) -> bool:
-    """Return whether starts (N, 3) are one place seen from an object, or linear in its place."""
-    seen_m = places_by_object(shown, starts_m)
+def _depend_on_objects(pairs: Sequence[Recorded]) -> bool:
+    """Return whether hands start at one place seen from an object, or at a place that is linear in the object's."""
+    starts_m = np.array([hand.start.position_m for _, hand in pairs])
+    seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
     if min(map(spread_m, seen_m.values()), default=np.inf) < min(ONE_PLACE_M, ENDS_SHARE * spread_m(starts_m)):
-        return True
+        return len(pairs) >= MIN_ENDS
     places_m = [starts_m - off_m for (_, axes), off_m in seen_m.items() if axes == "w"]
     usual_m = _median_m(left_out_errors_m(np.zeros((len(starts_m), 0)), starts_m))
     explained = (_median_m(left_out_errors_m(place_m, starts_m)) < EXPLAINED * usual_m for place_m in places_m)
-    return len(starts_m) >= MIN_LINEAR and any(explained)
+    return len(pairs) >= MIN_LINEAR and any(explained)
+
+
+def _most_move(pairs: Sequence[Recorded]) -> bool:
+    """Return whether most hands move in the first moments."""
+    return 2 * sum(hand.start_speed_m_s > MOVES_M_S for _, hand in pairs) > len(pairs)
 
 
 def _most_hold(pairs: Sequence[Recorded]) -> bool:

@@ -137,7 +137,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     if taught.follows_start(order):
         yield from start_findings(hand, taught.scenes)
     yield from frame_findings(hand, taught.demonstrations, taught.hands)
-    yield from held_findings(hand, seen, taught.hands)
+    yield from held_findings(hand, seen, taught.demonstrations, taught.hands)
 
 
 def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:

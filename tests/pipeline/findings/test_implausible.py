@@ -76,16 +76,26 @@ def mirrored(item):
     return changed(item, quaternions_xyzw=item.motion.trajectory.quaternions_xyzw * (-1, 1, -1, 1))
 
 
-def early(item):
-    """The gripper is recorded 0.9 s before the hand."""
-    is_open = item.motion.trajectory.gripper_open
-    return changed(item, gripper_open=np.append(is_open[18:], is_open[-1:].repeat(18)))
+def early(by_s):
+    """The gripper is recorded before the hand."""
+    ahead = round(by_s * RATE_HZ)
+
+    def change(item):
+        is_open = item.motion.trajectory.gripper_open
+        return changed(item, gripper_open=np.append(is_open[ahead:], is_open[-1:].repeat(ahead)))
+
+    return change
 
 
-def late(item):
-    """The gripper is recorded 1.2 s after the hand."""
-    is_open = item.motion.trajectory.gripper_open
-    return changed(item, gripper_open=np.append(is_open[:1].repeat(24), is_open[:-24]))
+def late(by_s):
+    """The gripper is recorded after the hand."""
+    behind = round(by_s * RATE_HZ)
+
+    def change(item):
+        is_open = item.motion.trajectory.gripper_open
+        return changed(item, gripper_open=np.append(is_open[:1].repeat(behind), is_open[:-behind]))
+
+    return change
 
 
 def flickering(item):
@@ -175,9 +185,15 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (inverted, PUT, 10, "implausible-gripper"),
         (inverted, "do it", 10, "implausible-gripper"),
         (inverted, PUT, 1, "implausible-gripper"),
-        (early, PUT, 10, "implausible-gripper"),
-        (late, PUT, 10, "implausible-gripper"),
-        (late, "take the red cube", 10, "implausible-gripper"),
+        (early(0.9), PUT, 10, "implausible-gripper"),
+        (early(1.0), "do it", 10, "implausible-gripper"),  # 2 cm above the cube
+        (early(1.8), "do it", 10, "implausible-gripper"),
+        (late(1.1), "do it", 10, "implausible-gripper"),  # 2 cm above the cube
+        (late(1.2), PUT, 10, "implausible-gripper"),
+        (late(1.2), "take the red cube", 10, "implausible-gripper"),
+        (always(True), "screw the red cube into the plate", 10, "implausible-gripper"),
+        (frames(np.r_[0:96, 110:250]), "do it", 10, "implausible-gripper"),  # 6 cm are missing
+        (frames(slice(30, None)), "do it", 10, "begun-late"),
         (flickering, PUT, 10, "implausible-gripper"),
         (twice, PUT, 10, "implausible-gripper"),
         (always(True), PUT, 10, "implausible-gripper"),
@@ -212,6 +228,47 @@ def test_recordings_that_begin_at_the_object_do_not_run_backwards():
     plates_m = [(x_m, y_m - 0.2, 0.78) for x_m, y_m in aside_m]
     begun = [frames(slice(70, None))(put(seed, given_plate_m=place_m)) for seed, place_m in enumerate(plates_m)]
     assert "backwards-in-time" not in dangers(begun)
+
+
+@pytest.mark.parametrize(("number", "found"), [(0, False), (3, False), (5, True)])
+def test_some_that_begin_late_where_others_begin_at_home(number, found):
+    begun = [frames(slice(30, None))(put(seed)) if seed < number else put(seed) for seed in range(10)]
+    assert ("begun-late" in dangers(begun)) == found
+
+
+@pytest.mark.parametrize("begins", [0, 20])
+def test_recordings_may_begin_anywhere_at_rest_and_in_motion(begins):
+    random = np.random.default_rng(1)
+    homes_m = np.array(HOME_M) + random.uniform(-0.3, 0.3, (10, 3)) * (1, 1, 0)
+    recordings = [frames(slice(begins, None))(put(seed, home_m=homes_m[seed])) for seed in range(10)]
+    assert "begun-late" not in dangers(recordings)
+
+
+def test_recordings_may_begin_with_the_object_in_the_hand():
+    begun = [frames(slice(88, None))(put(seed, "place the red cube on the plate")) for seed in range(10)]
+    assert "begun-late" not in dangers(begun)
+
+
+@pytest.mark.parametrize(("gap_s", "found"), [(0.4, False), (2.0, True)])
+def test_frames_are_missing_where_the_hand_moves_on_in_a_longer_time(gap_s, found):
+    """Ten frames are dropped while the hand is lifted."""
+
+    def dropped(item):
+        kept = np.r_[0:96, 106:250]
+        cut = frames(kept)(item).motion.trajectory
+        times_s = np.arange(len(kept)) / RATE_HZ + np.where(kept > 100, gap_s, 0.0)
+        return replace(item, motion=Motion.of(replace(cut, timestamps_s=times_s), RATE_HZ))
+
+    assert ("implausible-gripper" in dangers([dropped(put(seed, "do it")) for seed in range(10)])) == found
+
+
+def test_a_recording_of_few_frames_lacks_none():
+    """One frame a second: rests, and long steps between them."""
+
+    def sampled(item):
+        return replace(item, motion=Motion.of(frames(slice(None, None, 20))(item).motion.trajectory, 1.0))
+
+    assert "implausible-gripper" not in dangers([sampled(put(seed, "do it")) for seed in range(10)])
 
 
 @pytest.mark.parametrize(

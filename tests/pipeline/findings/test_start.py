@@ -81,11 +81,11 @@ def test_another_point_of_the_hand_turns_with_it():
 def test_what_recordings_have_in_the_hand_from_the_start_must_be_there(away_m, number, dangers):
     recordings = [put(seed) for seed in range(4)]
     recordings[:number] = [frames(slice(86, None))(item) for item in recordings[:number]]  # once it is grasped
-    scene = recordings[0].demonstration
+    scene, shown = recordings[0].demonstration, [item.demonstration for item in recordings]
     hands = [RecordedHand.of(item.motion, item.demonstration, Kept(0.0, 0.0)) for item in recordings]
     now = home()._replace(position_m=tuple(np.add(scene.object("red cube").position_m, (0, 0, away_m)).tolist()))
-    assert [f.code for f in held_findings(now, scene, hands)] == ["not-in-the-hand"] * dangers
-    assert list(held_findings(None, scene, hands)) == []
+    assert [f.code for f in held_findings(now, scene, shown, hands)] == ["not-in-the-hand"] * dangers
+    assert list(held_findings(None, scene, shown, hands)) == []
 
 
 def test_a_hand_that_is_elsewhere_is_right():
