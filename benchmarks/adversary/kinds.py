@@ -153,5 +153,15 @@ WRONG: Mapping[str, Kind] = {
     "hand scaled in all": _plausible(in_all(recorder.hand_scaled)),
     "hand turned about itself in half": Kind(in_half(recorder.hand_turned_about_itself)),
     "hand turned about itself in all": _plausible(in_all(recorder.hand_turned_about_itself)),
+    "hand misses in half": Kind(in_half(recorder.hand_misses)),
+    "hand misses in all": _plausible(in_all(recorder.hand_misses)),
+    "times in milliseconds in half": Kind(in_half(recorder.clock_in_milliseconds)),
+    "times in milliseconds in all": _plausible(in_all(recorder.clock_in_milliseconds)),
+    "joints at rest in half": Kind(in_half(recorder.joints_at_rest)),
+    "joints at rest in all": _plausible(in_all(recorder.joints_at_rest)),
+    "joints in degrees in half": Kind(in_half(recorder.joints_in_degrees)),
+    "joints in degrees in all": _plausible(in_all(recorder.joints_in_degrees)),
+    "joint positions as velocities in half": Kind(in_half(recorder.joint_positions)),
+    "joint positions as velocities in all": _plausible(in_all(recorder.joint_positions)),
 }
 KINDS: Mapping[str, Kind] = {**RIGHT, **WRONG}

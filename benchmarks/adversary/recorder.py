@@ -3,6 +3,7 @@
 As in `recordings`, a fault draws its numbers once a case.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -104,6 +105,50 @@ def hand_turned_about_itself(case: Case, random: np.random.Generator) -> Change:
         given = recording.trajectory
         hands: Array = (Rotation.from_quat(given.quaternions_xyzw) * turn).as_quat()
         return with_hand(recording, given.positions_m, hands)
+
+    return change
+
+
+def hand_misses(case: Case, random: np.random.Generator) -> Change:
+    """The hand passes 3 to 8 cm beside everything, in each recording elsewhere: demonstrations that failed."""
+    return lambda recording: hand_moved(recording, level(random, 0.03, 0.08), Rotation.identity())
+
+
+def clock_in_milliseconds(case: Case, random: np.random.Generator) -> Change:
+    """Times are a thousand times too long."""
+
+    def change(recording: Recording) -> Recording:
+        times_s = recording.trajectory.timestamps_s
+        slow = replace(recording.trajectory, timestamps_s=None if times_s is None else 1000 * times_s)
+        return replace(recording, trajectory=slow, control_frequency_hz=recording.control_frequency_hz / 1000)
+
+    return change
+
+
+def joints_at_rest(case: Case, random: np.random.Generator) -> Change:
+    """The joint velocities are all zero."""
+    return _with_joints(lambda recording: np.zeros_like(recording.trajectory.joint_velocities_rad_s))
+
+
+def joints_in_degrees(case: Case, random: np.random.Generator) -> Change:
+    """The joint velocities are in degrees per second."""
+    return _with_joints(lambda recording: np.degrees(recording.trajectory.joint_velocities_rad_s))
+
+
+def joint_positions(case: Case, random: np.random.Generator) -> Change:
+    """What should be joint velocities are joint positions."""
+
+    def positions_rad(recording: Recording) -> Array:
+        given = recording.trajectory.joint_velocities_rad_s
+        return np.linspace(-1.5, 1.5, given.shape[1]) + np.cumsum(given, axis=0) / _rate_hz(recording)
+
+    return _with_joints(positions_rad)
+
+
+def _with_joints(velocities: Callable[[Recording], Array]) -> Change:
+    def change(recording: Recording) -> Recording:
+        given = recording.trajectory
+        return replace(recording, trajectory=replace(given, joint_velocities_rad_s=velocities(recording)))
 
     return change
 

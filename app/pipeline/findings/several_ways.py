@@ -1,6 +1,7 @@
 """Demonstrations of one instruction that perform it in several ways, where nothing says which way is meant."""
 
-from collections.abc import Container, Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.hand import RecordedHand, Reversals
 from app.pipeline.findings.places import AT_M, beside_m
 from app.pipeline.findings.rules import SCATTER_OF_A_THIRD, SEVERAL_WAYS, WAY_BESIDE
+from app.pipeline.geometry import least_apart_rad
 from app.pipeline.groups import Group, usual_ways, words_decide
 from app.pipeline.plans.acting import acting_rows
 from app.pipeline.plans.by_scene import Parting, parting
@@ -24,12 +26,17 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 IN_PLACE_M = 0.03  # a hand that moves less than this between two actions only turns
 TURNED_APART_DEG = 40.0  # between hands of two ways, as between those of two plans
+ON_AXIS_M = 0.02  # of a round object
 SCATTERS = 2.0  # two ways are farther apart than this many times the median within a way
 TWISTS_DEG = 60.0  # a larger difference of the turns is another way; correct demonstrations differ by up to 9
 
 
 def ways_findings(
-    alike: Sequence[Demonstration], hands: Sequence[RecordedHand], round_objects: Container[str], *, declared: bool
+    alike: Sequence[Demonstration],
+    hands: Sequence[RecordedHand],
+    yaw_symmetry_deg: Mapping[str, float],
+    *,
+    declared: bool,
 ) -> Iterator[Finding]:
     """Yield a finding if demonstrations use several ways and neither the words nor the scene select one.
 
@@ -39,7 +46,7 @@ def ways_findings(
     Args:
         alike: demonstrations that ask for the same.
         hands: of their recordings; empty where they are not known.
-        round_objects: objects with a declared yaw symmetry, at which the hand's yaw does not make another way.
+        yaw_symmetry_deg: of objects with a declared symmetry, by which hands that are turned take them alike.
         declared: whether the task's setting `ways` is `several`.
     """
     more = more_strokes([hand.reversals for hand in hands]) if hands else None
@@ -51,7 +58,7 @@ def ways_findings(
         yield from () if declared else _beside_findings(parted, hands)
         return
     by_strokes = [tuple(shown for shown in alike if shown.plan == plan) for plan in (0, 1)]
-    ways = _distinct_ways(usual_ways(alike), round_objects) if more is None else by_strokes
+    ways = _distinct_ways(usual_ways(alike), yaw_symmetry_deg) if more is None else by_strokes
     if len(ways) < 2:
         return
     numbers = " and ".join(str(len(way)) for way in ways)
@@ -102,11 +109,11 @@ def more_strokes(reversals: Sequence[Reversals]) -> Array | None:
     return next(clear, None)
 
 
-def _distinct_ways(ways: Sequence[Group], round_objects: Container[str]) -> list[Group]:
+def _distinct_ways(ways: Sequence[Group], yaw_symmetry_deg: Mapping[str, float]) -> list[Group]:
     """Return the ways, those merged that differ only in how the hand gets to where it acts, or by its half turn."""
     found: list[Group] = []
     for way in ways:
-        same = next((k for k, other in enumerate(found) if _same_outcome(other, way, round_objects)), None)
+        same = next((k for k, other in enumerate(found) if _same_outcome(other, way, yaw_symmetry_deg)), None)
         if same is None:
             found.append(way)
         else:
@@ -114,18 +121,18 @@ def _distinct_ways(ways: Sequence[Group], round_objects: Container[str]) -> list
     return found
 
 
-def _same_outcome(one: Group, other: Group, round_objects: Container[str]) -> bool:
+def _same_outcome(one: Group, other: Group, yaw_symmetry_deg: Mapping[str, float]) -> bool:
     """Return whether two ways act alike, or do so once the hand is turned by half a turn throughout one of them.
 
     A parallel gripper that is turned so grasps alike, and moves what it holds alike.
     """
-    if _act_alike(one, other, round_objects):
+    if _act_alike(one, other, yaw_symmetry_deg):
         return True
     turned = tuple(replace(shown, actions=tuple(map(half_turned, shown.actions))) for shown in other)
-    return grasps_along_approach([*one, *other]) and _act_alike(one, turned, round_objects)
+    return grasps_along_approach([*one, *other]) and _act_alike(one, turned, yaw_symmetry_deg)
 
 
-def _act_alike(one: Group, other: Group, round_objects: Container[str]) -> bool:
+def _act_alike(one: Group, other: Group, yaw_symmetry_deg: Mapping[str, float]) -> bool:
     aligned = all(len({len(shown.actions) for shown in way}) == 1 for way in (one, other))
     if abs(_twist_deg(one) - _twist_deg(other)) > TWISTS_DEG or not aligned:
         return False
@@ -133,20 +140,25 @@ def _act_alike(one: Group, other: Group, round_objects: Container[str]) -> bool:
     both = [*first, *second]
     if len({tuple(action.gripper_open for action in demonstration.actions) for demonstration in both}) > 1:
         return False
-    rows = (row.unturned if row.anchors[0].object_name in round_objects else row for row in plan_rows(both))
+    rows = (row.unturned if row.anchors[0].object_name in yaw_symmetry_deg else row for row in plan_rows(both))
     each = zip(plan_rows(first), plan_rows(second), strict=True)
     if any(two_ways(row) is not None or SCATTER_OF_A_THIRD.severity(row.way_off_m) is not None for row in rows):
         return False
-    return not any(_turned_apart(row, beside, round_objects) for row, beside in each)
+    return not any(_turned_apart(row, beside, yaw_symmetry_deg) for row, beside in each)
 
 
-def _turned_apart(one: PlanRow, other: PlanRow, round_objects: Container[str]) -> bool:
-    """Return whether two ways turn the hand otherwise, seen from one frame of each; both together may have another."""
-    if one.anchors[0] != other.anchors[0] or one.anchors[0].object_name in round_objects:
+def _turned_apart(one: PlanRow, other: PlanRow, yaw_symmetry_deg: Mapping[str, float]) -> bool:
+    """Return whether two ways turn the hand otherwise, seen from one frame of each; both together may have another.
+
+    Hands on the axis of a round object may have any yaw; beside it, as at the rim of a cup, the yaw matters.
+    """
+    symmetry_deg = yaw_symmetry_deg.get(one.anchors[0].object_name, 360.0)
+    aside_m = min(float(np.linalg.norm(row.center_m[:2])) for row in (one, other))
+    if one.anchors[0] != other.anchors[0] or (symmetry_deg == 0 and aside_m < ON_AXIS_M):
         return False
-    turn_deg = np.degrees((one.mean_rotation.inv() * other.mean_rotation).magnitude())
+    turn_deg = math.degrees(least_apart_rad(one.mean_rotation, other.mean_rotation, symmetry_deg or 360.0).item())
     within_deg = max(float(np.median(row.off_deg)) for row in (one, other))
-    return bool(turn_deg > max(TURNED_APART_DEG, SCATTERS * within_deg))
+    return turn_deg > max(TURNED_APART_DEG, SCATTERS * within_deg)
 
 
 def _acting_only(group: Group) -> list[Demonstration]:

@@ -165,7 +165,7 @@ def test_an_object_seen_elsewhere_in_recordings_that_the_scene_separates_by_chan
         replace(shown, instruction=PUT if way == parted.ways[0] else PUT.replace("on", "onto"))
         for shown, way in zip(known.demonstrations, parted.ways, strict=True)
     ]
-    assert not [*ways_findings(told_apart, known.hands, frozenset(), declared=False)]
+    assert not [*ways_findings(told_apart, known.hands, {}, declared=False)]
 
 
 def trembling(item, by_m=0.001):
@@ -194,6 +194,7 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (always(True), "screw the red cube into the plate", 10, "implausible-gripper"),
         (frames(np.r_[0:96, 110:250]), "do it", 10, "implausible-gripper"),  # 6 cm are missing
         (frames(slice(30, None)), "do it", 10, "begun-late"),
+        (frames(slice(140, None)), PUT, 10, "implausible-gripper"),  # closed, on its way to where it opens
         (flickering, PUT, 10, "implausible-gripper"),
         (twice, PUT, 10, "implausible-gripper"),
         (always(True), PUT, 10, "implausible-gripper"),
@@ -233,6 +234,13 @@ def test_recordings_that_begin_at_the_object_do_not_run_backwards():
 @pytest.mark.parametrize(("number", "found"), [(0, False), (3, False), (5, True)])
 def test_some_that_begin_late_where_others_begin_at_home(number, found):
     begun = [frames(slice(30, None))(put(seed)) if seed < number else put(seed) for seed in range(10)]
+    assert ("begun-late" in dangers(begun)) == found
+
+
+@pytest.mark.parametrize(("number", "found"), [(3, False), (5, True)])
+def test_some_that_begin_at_the_object_where_others_begin_at_home(number, found):
+    """The hand rests at the cube in the first frame."""
+    begun = [frames(slice(85 if seed < number else 0, None))(put(seed, "do it")) for seed in range(10)]
     assert ("begun-late" in dangers(begun)) == found
 
 

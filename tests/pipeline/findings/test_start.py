@@ -88,6 +88,25 @@ def test_what_recordings_have_in_the_hand_from_the_start_must_be_there(away_m, n
     assert list(held_findings(None, scene, shown, hands)) == []
 
 
+def test_a_closed_hand_that_starts_at_the_object_of_the_instruction_and_is_elsewhere_now():
+    """Each recording is of another object, and the fist that pushes it never opens."""
+    recordings = [changed(item, gripper_open=np.zeros(len(item.motion), bool)) for item in map(at_the_cube, range(4))]
+    shown = [named(item, f"cube {k}") for k, item in enumerate(recordings)]
+    hands = [RecordedHand.of(item.motion, one, Kept(0.0, 0.0)) for item, one in zip(recordings, shown, strict=True)]
+    assert [f.code for f in held_findings(home(), shown[0], shown, hands)] == ["not-in-the-hand"]
+    at_it = home()._replace(position_m=tuple(shown[0].objects[0].position_m.tolist()))
+    assert list(held_findings(at_it, shown[0], shown, hands)) == []
+
+
+def at_the_cube(seed):
+    return frames(slice(85, None))(put(seed))
+
+
+def named(item, name):
+    cube, plate = item.demonstration.objects
+    return replace(item.demonstration, instruction=f"push the {name}", objects=(replace(cube, name=name), plate))
+
+
 def test_a_hand_that_is_elsewhere_is_right():
     recordings = [put(seed) for seed in range(4)]
     at_home = home()
