@@ -22,9 +22,9 @@ from app.pipeline.findings.recording_ends import (
     TAKING,
     Recorded,
     backwards_findings,
-    begun_late_findings,
     end_faults,
 )
+from app.pipeline.findings.recording_starts import begun_late_findings
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 

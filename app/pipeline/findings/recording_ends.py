@@ -1,4 +1,4 @@
-"""Starts and ends of recordings: they begin late, break off, stop once everything is done, or run backwards in time."""
+"""Ends of recordings: they break off, stop as soon as everything is done, or run backwards in time."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,8 +10,6 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
 from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
-from app.pipeline.plans.rows import left_out_errors_m
-from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types.arrays import Array
 
 # The first words of verbs, see `app.pipeline.order.verbs`
@@ -35,7 +33,6 @@ ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of star
 ENDS_SHARE = 0.4  # of the spread of starts, for ends to be where robots start: that varies, too, by less than PLACES_M
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
 COMPLETE_ALONG_M = 0.008  # the same along x or y alone, where the ends are several places in the world
-EXPLAINED, MIN_LINEAR = 0.7, 6  # starts that depend on an object leave less of their scatter; of so many recordings
 LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an object is not put to it
 
 TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
@@ -150,53 +147,3 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
     away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
     several = (away_m < ONE_PLACE_M).sum() > ODD_SHARE * len(starts_m)
     return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
-
-
-def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
-    """Yield a finding where recordings begin on the way to an object or at it, and do not show how the hand gets there.
-
-    Robots start in one place, or anywhere: where objects are does not explain it, unless one is in the hand.
-    """
-    starts_m = np.array([hand.start.position_m for _, hand in pairs])
-    if len(pairs) < MIN_ENDS or spread_m(starts_m) < PLACES_M:
-        return
-    near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
-    home = near[near.sum(axis=1).argmax()]
-    away = [pair for pair, at_home in zip(pairs, home, strict=True) if not at_home]
-    if home.mean() > WAY_SHARE:
-        late = len(away) > WAY_SHARE * len(pairs) and (_most_move(away) or _depend_on_objects(away))
-    else:
-        away = list(pairs)
-        late = _depend_on_objects(pairs) and not _most_hold(pairs)
-    if late:
-        message = (
-            f"{len(away)} of {len(pairs)} recordings begin on the way to an object or at it, and do not show how the"
-            " hand gets there. Begin to record where the robot starts, before it moves."
-        )
-        yield rules.BEGUN_LATE.finding(message, "demonstrations")
-
-
-def _depend_on_objects(pairs: Sequence[Recorded]) -> bool:
-    """Return whether hands start at one place seen from an object, or at a place that is linear in the object's."""
-    starts_m = np.array([hand.start.position_m for _, hand in pairs])
-    seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
-    if min(map(spread_m, seen_m.values()), default=np.inf) < min(ONE_PLACE_M, ENDS_SHARE * spread_m(starts_m)):
-        return len(pairs) >= MIN_ENDS
-    places_m = [starts_m - off_m for (_, axes), off_m in seen_m.items() if axes == "w"]
-    usual_m = _median_m(left_out_errors_m(np.zeros((len(starts_m), 0)), starts_m))
-    explained = (_median_m(left_out_errors_m(place_m, starts_m)) < EXPLAINED * usual_m for place_m in places_m)
-    return len(pairs) >= MIN_LINEAR and any(explained)
-
-
-def _most_move(pairs: Sequence[Recorded]) -> bool:
-    """Return whether most hands move in the first moments."""
-    return 2 * sum(hand.start_speed_m_s > MOVES_M_S for _, hand in pairs) > len(pairs)
-
-
-def _most_hold(pairs: Sequence[Recorded]) -> bool:
-    """Return whether most hands start closed, with an object in them."""
-    return 2 * sum(not hand.starts_open and bool(hand.may_hold) for _, hand in pairs) > len(pairs)
-
-
-def _median_m(errors_m: Array) -> float:
-    return float(np.median(np.linalg.norm(errors_m, axis=1)))
