@@ -22,8 +22,9 @@ HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MOVING_M = 0.005  # between two frames of a moving hand
 SLIDES_M, LEVEL_M = 0.05, 0.02  # a hand that moves farther, within this of its lowest height, slides what it touches
-# A step longer and faster than this, and so many times as long as those before and after it, is no motion of an arm
-LEAP_M, LEAP_M_S, LEAP = 0.03, 0.5, 3.0
+# No arm makes a step that is so long, so many times as long as those before and after it, with so great an acceleration;
+LEAP_M, LEAP, LEAP_M_S2 = 0.03, 3.0, 10.0
+FAR_LEAP_M, FAR_LEAP = 0.10, 4.0  # nor one that is so long, and so many times as long as most
 GAP_S, GAP = 0.5, 5.0  # a longer time between two frames, and so many times as long as usual, lacks frames
 # A hand that moves faster than this where fingers switch, and is slower by this factor nearer to the object within a
 # few seconds, grasps there
@@ -211,9 +212,11 @@ def _leaps(positions_m: Array, times_s: Array) -> bool:
         return False
     steps_m, steps_s = np.linalg.norm(np.diff(positions_m, axis=0), axis=1), np.diff(times_s)
     around_m = np.maximum(np.append(0.0, steps_m[:-1]), np.append(steps_m[1:], 0.0))
-    sudden = (steps_m > LEAP * around_m) & (steps_m > LEAP_M_S * steps_s)
+    sudden = (steps_m > LEAP * around_m) & (steps_m - around_m > LEAP_M_S2 * steps_s**2)
     missing = steps_s > max(GAP_S, GAP * float(np.median(steps_s)))
-    return bool(((sudden | missing) & (steps_m > LEAP_M)).any())
+    usual_m = float(np.quantile(steps_m[steps_m > MOVING_M], 0.9)) if (steps_m > MOVING_M).any() else 0.0
+    far = steps_m > max(FAR_LEAP_M, FAR_LEAP * usual_m)
+    return bool((((sudden | missing) & (steps_m > LEAP_M)) | far).any())
 
 
 def _first_moments(motion: Motion) -> tuple[int, int]:
