@@ -22,7 +22,7 @@ HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MOVING_M = 0.005  # between two frames of a moving hand
 SLIDES_M, LEVEL_M = 0.05, 0.02  # a hand that moves farther, within this of its lowest height, slides what it touches
-# No arm makes a step that is so long, so many times as long as those before and after it, with so great an acceleration;
+# No arm makes a step so long, so many times as long as those before and after it, with so great an acceleration;
 LEAP_M, LEAP, LEAP_M_S2 = 0.03, 3.0, 10.0
 FAR_LEAP_M, FAR_LEAP = 0.10, 4.0  # nor one that is so long, and so many times as long as most
 GAP_S, GAP = 0.5, 5.0  # a longer time between two frames, and so many times as long as usual, lacks frames
