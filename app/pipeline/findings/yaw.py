@@ -16,6 +16,7 @@ from app.pipeline.plans.acting import touching_rows
 from app.pipeline.plans.rows import PlanRow, of_a_way
 from app.pipeline.plans.support import Support
 from app.pipeline.representation.anchors import asked_anchor
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.severity import SEVERITIES
 
@@ -43,9 +44,18 @@ def _nearest_turn(step_deg: float) -> Callable[[Rotation, Rotation], Rotation]:
     return read
 
 
+def _either_way(objects: Rotation, hands: Rotation) -> Rotation:
+    """Return the hands seen from objects, each turned as it says or the other way: by that in which most are alike."""
+    seen = Rotation.concatenate([objects.inv() * hands, objects * hands])
+    apart_rad = quaternions.angles_rad(seen.as_quat()[:, None], seen.as_quat()).reshape(-1, 2, len(hands))
+    like = apart_rad[apart_rad.min(axis=1).sum(axis=1).argmin()]
+    return seen[like.argmin(axis=0) * len(hands) + np.arange(len(hands))]
+
+
 # What rotations of an object may mean instead of what they say; hands are then turned alike, seen from it
 READINGS: Mapping[str, Callable[[Rotation, Rotation], Rotation]] = {
     "were turned the other way": _turned(-1.0),
+    "were turned the other way in some": _either_way,
     "were turned twice as far": _turned(2.0),
     "were turned half as far": _turned(0.5),
     "were turned by half a turn more in some": _nearest_turn(180.0),

@@ -34,6 +34,7 @@ MISREAD = {
     "the wrong sign": (lambda k, deg: -deg, ["w-first", "yaw-misread"]),  # or the hand is mirrored
     "half of it": (lambda k, deg: deg / 2, ["yaw-misread"]),
     "twice": (lambda k, deg: 2 * deg, ["yaw-misread"]),
+    "the wrong sign in half": (lambda k, deg: deg * (-1) ** k, ["w-first", "yaw-misread"]),  # or the hand is mirrored
     "half a turn off in half": (lambda k, deg: deg + 180 * (k % 2), ["yaw-misread"]),
     "half a turn off in a third": (lambda k, deg: deg + 180 * (k % 3 == 0), ["yaw-misread"]),
     "another zero": (lambda k, deg: deg + 70, []),
