@@ -22,7 +22,7 @@ from app.executors import LocalExecutor
 from app.sim.tasks import TASKS
 from benchmarks.adversary.kinds import KINDS
 from benchmarks.adversary.measure import Outcome
-from benchmarks.adversary.run import Run
+from benchmarks.adversary.run import DEMONSTRATIONS, Run
 from benchmarks.adversary.table import shown, summary, tables
 from roboprompt_client.client import RoboPromptClient
 
@@ -61,7 +61,7 @@ def _run(asked: argparse.Namespace, folder: Path) -> list[Outcome]:
         closing(executor),
     ):
         kinds = asked.kind or list(KINDS)
-        run = Run(client, executor, world, tasks, kinds, seeds, asked.every, folder / "outcomes.jsonl")
+        run = Run(client, executor, world, tasks, kinds, seeds, asked.every, asked.demos, folder / "outcomes.jsonl")
         return _followed(run(), show=asked.show)
 
 
@@ -88,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, help="the first; odd ones are recorded continuously")
     parser.add_argument("--seeds", type=int, default=1, help="how many follow each other")
     parser.add_argument("--every", type=int, default=1, help="a task and seed has one wrong kind in so many, in turn")
+    parser.add_argument("--demos", type=int, default=DEMONSTRATIONS, help="recordings of each case")
     parser.add_argument("--world", default=PANDA, help="module with a WORLD, e.g. benchmarks.metaworld.world")
     parser.add_argument("--data", type=Path, help="folder of the results; default: none are kept")
     parser.add_argument("--report", type=Path, help="write the tables to this file, too")

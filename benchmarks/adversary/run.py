@@ -26,6 +26,7 @@ class Run:
     """Kinds x tasks x seeds.
 
     Attributes:
+        demonstrations: recordings of each case.
         every: of the wrong kinds each task and seed has one in so many, in turn, so that over as many seeds it has all.
         results: a line for each outcome; those that are there are not run again. None: nothing is kept.
     """
@@ -37,6 +38,7 @@ class Run:
     kinds: Sequence[str]
     seeds: Sequence[int]
     every: int = 1
+    demonstrations: int = DEMONSTRATIONS
     results: Path | None = None
     recorded: dict[tuple[str, int], tuple[RecordedDemonstration, ...]] = field(default_factory=dict)
 
@@ -92,7 +94,7 @@ class Run:
                 world = replace(world, recordings="continuous")
             first = SEED_STEP * seed
             self.recorded[task, seed] = record(
-                self.executor, world, task, DEMONSTRATIONS, images=False, first_seed=first
+                self.executor, world, task, self.demonstrations, images=False, first_seed=first
             )
         return self.recorded[task, seed]
 

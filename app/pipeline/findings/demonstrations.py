@@ -23,7 +23,6 @@ from app.pipeline.findings.outliers import (
 from app.pipeline.findings.path_kept import path_findings
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.quaternion_order import objects_order_findings
-from app.pipeline.findings.recording_starts import begins_there
 from app.pipeline.findings.rules import SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.several_ways import ways_findings
@@ -37,7 +36,7 @@ from app.pipeline.plans.support import PlacedPlan, Support
 from app.pipeline.plans.ways import TWO_WAYS_M
 from app.pipeline.representation.anchors import START, Anchor, asked_anchor
 from app.pipeline.thresholds import BEYOND_NOISE_M
-from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.poses import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +134,6 @@ class Taught:
             )
             self._known[form, number, asked.objects] = known
         return known
-
-    def begin_there(self, now: Pose | None, scene: Query) -> bool:
-        """Return whether the hand is now where the recordings begin, seen from an object."""
-        return begins_there(now, scene, list(zip(self.demonstrations, self.hands, strict=False)))
 
     def of_prompt(
         self, parts: Sequence[Query], plans: Mapping[str, Sequence[PlacedPlan] | None], shown_ids: Collection[str]

@@ -158,7 +158,7 @@ IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", dan
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.21)
 BROKEN_OFF_COMPLETE = Rule("broken-off", "the same, where the ends agree and all has been done", warning=0.01)
 BACKWARDS_IN_TIME = Rule("backwards-in-time", danger=ALWAYS)
-BEGUN_LATE = Rule("begun-late", danger=ALWAYS)
+BEGUN_LATE = Rule("begun-late", "all at one place seen from an object (0), or on the way (1)", warning=0, danger=1)
 NOT_IN_THE_HAND = Rule("not-in-the-hand", "share of the recordings", danger=0.34)
 DROPS_WHAT_IT_HOLDS = Rule("drops-what-it-holds", danger=ALWAYS)
 ACTS_FAR_FROM_OBJECTS = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)

@@ -11,7 +11,7 @@ from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.roles import strangers
-from app.pipeline.findings.rules import BEGUN_LATE, NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
+from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
 from app.pipeline.findings.scene import other_objects, scene_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
@@ -131,9 +131,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     yield from _parts(question)
     that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)
     yield from source_findings(that_matter, taught.demonstrations, taught.compared)
-    for finding in taught.findings(order):
-        if finding.code != BEGUN_LATE.code or not taught.begin_there(hand, seen):
-            yield finding
+    yield from taught.findings(order)
     yield from taught.of_prompt(question.parts, question.plans, question.prefix.demonstration_ids)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
     if taught.follows_start(order):

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.frames import frame_findings, held_findings, start_findings
 from app.pipeline.findings.hand import Kept, RecordedHand
-from app.pipeline.findings.recording_starts import begins_there
 from roboprompt_client.types.poses import Pose
 from tests.pipeline.findings.test_implausible import changed, frames, put
 from tests.pipeline.scenes import action, demonstration, pose
@@ -97,18 +96,6 @@ def test_a_closed_hand_that_starts_at_the_object_of_the_instruction_and_is_elsew
     assert [f.code for f in held_findings(home(), shown[0], shown, hands)] == ["not-in-the-hand"]
     at_it = home()._replace(position_m=tuple(shown[0].objects[0].position_m.tolist()))
     assert list(held_findings(at_it, shown[0], shown, hands)) == []
-
-
-@pytest.mark.parametrize(("away_m", "expected"), [(0.0, True), (0.1, False)])
-def test_recordings_may_begin_at_an_object_where_the_hand_is_now(away_m, expected):
-    """As at a drawer that it has opened before."""
-    recordings = [at_the_cube(seed) for seed in range(10)]
-    shown = [item.demonstration for item in recordings]
-    hands = [RecordedHand.of(item.motion, item.demonstration, Kept(0.0, 0.0)) for item in recordings]
-    scene = put(11).demonstration
-    now = home()._replace(position_m=tuple(np.add(scene.object("red cube").position_m, (away_m, 0, 0)).tolist()))
-    assert begins_there(now, scene, list(zip(shown, hands, strict=True))) == expected
-    assert not begins_there(None, scene, list(zip(shown, hands, strict=True)))
 
 
 def at_the_cube(seed):
