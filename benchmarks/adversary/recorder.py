@@ -1,6 +1,6 @@
 """What goes wrong in a recorder: its clocks, rate and filters, the frame and the point of the hand that it reports.
 
-As in `recordings`, a fault draws its numbers once a case.
+As in `recordings`, a fault draws its numbers once a case, but for `hand_misses`.
 """
 
 from collections.abc import Callable

@@ -64,7 +64,7 @@ class Act(NamedTuple):
     least_m: float
     at_object: bool
     moved_m: float
-    moves_on: bool = False
+    moves_on: bool
 
     @property
     def nearest(self) -> str:
@@ -154,10 +154,10 @@ class RecordedHand:
             starts_open,
             tuple(_act(motion, s, ends[k], ends[k + 2], shown, away_m) for k, s in enumerate(acting)),
             trajectory.action_at(0),
-            _speed_m_s(motion, *_first_moments(motion)),
+            _leaves_m_s(trajectory.positions_m, motion.times_s),
             tuple(map(trajectory.action_at, [*(s.frame for s in acting[:1]), lowest])),
             trajectory.positions_m[-1],
-            min(float(motion.hand_speeds_m_s[-1]), _speed_m_s(motion, *_last_moments(motion))),
+            min(float(motion.hand_speeds_m_s[-1]), _leaves_m_s(trajectory.positions_m[::-1], -motion.times_s[::-1])),
             float(away_m.min()),
             nearest == len(trajectory) - 1,
             min(trajectory.positions_m[[0, -1], 2]) - trajectory.positions_m[:, 2].min() > DIPS_M,
@@ -208,30 +208,18 @@ def _flickers(motion: Motion) -> bool:
 
 def _leaps(positions_m: Array, times_s: Array) -> bool:
     """Return whether a single step is no motion of an arm, or frames are missing in which the hand moves."""
-    if len(times_s) < 2:
-        return False
     steps_m, steps_s = np.linalg.norm(np.diff(positions_m, axis=0), axis=1), np.diff(times_s)
+    if not (steps_m > LEAP_M).any():
+        return False
     around_m = np.maximum(np.append(0.0, steps_m[:-1]), np.append(steps_m[1:], 0.0))
     sudden = (steps_m > LEAP * around_m) & (steps_m - around_m > LEAP_M_S2 * steps_s**2)
     missing = steps_s > max(GAP_S, GAP * float(np.median(steps_s)))
-    usual_m = float(np.quantile(steps_m[steps_m > MOVING_M], 0.9)) if (steps_m > MOVING_M).any() else 0.0
-    far = steps_m > max(FAR_LEAP_M, FAR_LEAP * usual_m)
+    far = steps_m > max(FAR_LEAP_M, FAR_LEAP * float(np.quantile(steps_m[steps_m > MOVING_M], 0.9)))
     return bool((((sudden | missing) & (steps_m > LEAP_M)) | far).any())
 
 
-def _first_moments(motion: Motion) -> tuple[int, int]:
-    return 0, max(int(np.searchsorted(motion.times_s, motion.times_s[0] + END_S, "right")) - 1, 1)
-
-
-def _last_moments(motion: Motion) -> tuple[int, int]:
-    return max(min(int(np.searchsorted(motion.times_s, motion.times_s[-1] - END_S)), len(motion) - 2), 0), len(
-        motion
-    ) - 1
-
-
-def _speed_m_s(motion: Motion, first: int, last: int) -> float:
-    """Return the speed at which the hand gets from one place to another, whatever it does between."""
-    positions_m, times_s = motion.trajectory.positions_m, motion.times_s
-    last = min(last, len(motion) - 1)
-    way_m = float(np.linalg.norm(positions_m[last] - positions_m[first]))
-    return way_m / max(float(times_s[last] - times_s[first]), 1e-9)
+def _leaves_m_s(positions_m: Array, times_s: Array) -> float:
+    """Return the speed at which the hand leaves its first place within `END_S`."""
+    last = min(max(int(np.searchsorted(times_s, times_s[0] + END_S, "right")) - 1, 1), len(times_s) - 1)
+    way_m = float(np.linalg.norm(positions_m[last] - positions_m[0]))
+    return way_m / max(float(times_s[last] - times_s[0]), 1e-9)

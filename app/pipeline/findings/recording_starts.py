@@ -7,9 +7,8 @@ import numpy as np
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.recording_ends import ENDS_SHARE, MIN_ENDS, MOVES_M_S, ONE_PLACE_M, Recorded
-from app.pipeline.plans.rows import left_out_errors_m
+from app.pipeline.plans.rows import left_out_m
 from app.pipeline.thresholds import WAY_SHARE
-from roboprompt_client.types.arrays import Array
 
 SPREAD_M = 0.10  # of starts that are not one place
 EXPLAINED, MIN_LINEAR = 0.7, 6  # starts that depend on an object leave less of their scatter; of so many recordings
@@ -28,16 +27,17 @@ def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     home = near[near.sum(axis=1).argmax()]
     away = [pair for pair, at_home in zip(pairs, home, strict=True) if not at_home]
     if home.mean() > WAY_SHARE:
-        found, severe = len(away) > WAY_SHARE * len(pairs) and (_most_move(away) or _in_one_place(away)), True
+        number = len(away) if _most_move(away) or _in_one_place(away) else 0
+        found, chosen = number > WAY_SHARE * len(pairs), False
     else:
-        away, chosen = list(pairs), _in_one_place(pairs)
-        found, severe = not _most_hold(pairs) and (chosen or _on_the_way(pairs)), not chosen
+        number, chosen = len(pairs), _in_one_place(pairs)
+        found = not _most_hold(pairs) and (chosen or _on_the_way(pairs))
     if found:
         message = (
-            f"{len(away)} of {len(pairs)} recordings begin on the way to an object or at it, and do not show how the"
+            f"{number} of {len(pairs)} recordings begin on the way to an object or at it, and do not show how the"
             " hand gets there. Begin to record where the robot starts, before it moves."
         )
-        yield rules.BEGUN_LATE.finding(message, "demonstrations", value=float(severe))
+        yield rules.BEGUN_LATE.finding(message, "demonstrations", value=float(not chosen))
 
 
 def _in_one_place(pairs: Sequence[Recorded]) -> bool:
@@ -53,9 +53,9 @@ def _on_the_way(pairs: Sequence[Recorded]) -> bool:
         return False
     starts_m = np.array([hand.start.position_m for _, hand in pairs])
     seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
-    usual_m = _median_m(left_out_errors_m(np.zeros((len(starts_m), 0)), starts_m))
-    off_m = (_median_m(left_out_errors_m(starts_m - m, starts_m)) for (_, axes), m in seen_m.items() if axes == "w")
-    return any(far_m < EXPLAINED * usual_m for far_m in off_m)
+    usual_m = left_out_m(np.zeros((len(starts_m), 0)), starts_m)
+    places_m = (starts_m - m for (_, axes), m in seen_m.items() if axes == "w")
+    return any(left_out_m(place_m, starts_m) < EXPLAINED * usual_m for place_m in places_m)
 
 
 def _most_move(pairs: Sequence[Recorded]) -> bool:
@@ -66,7 +66,3 @@ def _most_move(pairs: Sequence[Recorded]) -> bool:
 def _most_hold(pairs: Sequence[Recorded]) -> bool:
     """Return whether most hands start closed, with an object in them."""
     return 2 * sum(not hand.starts_open and bool(hand.may_hold) for _, hand in pairs) > len(pairs)
-
-
-def _median_m(errors_m: Array) -> float:
-    return float(np.median(np.linalg.norm(errors_m, axis=1)))

@@ -26,7 +26,6 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 IN_PLACE_M = 0.03  # a hand that moves less than this between two actions only turns
 TURNED_APART_DEG = 40.0  # between hands of two ways, as between those of two plans
-ON_AXIS_M = 0.02  # of a round object
 SCATTERS = 2.0  # two ways are farther apart than this many times the median within a way
 TWISTS_DEG = 60.0  # a larger difference of the turns is another way; correct demonstrations differ by up to 9
 
@@ -154,7 +153,7 @@ def _turned_apart(one: PlanRow, other: PlanRow, yaw_symmetry_deg: Mapping[str, f
     """
     symmetry_deg = yaw_symmetry_deg.get(one.anchors[0].object_name, 360.0)
     aside_m = min(float(np.linalg.norm(row.center_m[:2])) for row in (one, other))
-    if one.anchors[0] != other.anchors[0] or (symmetry_deg == 0 and aside_m < ON_AXIS_M):
+    if one.anchors[0] != other.anchors[0] or (symmetry_deg == 0 and aside_m < AT_M):
         return False
     turn_deg = math.degrees(least_apart_rad(one.mean_rotation, other.mean_rotation, symmetry_deg or 360.0).item())
     within_deg = max(float(np.median(row.off_deg)) for row in (one, other))

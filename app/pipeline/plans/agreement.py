@@ -11,11 +11,10 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.acting import acting_rows
-from app.pipeline.plans.rows import PlanRow, left_out_errors_m, plan_rows
+from app.pipeline.plans.rows import PlanRow, left_out_m, plan_rows
 from app.pipeline.plans.ways import GAP, two_ways
 from app.pipeline.representation.anchors import NOT_TURNED, anchor_poses
 from app.pipeline.thresholds import BEYOND_NOISE_M, M_PER_RAD
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 EXPLAINED = 0.5  # of the residual: where the scene leaves less of it, the row depends on the scene
@@ -68,15 +67,11 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
     """
     if row.scatter_m < NEGLIGIBLE_M or len(group) < 6:
         return False
-    constant_m = _left_out_m(np.zeros((len(group), 0)), row.offsets_m)
+    constant_m = left_out_m(np.zeros((len(group), 0)), row.offsets_m)
     poses = anchor_poses(row.anchors, group)
     for place in range(len(group[0].objects)):
         places_m = np.array([demonstration.ordered_objects[place].position_m for demonstration in group])
         seen_m, _ = poses.seen(places_m, NOT_TURNED)
-        if seen_m.std(axis=0).max() > NEGLIGIBLE_M and _left_out_m(seen_m, row.offsets_m) < EXPLAINED * constant_m:
+        if seen_m.std(axis=0).max() > NEGLIGIBLE_M and left_out_m(seen_m, row.offsets_m) < EXPLAINED * constant_m:
             return True
     return False
-
-
-def _left_out_m(inputs: Array, offsets_m: Array) -> float:
-    return float(np.median(np.linalg.norm(left_out_errors_m(inputs, offsets_m), axis=1)))

@@ -159,3 +159,8 @@ def left_out_errors_m(inputs: Array, offsets_m: Array) -> Array:
     hat = design @ np.linalg.pinv(design)
     errors_m: Array = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
     return errors_m
+
+
+def left_out_m(inputs: Array, offsets_m: Array) -> float:
+    """Return the median length of the leave-one-out errors."""
+    return float(np.median(np.linalg.norm(left_out_errors_m(inputs, offsets_m), axis=1)))

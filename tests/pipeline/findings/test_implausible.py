@@ -124,6 +124,11 @@ def dangers_of(known, asked=None):
     return {finding.code for finding in known.findings(order) if finding.severity == "danger"}
 
 
+def codes(recordings):
+    """Of findings of any severity."""
+    return {finding.code for finding in taught(recordings).findings(recordings[0].demonstration.order)}
+
+
 def dangers(recordings, asked=None):
     return dangers_of(taught(recordings), asked)
 
@@ -256,12 +261,12 @@ def test_recordings_may_begin_anywhere_at_rest_and_in_motion(begins):
     random = np.random.default_rng(1)
     homes_m = np.array(HOME_M) + random.uniform(-0.3, 0.3, (10, 3)) * (1, 1, 0)
     recordings = [frames(slice(begins, None))(put(seed, home_m=homes_m[seed])) for seed in range(10)]
-    assert "begun-late" not in dangers(recordings)
+    assert "begun-late" not in codes(recordings)
 
 
 def test_recordings_may_begin_with_the_object_in_the_hand():
     begun = [frames(slice(88, None))(put(seed, "place the red cube on the plate")) for seed in range(10)]
-    assert "begun-late" not in dangers(begun)
+    assert "begun-late" not in codes(begun)
 
 
 @pytest.mark.parametrize(("gap_s", "found"), [(0.4, False), (2.0, True)])
