@@ -152,9 +152,9 @@ lock:
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
 	$(COMPILE) client/pyproject.toml benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
 	$(COMPILE) client/pyproject.toml benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
-	$(COMPILE) client/libfranka/requirements.in --constraint requirements-dev.lock \
-		--output-file client/libfranka/requirements.txt
-	$(COMPILE) client/realsense/requirements.in --output-file client/realsense/requirements.txt
+	$(COMPILE) client/tests/libfranka/requirements.in --constraint requirements-dev.lock \
+		--output-file client/tests/libfranka/requirements.txt
+	$(COMPILE) client/tests/realsense/requirements.in --output-file client/tests/realsense/requirements.txt
 	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
 
 bench: dev
@@ -204,22 +204,22 @@ client: $(CLIENT_STAMP)
 # that `roboprompt demo --robot franka` works from then on; the lock holds both to one version of every package.
 FRANKA_STAMP := .venv/.installed-franka
 
-$(FRANKA_STAMP): client/libfranka/requirements.txt $(DEV_STAMP)
-	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/libfranka/requirements.txt
+$(FRANKA_STAMP): client/tests/libfranka/requirements.txt $(DEV_STAMP)
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/tests/libfranka/requirements.txt
 	@touch $(FRANKA_STAMP)
 
 franka: $(FRANKA_STAMP)
-	cd client && ../$(BIN)/python -m pytest libfranka
+	cd client && ../$(BIN)/python -m pytest tests/libfranka
 
 # A RealSense camera on librealsense's own software device; on Debian it needs libusb-1.0-0.
 REALSENSE_STAMP := .venv/.installed-realsense
 
-$(REALSENSE_STAMP): client/realsense/requirements.txt $(DEV_STAMP)
-	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/realsense/requirements.txt
+$(REALSENSE_STAMP): client/tests/realsense/requirements.txt $(DEV_STAMP)
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/tests/realsense/requirements.txt
 	@touch $(REALSENSE_STAMP)
 
 realsense: $(REALSENSE_STAMP)
-	cd client && ../$(BIN)/python -m pytest realsense
+	cd client && ../$(BIN)/python -m pytest tests/realsense
 
 clean:
 	rm -rf .venv client/.venv benchmarks/metaworld/.venv benchmarks/robosuite/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

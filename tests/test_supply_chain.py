@@ -51,7 +51,7 @@ def test_every_lock_has_the_versions_that_are_tested(path):
 
 
 def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
-    tested, beside = versions("requirements-dev.lock"), versions("client/libfranka/requirements.txt")
+    tested, beside = versions("requirements-dev.lock"), versions("client/tests/libfranka/requirements.txt")
     assert {"mujoco", "numpy"} <= set(beside) & set(tested)
     assert {name: tested.get(name, beside[name]) for name in beside} == beside
 

@@ -230,7 +230,7 @@ def camera(name, folder):
 
 
 def _realsense(name):
-    sys.path.insert(0, str(Path(__file__).parents[2] / "client/realsense"))
+    sys.path.insert(0, str(Path(__file__).parents[2] / "client/tests/realsense"))
     from software import BASELINE_M, SoftwareRealSense
 
     from roboprompt_client.cameras.realsense import RealSense

@@ -19,7 +19,7 @@ from app.sim.libfranka.demonstrate import ServedScene
 from app.sim.tasks import make_task
 from roboprompt_client.types.poses import object_json
 
-PAGE = (Path(__file__).parents[2] / "docs/your-arm.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs/your-arm.md").read_text()
 ADDRESS = "127.63.0.1"
 BASE = "-0.3 0 0.752"
 TAUGHT, ASKED = (0, 4, 8, 12), 16  # scenes, all with the red button asked for
