@@ -32,9 +32,11 @@ def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
 
 
 def slides_on(plan: Sequence[PlanRow], k: int) -> bool:
-    """Return whether the hand is low in row `k` and the next, without a switch of the gripper or a reversal in `k`."""
+    """Return whether the hand slides through row `k`: low there and in the next, with no gripper switch or reversal."""
     tips = [] if switching_rows(plan) else _tips(plan)
-    return k in tips and k + 1 in tips and not (k > 0 and _goes_back(plan, k))
+    if k not in tips or k + 1 == len(plan) or (k > 0 and _goes_back(plan, k)):
+        return False
+    return k + 1 in tips or plan[k + 1].height_m < plan[k].height_m + LOW_M
 
 
 def leads_on(plan: Sequence[PlanRow], k: int) -> bool:

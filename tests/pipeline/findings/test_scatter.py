@@ -339,6 +339,28 @@ def test_a_hand_that_slides_from_one_object_to_another_is_between_them_on_its_wa
     assert findings == severities
 
 
+@pytest.mark.parametrize(
+    ("off_m", "rise_m", "severities"),
+    [
+        ((-0.04, 0, 0), 0.0, []),  # along the way it comes
+        ((0, 0.04, 0), 0.0, []),  # along the way it goes
+        ((0, 0.04, 0), 0.02, []),  # the same, a little upward
+        ((0.045, -0.045, 0), 0.0, ["danger"]),  # beside both
+        ((0, 0.04, 0), 0.1, ["danger"]),  # it leaves what it touched
+    ],
+)
+def test_a_hand_that_slides_round_a_corner_may_be_seen_anywhere_on_both_of_its_ways(off_m, rise_m, severities):
+    group, random = [], np.random.default_rng(8)
+    for k in range(10):
+        plate_m = np.array([random.uniform(-0.1, 0.1), 0.5, 0.8])
+        ways_m = np.array([[0, 0, 0.1], [0, 0, 0], [0.12, 0, 0], [0.12, 0.15, rise_m]])
+        ways_m[2] += (k % 2) * np.array(off_m)
+        ways_m[3, 0] += random.uniform(-0.06, 0.06)
+        rows = [action(plate_m + way_m) for way_m in ways_m]
+        group.append(demonstration("slide the plate round the box", (pose("plate", plate_m, 0),), rows))
+    assert [finding.severity for finding in found(group) if finding.severity == "danger"] == severities
+
+
 def test_a_hand_that_wipes_to_and_fro_turns_back_at_one_place():
     group = []
     for k in range(10):
