@@ -52,22 +52,15 @@ class ActingRow:
 
     @cached_property
     def row(self) -> PlanRow:
-        """The row itself; where the hand slides through it only what is beside its ways counts."""
-        row, ways_m = self.rows[self.index], self._ways_m()
-        if not ways_m:
+        """The row itself; of a hand that slides on to the next row only what is beside its way counts."""
+        row = self.rows[self.index]
+        way_m = _way_m(row, self.rows[self.index + 1]) if slides_on(self.rows, self.index) else None
+        if way_m is None:
             return row
         off_m = row.offsets_m - row.center_m
-        beside_m = np.array([off_m - _along(off_m, way_m) for way_m in ways_m])
-        nearest = np.linalg.norm(beside_m, axis=2).argmin(axis=0)
-        return replace(row, offsets_m=row.center_m + beside_m[nearest, np.arange(len(off_m))])
-
-    def _ways_m(self) -> list[Array]:
-        """Return the ways (N, 3) on which the hand slides on from here and on which it slid here; none if it stops."""
-        rows, k = self.rows, self.index
-        if not slides_on(rows, k):
-            return []
-        ends = [k + 1, k - 1] if k > 0 and slides_on(rows, k - 1) else [k + 1]
-        return [way_m for end in ends if (way_m := _way_m(rows[k], rows[end])) is not None]
+        directions = way_m / np.maximum(np.linalg.norm(way_m, axis=1, keepdims=True), 1e-9)
+        along_m = np.einsum("nx,nx->n", off_m, directions)[:, None] * directions
+        return replace(row, offsets_m=row.offsets_m - along_m)
 
     @property
     def loosely(self) -> bool:
@@ -228,10 +221,3 @@ def _way_m(here: PlanRow, other: PlanRow) -> Array | None:
     centers_m = [row.positions_m - row.offsets_m + row.center_m for row in (here, other)]
     way_m: Array = centers_m[1] - centers_m[0]
     return way_m
-
-
-def _along(vectors_m: Array, ways_m: Array) -> Array:
-    """Return the components of vectors (N, 3) along ways (N, 3)."""
-    directions = ways_m / np.maximum(np.linalg.norm(ways_m, axis=1, keepdims=True), 1e-9)
-    along: Array = np.einsum("nx,nx->n", vectors_m, directions)[:, None] * directions
-    return along

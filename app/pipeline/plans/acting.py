@@ -33,10 +33,11 @@ def touching_rows(plan: Sequence[PlanRow]) -> list[int]:
 
 def slides_on(plan: Sequence[PlanRow], k: int) -> bool:
     """Return whether the hand slides through row `k`: low there and in the next, with no gripper switch or reversal."""
-    tips = [] if switching_rows(plan) else _tips(plan)
-    if k not in tips or k + 1 == len(plan) or (k > 0 and _goes_back(plan, k)):
+    if k + 1 == len(plan) or switching_rows(plan) or (k > 0 and plan[k - 1].grippers != plan[k].grippers):
         return False
-    return k + 1 in tips or plan[k + 1].height_m < plan[k].height_m + LOW_M
+    tips = _tips(plan)
+    stays_low = k + 1 in tips or plan[k + 1].height_m < plan[k].height_m + LOW_M
+    return k in tips and stays_low and not (k > 0 and _goes_back(plan, k))
 
 
 def leads_on(plan: Sequence[PlanRow], k: int) -> bool:

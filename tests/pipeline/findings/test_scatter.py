@@ -340,24 +340,27 @@ def test_a_hand_that_slides_from_one_object_to_another_is_between_them_on_its_wa
 
 
 @pytest.mark.parametrize(
-    ("off_m", "rise_m", "severities"),
+    ("off_m", "rise_m", "gripper_open", "severities"),
     [
-        ((-0.04, 0, 0), 0.0, []),  # along the way it comes
-        ((0, 0.04, 0), 0.0, []),  # along the way it goes
-        ((0, 0.04, 0), 0.02, []),  # the same, a little upward
-        ((0.045, -0.045, 0), 0.0, ["danger"]),  # beside both
-        ((0, 0.04, 0), 0.1, ["danger"]),  # it leaves what it touched
+        ((0, 0.04, 0), 0.0, True, []),  # along its way
+        ((0, 0.04, 0), 0.02, True, []),  # along its way, a little upward
+        ((0, 0.04, 0), 0.1, True, ["danger"]),  # it leaves what it touched
+        ((0, 0.04, 0), 0.0, False, ["danger"]),  # it takes what it touched
+        ((0.03, -0.03, 0), 0.0, True, ["danger"]),  # beside its way
     ],
 )
-def test_a_hand_that_slides_round_a_corner_may_be_seen_anywhere_on_both_of_its_ways(off_m, rise_m, severities):
+def test_where_a_hand_slides_to_another_object_only_what_is_beside_its_way_counts(
+    off_m, rise_m, gripper_open, severities
+):
     group, random = [], np.random.default_rng(8)
     for k in range(10):
         plate_m = np.array([random.uniform(-0.1, 0.1), 0.5, 0.8])
-        ways_m = np.array([[0, 0, 0.1], [0, 0, 0], [0.12, 0, 0], [0.12, 0.15, rise_m]])
-        ways_m[2] += (k % 2) * np.array(off_m)
-        ways_m[3, 0] += random.uniform(-0.06, 0.06)
-        rows = [action(plate_m + way_m) for way_m in ways_m]
-        group.append(demonstration("slide the plate round the box", (pose("plate", plate_m, 0),), rows))
+        box_m = np.array([plate_m[0], random.uniform(0.7, 0.9), 0.8])
+        here_m = plate_m + (k % 2) * np.array(off_m)
+        places_m = (plate_m + np.array([0, 0, 0.1]), here_m, box_m + np.array([0, 0, rise_m]))
+        states = (True, gripper_open, gripper_open)
+        rows = [action(place_m, gripper_open=state) for place_m, state in zip(places_m, states, strict=True)]
+        group.append(demonstration("slide the plate to the box", (pose("plate", plate_m), pose("box", box_m)), rows))
     assert [finding.severity for finding in found(group) if finding.severity == "danger"] == severities
 
 
