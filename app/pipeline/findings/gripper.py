@@ -55,6 +55,10 @@ LEAPS = (
     "the hand is suddenly elsewhere. Frames are missing, out of order, or of two recordings that were joined: record"
     " again."
 )
+OUTRUNS_JOINTS = (
+    "the hand moves farther than the recorded joints can move it. Record both at one time, as they are measured: not"
+    " smoothed, and 5 times a second or more."
+)
 
 
 def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
@@ -129,6 +133,8 @@ def _fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     """Return what is implausible in a recording: of the recorder, else of the gripper."""
     if hand.leaps:
         return LEAPS
+    if hand.outruns_joints:
+        return OUTRUNS_JOINTS
     return FLICKERS if hand.flickers else _gripper_fault(demonstration, hand)
 
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.hand import Kept, RecordedHand
 from app.pipeline.findings.path_kept import kept
 from app.pipeline.findings.several_ways import ways_findings
 from app.pipeline.keyframes import Motion
@@ -289,6 +290,44 @@ def test_a_recording_of_few_frames_lacks_none():
         return replace(item, motion=Motion.of(frames(slice(None, None, 20))(item).motion.trajectory, 1.0))
 
     assert "implausible-gripper" not in dangers([sampled(put(seed, "do it")) for seed in range(10)])
+
+
+def smoothed(over_s, joint_speeds=1.0):
+    def change(item):
+        given = item.motion.trajectory
+        means_m = uniform_filter1d(given.positions_m, round(over_s * RATE_HZ) + 1, axis=0, mode="nearest")
+        return changed(item, positions_m=means_m, joint_velocities_rad_s=joint_speeds * given.joint_velocities_rad_s)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("over_s", "joint_speeds", "rate_hz", "found"),
+    [
+        (0.0, 1.0, 20, False),
+        (0.2, 1.0, 20, False),  # what filters of an arm do
+        (1.0, 1.0, 20, True),  # it moves while the joints rest
+        (1.0, 0.0, 20, False),  # no joint was recorded
+        (0.0, 0.1, 20, True),
+        (0.0, 1.0, 5, False),
+        (0.0, 1.0, 0.5, True),  # frames at rest, and motion between them
+    ],
+)
+def test_a_hand_moves_no_farther_than_the_joints_can_move_it(over_s, joint_speeds, rate_hz, found):
+    item = smoothed(over_s, joint_speeds)(put(0, "do it"))
+    every = round(RATE_HZ / rate_hz)
+    sampled = frames(slice(5, None, every))(item).motion.trajectory
+    hand = RecordedHand.of(Motion.of(sampled, rate_hz), item.demonstration, Kept(0.0, 0.0))
+    assert hand.outruns_joints == found
+
+
+def test_smoothed_recordings_are_a_danger():
+    (finding,) = (
+        finding
+        for finding in taught([smoothed(1.0)(put(seed, "do it")) for seed in range(10)]).findings(Order("do it", ()))
+        if finding.code == "implausible-gripper"
+    )
+    assert "farther than the recorded joints can move it" in finding.message
 
 
 @pytest.mark.parametrize(
