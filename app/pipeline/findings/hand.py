@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.keyframes import Motion
+from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, Motion
 from app.pipeline.keyframes.motion import BLIP_S, Switch
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
@@ -213,9 +213,12 @@ def _flickers(motion: Motion) -> bool:
 
 
 def _outruns_joints(motion: Motion) -> bool:
-    """Return whether the hand is displaced by more than the joints' path allows; False where no joint ever moves."""
+    """Return whether the hand is displaced by more than the joints' path allows.
+
+    False where the joints rest in all frames, as where keyframes alone were recorded.
+    """
     speeds_rad_s, positions_m = motion.joint_speeds_rad_s, motion.trajectory.positions_m
-    if not speeds_rad_s.any():
+    if speeds_rad_s.max() < SIMULATION_DELTA_RAD_S:
         return False
     allowed_m = M_PER_JOINT_RAD * np.maximum(speeds_rad_s[:-1], speeds_rad_s[1:]) * np.diff(motion.times_s)
     reach_m = np.append(0.0, np.cumsum(allowed_m))

@@ -308,9 +308,10 @@ def smoothed(over_s, joint_speeds=1.0):
         (0.2, 1.0, 20, False),  # what filters of an arm do
         (1.0, 1.0, 20, True),  # it moves while the joints rest
         (1.0, 0.0, 20, False),  # no joint was recorded
-        (0.0, 0.1, 20, True),
+        (0.0, 0.02, 20, False),  # joints that rest in all frames
+        (0.0, 0.2, 20, True),
         (0.0, 1.0, 5, False),
-        (0.0, 1.0, 0.5, True),  # frames at rest, and motion between them
+        (0.0, 1.0, 0.5, False),  # frames at rest alone, as keyframes are
     ],
 )
 def test_a_hand_moves_no_farther_than_the_joints_can_move_it(over_s, joint_speeds, rate_hz, found):
