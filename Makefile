@@ -209,7 +209,7 @@ $(FRANKA_STAMP): client/tests/libfranka/requirements.txt $(DEV_STAMP)
 	@touch $(FRANKA_STAMP)
 
 franka: $(FRANKA_STAMP)
-	cd client && ../$(BIN)/python -m pytest tests/libfranka
+	$(BIN)/python -m pytest --config-file client/pyproject.toml client/tests/libfranka
 
 # A RealSense camera on librealsense's own software device; on Debian it needs libusb-1.0-0.
 REALSENSE_STAMP := .venv/.installed-realsense
@@ -219,7 +219,7 @@ $(REALSENSE_STAMP): client/tests/realsense/requirements.txt $(DEV_STAMP)
 	@touch $(REALSENSE_STAMP)
 
 realsense: $(REALSENSE_STAMP)
-	cd client && ../$(BIN)/python -m pytest tests/realsense
+	$(BIN)/python -m pytest --config-file client/pyproject.toml client/tests/realsense
 
 clean:
 	rm -rf .venv client/.venv benchmarks/metaworld/.venv benchmarks/robosuite/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -12,6 +12,7 @@ from roboprompt_client.types.trajectory import Trajectory
 
 DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
 DWELL, MOVE = 3, 4
+RAD_S_PER_STEP_M = 80.0  # at 20 Hz 4 rad/s of one joint for 1 m/s of the hand
 
 
 def pick_trajectory(position_m, lift_m=0.15):
@@ -23,7 +24,7 @@ def pick_trajectory(position_m, lift_m=0.15):
         for step in range(MOVE):
             positions.append(np.array(start) + (np.array(end) - np.array(start)) * (step + 1) / MOVE)
             is_open.append(before)
-            speeds.append(0.5)
+            speeds.append(RAD_S_PER_STEP_M * float(np.linalg.norm(np.subtract(end, start))) / MOVE)
         for _ in range(DWELL):
             positions.append(np.array(end))
             is_open.append(after)
