@@ -57,7 +57,7 @@ LEAPS = (
 )
 OUTRUNS_JOINTS = (
     "the hand moves farther than the recorded joints can move it. Record both at one time, as they are measured: not"
-    " smoothed, and 5 times a second or more."
+    " smoothed, and 5 times a second or more. Send no joints if these are not all that move the hand."
 )
 
 
