@@ -12,7 +12,7 @@ from roboprompt_client.types.trajectory import Trajectory
 
 DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
 DWELL, MOVE = 3, 4
-RAD_S_PER_STEP_M = 80.0  # at 20 Hz 4 rad/s of one joint for 1 m/s of the hand
+RAD_S_PER_STEP_M = 25.0  # at 20 Hz 1.25 rad/s of one joint for 1 m/s of the hand
 
 
 def pick_trajectory(position_m, lift_m=0.15):
