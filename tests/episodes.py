@@ -12,26 +12,30 @@ from roboprompt_client.types.trajectory import Trajectory
 
 DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
 DWELL, MOVE = 3, 4
-RAD_S_PER_STEP_M = 25.0  # at 20 Hz 1.25 rad/s of one joint for 1 m/s of the hand
+RAD_S_PER_STEP_M = 20.0  # at 20 Hz 1 rad/s of one joint for 1 m/s of the hand
+
+
+def one_joint(start_m, positions_m):
+    """Joint velocities (T, 7) of an arm of which one joint moves the hand from `start_m` through the positions."""
+    steps_m = np.linalg.norm(np.diff([start_m, *positions_m], axis=0), axis=1)
+    return np.outer(RAD_S_PER_STEP_M * steps_m, np.eye(7)[0])
 
 
 def pick_trajectory(position_m, lift_m=0.15):
     """Home, above the object, down, closed, lifted: rests between straight moves; four keyframes."""
     x, y, z = position_m
-    poses = [(0.1, 0.0, 1.2, 1), (x, y, z + 0.1, 1), (x, y, z, 0), (x, y, z + lift_m, 0)]
-    positions, is_open, speeds = [], [], []
+    return rests_at([(0.1, 0.0, 1.2, 1), (x, y, z + 0.1, 1), (x, y, z, 0), (x, y, z + lift_m, 0)])
+
+
+def rests_at(poses):
+    """The hand goes straight from the first of the poses (x, y, z, gripper open) to each other, and rests there."""
+    positions, is_open = [], []
     for (*start, before), (*end, after) in pairwise(poses):
-        for step in range(MOVE):
-            positions.append(np.array(start) + (np.array(end) - np.array(start)) * (step + 1) / MOVE)
-            is_open.append(before)
-            speeds.append(RAD_S_PER_STEP_M * float(np.linalg.norm(np.subtract(end, start))) / MOVE)
-        for _ in range(DWELL):
-            positions.append(np.array(end))
-            is_open.append(after)
-            speeds.append(0.0)
-    velocities = np.zeros((len(speeds), 7))
-    velocities[:, 0] = speeds
-    return Trajectory(velocities, np.array(positions), np.tile(DOWN_XYZW, (len(speeds), 1)), np.array(is_open))
+        positions += [np.array(start) + (np.array(end) - np.array(start)) * (k + 1) / MOVE for k in range(MOVE)]
+        positions += [np.array(end)] * DWELL
+        is_open += [before] * MOVE + [after] * DWELL
+    velocities = one_joint(poses[0][:3], positions)
+    return Trajectory(velocities, np.array(positions), np.tile(DOWN_XYZW, (len(positions), 1)), np.array(is_open))
 
 
 def arrays(trajectory):

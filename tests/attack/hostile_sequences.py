@@ -6,7 +6,6 @@ are right; None where no motion is supported. What it tries is its docstring. Sk
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 from uuid import uuid4
 
@@ -15,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from roboprompt_client.types.trajectory import Trajectory
-from tests.episodes import DOWN_XYZW, DWELL, MOVE
+from tests.episodes import rests_at
 
 TABLE_M = 0.78
 NEAR_M = 0.03
@@ -26,17 +25,9 @@ LEFT, RIGHT = BUTTONS
 ARM = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
 
 
-def motion(targets, speed=0.5):
+def motion(targets):
     """Rests at (x, y, z, gripper open) after each straight way to it."""
-    positions, is_open, speeds = [], [], []
-    for (*start, before), (*end, after) in pairwise([(0.1, 0.0, 1.2, targets[0][3]), *targets]):
-        positions += [np.array(start) + (np.array(end) - np.array(start)) * (k + 1) / MOVE for k in range(MOVE)]
-        positions += [np.array(end)] * DWELL
-        is_open += [before] * MOVE + [after] * DWELL
-        speeds += [speed] * MOVE + [0.0] * DWELL
-    velocities = np.zeros((len(speeds), 7))
-    velocities[:, 0] = speeds
-    return Trajectory(velocities, np.array(positions), np.tile(DOWN_XYZW, (len(speeds), 1)), np.array(is_open))
+    return rests_at([(0.1, 0.0, 1.2, targets[0][3]), *targets])
 
 
 def pick(place, lift_m=0.15):

@@ -11,7 +11,7 @@ from roboprompt_client.robot import Observation
 from roboprompt_client.runs.reanchoring import reanchored
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
-from tests.episodes import DWELL, hand_arrays, metadata, multipart, npz
+from tests.episodes import DWELL, hand_arrays, metadata, multipart, npz, one_joint
 from tests.pipeline.scenes import DOWN_DEG, rotated
 
 INSTRUCTION = "press the mug"
@@ -40,11 +40,8 @@ def recording(position_m, yaw_deg, frame, flows):
         shares = np.arange(1, steps + 1) / steps
         positions += [*(start_m + shares[:, None] * (end_m - start_m)), *([end_m] * (0 if flows else DWELL))]
     number = len(positions)
-    moving = np.linalg.norm(np.diff([HOME_M, *positions], axis=0), axis=1) > 0
-    speeds = np.zeros((number, 7))
-    speeds[:, 0] = 0.5 * moving
     quaternions = np.tile(hand.as_quat(), (number, 1))
-    return Trajectory(speeds, np.array(positions), quaternions, np.zeros(number))
+    return Trajectory(one_joint(HOME_M, positions), np.array(positions), quaternions, np.zeros(number))
 
 
 def seen(task, position_m, yaw_deg, **more):

@@ -11,6 +11,7 @@ HALF, ALL = NUMBER // 2, NUMBER
 PLACES, TURNS, POSES = {"places"}, {"rotations"}, {"places", "rotations"}
 NAMED = {"names", "places", "rotations"}
 HAND, HAND_POSE = {"hand"}, {"hand", "hand's rotation"}
+MOTION = {"hand", "speed"}
 TIME = {"hand", "gripper", "speed"}  # the small recordings never turn the hand
 NONE: set[str] = set()
 # Faults of the recorder, in half of the recordings and in all
@@ -65,11 +66,11 @@ EXPECTED = {
     "reversed in all": (NONE, TIME, ALL),
     "broken off in half": (NONE, TIME | HAND_POSE, HALF),
     "broken off in all": (NONE, TIME | HAND_POSE, ALL),
-    "another task's motion in half": (NONE, HAND, HALF),
-    "another task's motion in one": (NONE, HAND, 1),
-    "another task's motion in all": (NONE, HAND, ALL),
-    "another task in half": (NONE, HAND | POSES, HALF),
-    "another task in all": (NONE, HAND | POSES, ALL),
+    "another task's motion in half": (NONE, MOTION, HALF),
+    "another task's motion in one": (NONE, MOTION, 1),
+    "another task's motion in all": (NONE, MOTION, ALL),
+    "another task in half": (NONE, MOTION | POSES, HALF),
+    "another task in all": (NONE, MOTION | POSES, ALL),
     "names swapped in half": (NONE, POSES, HALF),
     "names swapped in one": (NONE, POSES, 1),
     "names swapped in question": (POSES, NONE, 0),
