@@ -21,6 +21,10 @@ class AnchorOut(BaseModel):
             "world: the world frame; start: world axes where the end effector was at first"
         ),
     ]
+    toward: Annotated[
+        str | None,
+        Field(default=None, description="object to which x of the object's axes then points, level, in o and ow"),
+    ]
     along: Annotated[
         dict[Literal["x", "y", "z"], str | None],
         Field(

@@ -28,6 +28,7 @@ from app.pipeline.representation.anchors import (
     names_of,
 )
 from app.pipeline.representation.axis_choice import WORLD_REACH_M, along_axes
+from app.pipeline.representation.direction_choice import toward_others
 
 ONE_YAW_RAD = math.radians(5)  # objects that are turned by less do not tell their two frames apart
 NO_YAW_RAD = 1e-6  # rounding: no pose that was measured is as equal
@@ -75,7 +76,7 @@ def choose_anchors(
             for k in rows:
                 chosen[k] = min(chosen[k], anchors, key=lambda one: spreads_m[one][k])
     _unite_approaches(group, chosen, spreads_m)
-    return along_axes(group, chosen, columns) if beyond_objects else chosen
+    return toward_others(group, along_axes(group, chosen, columns), columns) if beyond_objects else chosen
 
 
 def _columns(group: Sequence[Demonstration]) -> list[tuple[str, ...]]:

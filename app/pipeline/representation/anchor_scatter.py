@@ -23,6 +23,7 @@ SIGNIFICANCE = 0.01  # significance level of the F test
 MANY_TURNED = 8  # from this number of demonstrations on, the farthest are left out as outliers:
 KEPT_SHARE = 0.8  # this share is kept; of fewer, the one unlike the others may decide
 TURNED_SHARE = 0.6  # largest share of a scatter that the right anchor leaves; less for few demonstrations
+CONTRADICTED_M = 0.01  # least scatter (rms) of a place that something else must explain, and largest between objects
 SERVES_M = 0.02  # largest scatter relative to the right anchor: rows on the way that scatter more have none
 MIN_FOR_QUANTILE = 5  # from this number on a quantile replaces the maximum, so that one outlier does not decide
 QUANTILE = 0.8  # that quantile
@@ -73,7 +74,12 @@ def poses_scatter_m(group: Sequence[Demonstration], anchors: Anchors) -> Array:
         offsets_m = offsets_m[..., :2]
     places_m = np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=3)
     turns_m = M_PER_RAD * quaternions.angles_rad(hands[:, None], hands)
-    scatter_m: Array = _rms(np.array([places_m, turns_m]), axis=2).min(axis=1)
+    return central_scatter_m(np.array([places_m, turns_m]))
+
+
+def central_scatter_m(apart_m: Array) -> Array:
+    """Return the scatter (..., K) of poses that are so far apart (..., N, N, K): rms from the most central one."""
+    scatter_m: Array = _rms(apart_m, axis=-2).min(axis=-2)
     return scatter_m
 
 

@@ -22,6 +22,7 @@ AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
 AXES = "xyz"
 OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
 MIXED_FRAMES: tuple[AnchorFrame, ...] = ("ow", "wo")
+TOWARD_FRAMES: tuple[AnchorFrame, ...] = ("ow", "o")  # of axes that point to another object
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
 
 
@@ -36,6 +37,7 @@ class Anchor(NamedTuple):
         along: axes of the world (0 to 2) along which the hand's place follows something else than the object: the name
             of another object, or empty for the world; where the place turns with the object the height or all.
         tenths: of the way from the object to the other one, along these axes.
+        toward: another object, to which the x axis of the object's own axes then points; empty: they are its own.
         tilted: objects whose own axes have their full rotation; of others they have the yaw alone.
     """
 
@@ -44,15 +46,23 @@ class Anchor(NamedTuple):
     along: tuple[tuple[int, str], ...] = ()
     tenths: int = 10
     tilted: frozenset[str] = frozenset()
+    toward: str = ""
 
     @property
     def names(self) -> frozenset[str]:
         """All objects that it depends on."""
-        return frozenset((self.object_name, *(name for _, name in self.along))) - {""}
+        return frozenset((self.object_name, self.toward, *(name for _, name in self.along))) - {""}
+
+    @property
+    def is_of_several(self) -> bool:
+        """Whether it depends on more than one object, or on an object and the world."""
+        return bool(self.along or self.toward)
 
     @property
     def others_text(self) -> str:
-        """What else its place follows, as rows write it: ` z=world`, ` x=B y=B 5/10`."""
+        """What else it follows, as rows write it: ` z=world`, ` x=B y=B 5/10`, `>B`."""
+        if self.toward:
+            return f">{self.toward}"
         along = "".join(f" {AXES[axis]}={name or 'world'}" for axis, name in self.along)
         return along if self.tenths == 10 else f"{along} {self.tenths}/10"
 
@@ -74,7 +84,8 @@ class Anchor(NamedTuple):
     def named(self, names: Mapping[str, str]) -> "Anchor":
         """The anchor with objects under other names; those that are not in `names` keep theirs."""
         along = tuple((axis, names.get(name, name)) for axis, name in self.along)
-        return self._replace(object_name=names.get(self.object_name, self.object_name), along=along)
+        own, toward = (names.get(name, name) for name in (self.object_name, self.toward))
+        return self._replace(object_name=own, along=along, toward=toward)
 
     def axes_of(self, pose: ObjectPose) -> Array:
         """(4,) the axes of its object at a pose, in the world: for the frame `w` the world's."""
@@ -152,7 +163,7 @@ def anchor_pose(anchor: Anchor, scene: Query) -> AnchorPose:
         assert scene.start is not None
         return AnchorPose(scene.start.position_m, quaternions.IDENTITY, quaternions.IDENTITY)
     pose = scene.object(anchor.object_name)
-    own = anchor.axes_of(pose)
+    own = _axes_toward(pose, scene.object(anchor.toward)) if anchor.toward else anchor.axes_of(pose)
     axes = (own if turns else quaternions.IDENTITY for turns in (anchor.place_turns, anchor.hand_turns))
     origin_m = pose.position_m
     if anchor.along:
@@ -161,6 +172,12 @@ def anchor_pose(anchor: Anchor, scene: Query) -> AnchorPose:
             other_m = scene.object(name).position_m[axis] if name else 0.0
             origin_m[axis] += (anchor.tenths / 10 if name else 1.0) * (other_m - origin_m[axis])
     return AnchorPose(origin_m, *axes)
+
+
+def _axes_toward(pose: ObjectPose, other: ObjectPose) -> Array:
+    """Return (4,) level axes of which x points from one object to the other."""
+    x_m, y_m, _ = other.position_m - pose.position_m
+    return quaternions.about_z(math.atan2(y_m, x_m))
 
 
 def anchor_poses(anchors: Anchors, scenes: Sequence[Query]) -> AnchorPose:

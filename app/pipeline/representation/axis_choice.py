@@ -12,6 +12,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
+    CONTRADICTED_M,
     MIN_SCATTERED,
     SERVES_M,
     around,
@@ -33,7 +34,6 @@ from app.pipeline.representation.anchors import (
 from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 
-CONTRADICTED_M = 0.01  # least scatter (rms) of a place that something else must explain, and largest between objects
 EQUAL_M = 0.002  # scatters that differ by less are equal
 WORLD_REACH_M = 4.9  # the largest coordinate that a row of a prompt can hold
 MIN_BETWEEN = 4  # demonstrations of a place between two objects, as the tenth is fitted too

@@ -7,9 +7,9 @@ letter, a frame at the object's position (`w`: world axes, `o`: axes turned with
 and the world's for the rotation, `wo`: the reverse), the offset in units of 5 mm, the relative rotation in 72 bins and
 the gripper. A rotation with the numbers of the row before is left out. A row that follows no object has `world` or
 `start` (where the end effector was at first) instead of letter and frame. Where the hand's place follows something
-else along one axis, the row says so: `A w z=world` is at a height of the world, `A w y=B` has B's y. Rows of
-demonstrations that ask for the same thing of other objects are then the same. A reply is decoded against the CONTINUOUS
-observed pose, so that the object's own binning costs nothing.
+else along one axis, the row says so: `A w z=world` is at a height of the world, `A w y=B` has B's y. `A ow>B` has axes
+at A of which x points to B. Rows of demonstrations that ask for the same thing of other objects are then the same. A
+reply is decoded against the CONTINUOUS observed pose, so that the object's own binning costs nothing.
 """
 
 import re
@@ -151,12 +151,12 @@ class ObjectFrameCodec(Codec):
     def _by_axis(self) -> frozenset[tuple[Order, Anchor]]:
         """Anchors with several origins, each with the order of its demonstration."""
         pairs = zip(self.demonstrations, self.table, strict=True)
-        return frozenset((item.order, row.anchor) for item, rows in pairs for row in rows if row.anchor.along)
+        return frozenset((item.order, row.anchor) for item, rows in pairs for row in rows if row.anchor.is_of_several)
 
     @cached_property
     def frames(self) -> tuple[AnchorFrame, ...]:
         """The frames that a row may have at an object; mixed ones only if some demonstration has them."""
-        shown = {anchor.frame for anchor in self._shown}
+        shown = {anchor.frame for anchor in self._shown if not anchor.toward}
         return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))
 
     def _actions(self, anchored: Mapping[str, AnchorPose], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:

@@ -24,7 +24,7 @@ OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
 _ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
+    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?:>[A-Z]{1,2})?(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
     r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )

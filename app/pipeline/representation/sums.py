@@ -115,7 +115,7 @@ class SumsCodec(Codec):
             turns = anchor.place_turns and any(rows[0].numbers[:2])
             tilts = anchor.hand_turns and anchor.at_tilted
             apart = {self._followed(item, row).differences[:3] for item, row in zip(shown, rows, strict=True)}
-            if turns or tilts or anchor.along or len(apart) > 1:
+            if turns or tilts or anchor.is_of_several or len(apart) > 1:
                 yield steps.pop()
 
     @cached_property
@@ -227,7 +227,7 @@ class SumsCodec(Codec):
     @cached_property
     def _without_step(self) -> dict[tuple[int | None, ...], None]:
         """The differences of the rows that are no steps; a row with several origins is one wherever all have it."""
-        unlike = ((item, row) for item, row in self._rows if not row.anchor.along)
+        unlike = ((item, row) for item, row in self._rows if not row.anchor.is_of_several)
         rows = (each for each in unlike if Step.of(*each) not in self._letters)
         return dict.fromkeys(self._followed(*each).differences for each in rows)
 

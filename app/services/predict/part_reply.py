@@ -53,6 +53,7 @@ class PredictedAction:
         return {
             "object": row.anchor.object_name or None,
             "frame": row.anchor.frame,
+            **({"toward": row.anchor.toward} if row.anchor.toward else {}),
             **({"along": along} if along else {}),
             **({"share": row.anchor.tenths / 10} if row.anchor.tenths < 10 else {}),
             "offset_m": offset_m.tolist(),

@@ -27,6 +27,7 @@ class ActionAnchor:
         frame: `w` is at the object's position with the world's axes, `o` with the object's own axes; `ow` has the
             object's axes for the offset and the world's for the rotation, `wo` the reverse.
         offset_m, rotation_xyzw: the action's pose (3,), (4,) in that frame.
+        toward: another object, to which the x axis of the object's axes then points; None: they are its own.
         along: axes of the world (0 to 2) along which the position follows another object, or nothing (None).
         share: of the way from the object to the other one along these axes, where the frame is.
     """
@@ -35,6 +36,7 @@ class ActionAnchor:
     frame: str
     offset_m: Array
     rotation_xyzw: Array
+    toward: str | None = None
     along: Mapping[int, str | None] = field(default_factory=dict)
     share: float = 1.0
 
@@ -54,13 +56,14 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
         valid = frame in FRAMES and (isinstance(name, str) if frame in OBJECT_FRAMES else name is None)
         valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all())
         valid = valid and rotation_xyzw.shape == (4,) and abs(float(np.linalg.norm(rotation_xyzw)) - 1) < 1e-2
+        valid = valid and isinstance(toward := item.get("toward"), str | None)
         valid = valid and all(other is None or isinstance(other, str) for other in along.values())
         valid = valid and 0 < (share := float(item.get("share", 1.0))) <= 1
     except (AttributeError, KeyError, TypeError, ValueError):
         valid = False
     if not valid:
         raise UnsafeActionError(index, "anchor", f"is {item!r:.80}", "object, frame, offset_m, rotation_xyzw")
-    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along, share)
+    return ActionAnchor(name, frame, offset_m, rotation_xyzw, toward, along, share)
 
 
 def reanchored(
@@ -83,7 +86,8 @@ def reanchored(
     followed = []
     for action, anchor in zip(actions, anchors, strict=True):
         name = "" if anchor is None or anchor.object_name is None else anchor.object_name
-        if anchor is None or name not in before or name not in now:
+        needed = {name} if anchor is None or anchor.toward is None else {name, anchor.toward}
+        if anchor is None or not needed <= before.keys() & now.keys():
             followed.append(action)
             continue
         followed.append(_moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)))
@@ -108,9 +112,12 @@ def _moved_along(
     old, new = (objects[str(anchor.object_name)] for objects in (before, now))
     new = new if has_moved(old, new, symmetry_deg) else old
     from_m, to_m = _origin_m(anchor, old, before, now), _origin_m(anchor, new, now, before)
-    if new is old and np.array_equal(from_m, to_m):
+    if anchor.toward is None:
+        was, is_ = _axes(old, new, symmetry_deg)
+    else:
+        was, is_ = _axes_toward(anchor.toward, old, before), _axes_toward(anchor.toward, new, now)
+    if np.array_equal(from_m, to_m) and np.array_equal(was, is_):
         return action
-    was, is_ = _axes(old, new, symmetry_deg)
     offset_m = action.position_m - from_m
     if _is_upright(action, anchor, offset_m):
         turn = rotations.about_z(rotations.yaw_rad(is_) - rotations.yaw_rad(was))
@@ -156,6 +163,12 @@ def _axes(old: ObjectPose, new: ObjectPose, symmetry_deg: float | None) -> tuple
     was, is_ = old.quaternion_xyzw, new.quaternion_xyzw
     hidden = _nearest_symmetry(rotations.product(rotations.inverse(is_), was), symmetry_deg)
     return was, rotations.product(is_, hidden)
+
+
+def _axes_toward(name: str, pose: ObjectPose, objects: Mapping[str, ObjectPose]) -> Array:
+    """Return (4,) level axes of which x points from an object at a pose to another one."""
+    x_m, y_m, _ = objects[name].position_m - pose.position_m
+    return rotations.about_z(math.atan2(y_m, x_m))
 
 
 def _unit(rotation: Array) -> Array:

@@ -1,0 +1,87 @@
+"""Chooses anchors whose axes point from one object to another, as where a hand pushes one thing to the other."""
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.representation.anchor_scatter import (
+    CONTRADICTED_M,
+    MIN_SCATTERED,
+    SERVES_M,
+    axes_scatter_m,
+    central_scatter_m,
+    certain_share,
+    hands_at,
+    poses_scatter_m,
+)
+from app.pipeline.representation.anchors import START, TOWARD_FRAMES, Anchors, anchor_poses
+from app.pipeline.thresholds import TURNED_M
+from roboprompt_client.types.arrays import Array
+
+MIN_APART_M = 0.05  # horizontally; of objects that are nearer, noise decides the direction
+
+
+def toward_others(
+    group: Sequence[Demonstration], chosen: Sequence[Anchors], objects: Sequence[Anchors]
+) -> list[Anchors]:
+    """Return the anchors; those of rows that follow the direction from one object to another have axes along it.
+
+    At least three demonstrations must scatter by `CONTRADICTED_M` or more in the plane, seen from the row's own anchor,
+    and seen along that direction by a share that is small beyond chance. Heights and rotations must be explained, too.
+
+    Args:
+        objects: that rows may follow, each in the frame `wo`.
+    """
+    found = list(chosen)
+    if len(group) < MIN_SCATTERED or len(objects) < 2 or not found:
+        return found
+    own_m = np.array([_scatter_m(group, anchors)[:, k] for k, anchors in enumerate(chosen)])
+    rows = [k for k, anchors in enumerate(chosen) if own_m[k, 0] >= CONTRADICTED_M and anchors[0] != START]
+    share = certain_share(len(group), 2)
+    for k, (one, other) in _directions(group, objects, rows).items():
+        place_m, turn_m, height_m = own_m[k]
+        most_m = min(share * place_m, SERVES_M), max(turn_m, TURNED_M), max(height_m, CONTRADICTED_M)
+        toward = [(anchors, _scatter_m(group, anchors)[:, k]) for anchors in _toward(one, other)]
+        best, seen_m = min(toward, key=lambda each: float(each[1][1]))
+        if (seen_m <= most_m).all():
+            found[k] = best
+    return found
+
+
+def _directions(
+    group: Sequence[Demonstration], objects: Sequence[Anchors], rows: Sequence[int]
+) -> dict[int, tuple[Anchors, Anchors]]:
+    """Return for each of these rows the two objects along whose direction its places scatter least in the plane.
+
+    Only objects count that are apart in all demonstrations.
+    """
+    places_m = np.array([anchor_poses(anchors, group).origin_m[:, :2] for anchors in objects])
+    pairs = np.array(list(permutations(range(len(objects)), 2)))
+    ways_m = places_m[pairs[:, 1]] - places_m[pairs[:, 0]]  # (P, N, 2)
+    lengths_m = np.linalg.norm(ways_m, axis=2, keepdims=True)
+    apart = lengths_m.min(axis=(1, 2)) >= MIN_APART_M
+    if not rows or not apart.any():
+        return {}
+    pairs, ahead = pairs[apart], (ways_m / np.maximum(lengths_m, MIN_APART_M))[apart]
+    aside = np.stack([-ahead[..., 1], ahead[..., 0]], axis=2)
+    offsets_m = hands_at(group)[None, :, rows, :2] - places_m[pairs[:, 0], :, None]  # (P, N, K, 2)
+    seen_m = np.stack([np.einsum("pnkx,pnx->pnk", offsets_m, axis) for axis in (ahead, aside)], axis=3)
+    scatter_m = central_scatter_m(np.linalg.norm(seen_m[:, :, None] - seen_m[:, None], axis=4))
+    return {
+        k: (objects[one], objects[other]) for k, (one, other) in zip(rows, pairs[scatter_m.argmin(axis=0)], strict=True)
+    }
+
+
+def _toward(one: Anchors, other: Anchors) -> list[Anchors]:
+    """Return the anchors at one object with axes toward the other, for the hand's place alone or its rotation, too."""
+    return [
+        tuple(at._replace(frame=frame, toward=to.object_name) for at, to in zip(one, other, strict=True))
+        for frame in TOWARD_FRAMES
+    ]
+
+
+def _scatter_m(group: Sequence[Demonstration], anchors: Anchors) -> Array:
+    """Return the scatter (3, K) of the hand seen from the anchors: in the plane, of its rotation, and of its height."""
+    return np.array([*poses_scatter_m(group, anchors), axes_scatter_m(group, anchors)[:, 2]])
