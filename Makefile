@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | pictures | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | realsense | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | pictures | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | fetch | client | franka | realsense | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -13,7 +13,7 @@ DEV_STAMP := .venv/.installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs pictures dist long torture attack fuzz soak growth bench \
-	metaworld robosuite client franka realsense mutations style types lint format openapi lock clean
+	metaworld robosuite fetch client franka realsense mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -152,6 +152,7 @@ lock:
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
 	$(COMPILE) client/pyproject.toml benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
 	$(COMPILE) client/pyproject.toml benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/fetch/requirements.in --output-file benchmarks/fetch/requirements.txt
 	$(COMPILE) client/tests/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/tests/libfranka/requirements.txt
 	$(COMPILE) client/tests/realsense/requirements.in --output-file client/tests/realsense/requirements.txt
@@ -185,6 +186,18 @@ $(ROBOSUITE_STAMP): benchmarks/robosuite/requirements.txt
 
 robosuite: setup $(ROBOSUITE_STAMP)
 	$(BIN)/python -m app.cli eval --world benchmarks.robosuite.world $(ROBOSUITE)
+
+# The same of Fetch's tasks in gymnasium-robotics. Options: make fetch FETCH="--task fetch_push --method nearest"
+FETCH_BIN := benchmarks/fetch/.venv/bin
+FETCH_STAMP := benchmarks/fetch/.venv/.installed
+
+$(FETCH_STAMP): benchmarks/fetch/requirements.txt
+	$(PYTHON) -m venv benchmarks/fetch/.venv
+	$(FETCH_BIN)/python -m pip install --quiet --require-hashes --requirement benchmarks/fetch/requirements.txt
+	touch $(FETCH_STAMP)
+
+fetch: setup $(FETCH_STAMP)
+	$(BIN)/python -m app.cli eval --world benchmarks.fetch.world $(FETCH)
 
 # The robot's side where nothing of the server is: make client CLIENT_PYTHON=python3.10
 CLIENT_PYTHON ?= $(PYTHON)

@@ -72,6 +72,25 @@ def test_place_and_rotation_may_turn_apart(frame, place_turns, hand_turns, tilt_
     assert_same_pose(moved, is_)
 
 
+@pytest.mark.parametrize(("frame", "hand_turns"), [("ow", False), ("o", True)])
+def test_axes_toward_another_object_turn_with_the_direction_to_it(frame, hand_turns):
+    """The goal goes from beside the block in x to beside it in y; how the block itself turns does not count."""
+    before = seen("block") | seen("goal", 0.3)
+    now = seen("block", 0.1, 77) | {"goal": ObjectPose("goal", np.array([0.1, 0.3, 0.8]), None)}
+    behind = ActionAnchor("block", frame, np.array([-0.08, 0.0, 0.02]), DOWN.as_quat(), toward="goal")
+    action = EndEffectorAction(np.array([-0.08, 0.0, 0.82]), DOWN.as_quat(), False)
+    (moved,) = reanchored([action], [behind], before, now, {})
+    hand = turned(90) * DOWN if hand_turns else DOWN
+    assert_same_pose(moved, EndEffectorAction(np.array([0.1, -0.08, 0.82]), hand.as_quat(), False))
+
+
+def test_axes_toward_an_object_that_is_not_seen_or_hardly_moves_stay():
+    block, behind = seen("block"), ActionAnchor("block", "ow", np.zeros(3), DOWN.as_quat(), toward="goal")
+    action = EndEffectorAction(np.array([-0.08, 0.0, 0.82]), DOWN.as_quat(), False)
+    for goal in ({}, seen("goal", 0.304)):
+        assert reanchored([action], [behind], block | seen("goal", 0.3), block | goal, {}) == (action,)
+
+
 def test_below_the_threshold_nothing_changes():
     before, now = seen("cube", 0, 0), seen("cube", 0.004, 2)
     action, moved = follow(before, now, "o")
@@ -180,6 +199,7 @@ def test_anchors_as_the_service_sends_them():
     assert anchor_from_json(0, {"anchor": {**SENT, "object": None, "frame": "world"}}).object_name is None
     sent = anchor_from_json(0, {"anchor": {**SENT, "along": {"z": None, "x": "plate"}, "share": 0.3}})
     assert (sent.along, sent.share) == ({2: None, 0: "plate"}, 0.3)
+    assert (sent.toward, anchor_from_json(0, {"anchor": {**SENT, "toward": "goal"}}).toward) == (None, "goal")
     assert anchor_from_json(0, {"anchor": None}) is None
     assert anchor_from_json(0, {}) is None
 
@@ -195,6 +215,7 @@ def test_anchors_as_the_service_sends_them():
         {"rotation_xyzw": [0, 0, 0, 0]},
         {"share": 0},
         {"share": "half"},
+        {"toward": 3},
     ],
 )
 def test_what_is_no_anchor_is_refused(wrong):

@@ -27,18 +27,18 @@ class ActionAnchor:
         frame: `w` is at the object's position with the world's axes, `o` with the object's own axes; `ow` has the
             object's axes for the offset and the world's for the rotation, `wo` the reverse.
         offset_m, rotation_xyzw: the action's pose (3,), (4,) in that frame.
-        toward: another object, to which the x axis of the object's axes then points; None: they are its own.
         along: axes of the world (0 to 2) along which the position follows another object, or nothing (None).
         share: of the way from the object to the other one along these axes, where the frame is.
+        toward: another object, to which the x axis of the object's axes then points; None: they are its own.
     """
 
     object_name: str | None
     frame: str
     offset_m: Array
     rotation_xyzw: Array
-    toward: str | None = None
     along: Mapping[int, str | None] = field(default_factory=dict)
     share: float = 1.0
+    toward: str | None = None
 
 
 def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | None:
@@ -63,7 +63,7 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
         valid = False
     if not valid:
         raise UnsafeActionError(index, "anchor", f"is {item!r:.80}", "object, frame, offset_m, rotation_xyzw")
-    return ActionAnchor(name, frame, offset_m, rotation_xyzw, toward, along, share)
+    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along, share, toward)
 
 
 def reanchored(
@@ -115,7 +115,9 @@ def _moved_along(
     if anchor.toward is None:
         was, is_ = _axes(old, new, symmetry_deg)
     else:
-        was, is_ = _axes_toward(anchor.toward, old, before), _axes_toward(anchor.toward, new, now)
+        other_was, seen = before[anchor.toward], now[anchor.toward]
+        other_is = seen if has_moved(other_was, seen, None) else other_was
+        was, is_ = _axes_toward(old, other_was), _axes_toward(new, other_is)
     if np.array_equal(from_m, to_m) and np.array_equal(was, is_):
         return action
     offset_m = action.position_m - from_m
@@ -165,9 +167,9 @@ def _axes(old: ObjectPose, new: ObjectPose, symmetry_deg: float | None) -> tuple
     return was, rotations.product(is_, hidden)
 
 
-def _axes_toward(name: str, pose: ObjectPose, objects: Mapping[str, ObjectPose]) -> Array:
-    """Return (4,) level axes of which x points from an object at a pose to another one."""
-    x_m, y_m, _ = objects[name].position_m - pose.position_m
+def _axes_toward(pose: ObjectPose, other: ObjectPose) -> Array:
+    """Return (4,) level axes of which x points from one object to the other."""
+    x_m, y_m, _ = other.position_m - pose.position_m
     return rotations.about_z(math.atan2(y_m, x_m))
 
 
