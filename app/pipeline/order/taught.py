@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import islice, permutations
 
 from app.pipeline.order.clause_parser import Accepted
-from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits, needs_free_hand
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, Signature, fits
 from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Clause, Grounding, Mention, Order
@@ -179,14 +179,8 @@ class TaughtWords:
 
     def literal(self, instruction: str) -> Order | None:
         """Return the instruction as it stands if it is a taught one, with the same or other objects; otherwise None."""
-        whole, parts = self._forms
         asked = Order(instruction, self.names)
-        named = [name for clause in asked.clauses for name in clause.objects]
-        apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
-        alike = apart and all(clause.form in parts for clause in asked.clauses)
-        if alike and len(asked.clauses) > 1:
-            alike = not needs_free_hand([frame.clause for frame in frames_of(instruction, self.lexicon)])
-        if not alike and asked.form not in whole:
+        if asked.form not in self._forms:
             return None
         if instruction not in self.instructions and self._says_where_only(asked):
             return None  # "turn left" has the form of "turn left tap"
@@ -224,11 +218,11 @@ class TaughtWords:
                     yield text
 
     @cached_property
-    def _forms(self) -> tuple[frozenset[str], frozenset[str]]:
+    def _forms(self) -> frozenset[str]:
         """The forms of whole taught instructions, and of clauses that may stand alone."""
         orders = [Order(text, self.names) for text in self.instructions]
-        parts = [{clause.form for clause in order.clauses} for order in orders]
-        return frozenset(order.form for order in orders), frozenset().union(*(each for each in parts if len(each) == 1))
+        clauses = [{clause.form for clause in order.clauses} for order in orders]
+        return frozenset(order.form for order in orders).union(*(forms for forms in clauses if len(forms) == 1))
 
     def _says_where_only(self, asked: Order) -> bool:
         """Return whether a word of place names an object without its noun, so that it may be a direction instead."""

@@ -28,7 +28,7 @@ def taught(names, instructions, **aliases):
         (BUTTONS, PUSH[:1], "push the blue button", "push the blue button"),
         (BUTTONS, ["Push the red button."], "press the blue one", "Push the blue button."),
         (BUTTONS, PUSH, "Press the azure button!", "push the blue button"),
-        (BUTTONS, ["push red"], "push red and then push blue", "push red and then push blue"),
+        (BUTTONS, ["push red"], "push red and then push blue", "push red, then push blue"),
         (BUTTONS, ["push red"], "press red and then blue", "push red, then push blue"),
         (BUTTONS, PUSH, "push the red one and then the blue one", "push the red button, then push the blue button"),
         (("red_button", "blue_button"), ["push red_button"], "press the blue button", "push blue_button"),
