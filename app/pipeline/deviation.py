@@ -1,7 +1,7 @@
 """Distances of a predicted scene and its actions from the demonstrations, relative to the objects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -29,16 +29,17 @@ class ObjectReach:
 
 @dataclass(frozen=True)
 class ActionDeviation:
-    """The difference of an action from the same action of the demonstrations, relative to the object that it follows.
+    """The difference of an action from the same action of the demonstrations, relative to what it follows.
 
     Attributes:
+        follows: in words, see `Anchor.described`.
         offset_m: from the demonstrations' median place.
         spread_m: of the farthest demonstration from there.
         turn_deg, turn_spread_deg: the same of the rotation, from their mean rotation.
         gripper_shown: whether some demonstration has the gripper like this.
     """
 
-    object_name: str
+    follows: str
     offset_m: float
     spread_m: float
     turn_deg: float
@@ -63,19 +64,19 @@ def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonst
     group = [shown for shown in demonstrations if (shown.order.form, len(shown.actions)) == asked]
     if not group or not predicted.actions:
         return ()
-    return tuple(
-        _deviation(predicted, group[0], k, row) for k, row in enumerate(plan_rows(group, beyond_objects=False))
-    )
+    if predicted.start is None:
+        group = [replace(shown, start=None) for shown in group]  # no row can then follow the start
+    return tuple(_deviation(predicted, group[0], k, row) for k, row in enumerate(plan_rows(group)))
 
 
 def _deviation(predicted: Demonstration, shown: Demonstration, k: int, row: PlanRow) -> ActionDeviation:
     own = asked_anchor(row.anchors[0], shown.order, predicted.order)
-    if predicted.object(own.object_name).quaternion_xyzw is None:
+    if own.object_name and not own.toward and predicted.object(own.object_name).quaternion_xyzw is None:
         own = own._replace(frame="w")
     (offset_m,), rotation = relative_row([predicted], k, (own,))
     center_m, mean = np.median(row.offsets_m, axis=0), row.rotations.mean()
     return ActionDeviation(
-        own.object_name,
+        own.described,
         float(np.linalg.norm(offset_m - center_m)),
         float(np.linalg.norm(row.offsets_m - center_m, axis=1).max()),
         float(np.degrees((mean.inv() * rotation[0]).magnitude())),

@@ -25,7 +25,7 @@ SHOWN = [pick(0.1), pick(0.15, yaw_deg=20), pick(0.2, yaw_deg=-30)]
 
 def test_what_is_done_as_shown_does_not_deviate():
     deviations = action_deviations(pick(0.3, yaw_deg=10), SHOWN)
-    assert [item.object_name for item in deviations] == ["cube"] * 3
+    assert [item.follows for item in deviations] == ["cube"] * 3
     for item in deviations:
         assert max(item.offset_m, item.spread_m) < 1e-9
         assert max(item.turn_deg, item.turn_spread_deg) < 1e-6
@@ -41,7 +41,7 @@ def test_an_action_that_goes_elsewhere_is_told_from_the_others():
 
 def test_other_objects_of_the_same_instruction_are_compared():
     ball = pick(0.3, "pick up the ball", name="ball")
-    assert action_deviations(ball, SHOWN)[0].object_name == "ball"
+    assert action_deviations(ball, SHOWN)[0].follows == "ball"
 
 
 @pytest.mark.parametrize("other", [pick(0.1, "push the cube"), pick(0.1, offsets_m=OFFSETS_M[:2], is_open=(1, 0))])

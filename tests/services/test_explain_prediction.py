@@ -60,7 +60,7 @@ def test_objects_and_actions_are_held_against_the_demonstrations():
 
 def test_actions_beside_the_object_are_measured():
     beside = explained(prediction(actions(0.12, dx_m=0.05), cube(0.12)))
-    assert [(item.object_name, item.offset_m) for item in beside.deviations] == [("cube", pytest.approx(0.05))] * 3
+    assert [(item.follows, item.offset_m) for item in beside.deviations] == [("cube", pytest.approx(0.05))] * 3
 
 
 def test_the_instruction_is_the_one_that_the_llm_read():

@@ -105,15 +105,13 @@ def of_a_way(off: Array) -> float:
     return float(np.sort(off)[-1 - int(WAY_SHARE * len(off))])
 
 
-def plan_rows(
-    group: Sequence[Demonstration], written: Sequence[Demonstration] = (), *, beyond_objects: bool = True
-) -> tuple[PlanRow, ...]:
+def plan_rows(group: Sequence[Demonstration], written: Sequence[Demonstration] = ()) -> tuple[PlanRow, ...]:
     """Return the rows of demonstrations of one plan, which have equally many actions.
 
     Args:
         written: the same as a prompt shows them, which then decide the anchors.
     """
-    chosen = choose_anchors(written or group, tilted_objects(group), beyond_objects=beyond_objects)
+    chosen = choose_anchors(written or group, tilted_objects(group), beyond_objects=True)
     return tuple(plan_row(group, k, anchors) for k, anchors in enumerate(chosen))
 
 

@@ -59,6 +59,15 @@ class Anchor(NamedTuple):
         return bool(self.along or self.toward)
 
     @property
+    def described(self) -> str:
+        """What it follows, in words: `block`, `block toward goal`, `cup, z of the world`, `the start`."""
+        if not self.object_name:
+            return f"the {self.frame}"
+        if self.toward:
+            return f"{self.object_name} toward {self.toward}"
+        return ", ".join([self.object_name, *(f"{AXES[axis]} of {name or 'the world'}" for axis, name in self.along)])
+
+    @property
     def others_text(self) -> str:
         """What else it follows, as rows write it: ` z=world`, ` x=B y=B 5/10`, `>B`."""
         if self.toward:

@@ -54,7 +54,9 @@ def explain_prediction(
     shown = demonstrations.only(names).recorded
     observed = tuple(pose for pose in objects if pose.name in names)
     instruction = str(record.grounding["instruction"])  # as the LLM read it
-    predicted = Demonstration(instruction, observed, tuple(_actions(record)))
+    hand = _hand(record)
+    start = None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
+    predicted = Demonstration(instruction, observed, tuple(_actions(record)), start=start)
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
     return Explanation(reaches, action_deviations(predicted, shown))
 
@@ -70,9 +72,13 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
     An arm that the settings name is assumed to move straight from its maker's ready pose to the request's end effector
     pose.
     """
+    return previewed(list(_actions(record)), settings, _hand(record))
+
+
+def _hand(record: PredictionRecord) -> Pose | None:
+    """Return the hand's pose that the request had."""
     hand = record.request.get("end_effector")
-    pose = None if hand is None else Pose(hand["position"], hand["quaternion_xyzw"])
-    return previewed(list(_actions(record)), settings, pose)
+    return None if hand is None else Pose(hand["position"], hand["quaternion_xyzw"])
 
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:

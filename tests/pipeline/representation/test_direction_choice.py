@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.pipeline.deviation import action_deviations
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.object_frame import ObjectFrameCodec
@@ -105,3 +106,12 @@ def test_sums_list_the_steps_along_the_direction():
     assert matches(codec.grammar(query, 25), reply.strip())
     for got, meant in zip(parse_reply(reply, codec, query.objects, query.instruction), asked.actions, strict=True):
         np.testing.assert_allclose(got.position_m, meant.position_m, atol=0.02)
+
+
+def test_a_push_deviates_from_the_others_along_their_direction():
+    asked = pushed((0.05, -0.02), (-0.1, 0.12))
+    aside = replace(asked, actions=(*asked.actions[:2], replace(asked.actions[2], position_m=(0.05, -0.02, 0.71))))
+    for item, off_m in ((asked, 0.0), (aside, (0.1**2 + 0.12**2) ** 0.5 - BEFORE_M)):
+        deviations = action_deviations(item, pushes())
+        assert [each.follows for each in deviations] == ["block toward goal"] * 2 + ["goal toward block"]
+        assert [each.offset_m for each in deviations] == pytest.approx([0.0, 0.0, off_m], abs=1e-9)
