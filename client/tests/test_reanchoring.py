@@ -84,11 +84,23 @@ def test_axes_toward_another_object_turn_with_the_direction_to_it(frame, hand_tu
     assert_same_pose(moved, EndEffectorAction(np.array([0.1, -0.08, 0.82]), hand.as_quat(), False))
 
 
-def test_axes_toward_an_object_that_is_not_seen_or_hardly_moves_stay():
-    block, behind = seen("block"), ActionAnchor("block", "ow", np.zeros(3), DOWN.as_quat(), toward="goal")
+@pytest.mark.parametrize("goal", [{}, seen("goal", 0.304)])
+def test_an_object_that_is_not_seen_or_hardly_moves_stands_where_it_was(goal):
+    before, behind_m = seen("block") | seen("goal", 0.3), np.array([-0.08, 0.0, 0.82])
+    behind = ActionAnchor("block", "ow", np.array([-0.08, 0.0, 0.02]), DOWN.as_quat(), toward="goal")
+    action = EndEffectorAction(behind_m, DOWN.as_quat(), False)
+    assert reanchored([action], [behind], before, seen("block") | goal, {}) == (action,)
+    moved_m = np.array([0.3, -0.3, 0.8])  # the direction to the goal is then y
+    now = {"block": ObjectPose("block", moved_m, None)} | goal
+    (moved,) = reanchored([action], [behind], before, now, {})
+    np.testing.assert_allclose(moved.position_m - moved_m, [0.0, -0.08, 0.02], atol=1e-9)
+
+
+def test_the_axes_toward_an_object_without_a_pose_before_do_not_turn():
+    behind = ActionAnchor("block", "ow", np.zeros(3), DOWN.as_quat(), toward="goal")
     action = EndEffectorAction(np.array([-0.08, 0.0, 0.82]), DOWN.as_quat(), False)
-    for goal in ({}, seen("goal", 0.304)):
-        assert reanchored([action], [behind], block | seen("goal", 0.3), block | goal, {}) == (action,)
+    (moved,) = reanchored([action], [behind], seen("block"), seen("block", 0.1, 90) | seen("goal", 0.3), {})
+    np.testing.assert_allclose(moved.position_m, [0.02, 0.0, 0.82], atol=1e-9)
 
 
 def test_below_the_threshold_nothing_changes():

@@ -86,8 +86,7 @@ def reanchored(
     followed = []
     for action, anchor in zip(actions, anchors, strict=True):
         name = "" if anchor is None or anchor.object_name is None else anchor.object_name
-        needed = {name} if anchor is None or anchor.toward is None else {name, anchor.toward}
-        if anchor is None or not needed <= before.keys() & now.keys():
+        if anchor is None or name not in before or name not in now:
             followed.append(action)
             continue
         followed.append(_moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)))
@@ -115,9 +114,7 @@ def _moved_along(
     if anchor.toward is None:
         was, is_ = _axes(old, new, symmetry_deg)
     else:
-        other_was, seen = before[anchor.toward], now[anchor.toward]
-        other_is = seen if has_moved(other_was, seen, None) else other_was
-        was, is_ = _axes_toward(old, other_was), _axes_toward(new, other_is)
+        was, is_ = _axes_toward(old, new, before.get(anchor.toward), now.get(anchor.toward))
     if np.array_equal(from_m, to_m) and np.array_equal(was, is_):
         return action
     offset_m = action.position_m - from_m
@@ -167,10 +164,20 @@ def _axes(old: ObjectPose, new: ObjectPose, symmetry_deg: float | None) -> tuple
     return was, rotations.product(is_, hidden)
 
 
-def _axes_toward(pose: ObjectPose, other: ObjectPose) -> Array:
-    """Return (4,) level axes of which x points from one object to the other."""
-    x_m, y_m, _ = other.position_m - pose.position_m
-    return rotations.about_z(math.atan2(y_m, x_m))
+def _axes_toward(
+    old: ObjectPose, new: ObjectPose, other_before: ObjectPose | None, other_now: ObjectPose | None
+) -> tuple[Array, Array]:
+    """Return level axes before and now, (4,) each, of which x points from an object to another one.
+
+    Where the other one is not seen now, it is taken to stand as before; without a pose before the axes do not turn.
+    """
+    if other_before is None:
+        return rotations.IDENTITY, rotations.IDENTITY
+    moved = other_now is not None and has_moved(other_before, other_now, None)
+    other_new = other_now if other_now is not None and moved else other_before
+    ways_m = other_before.position_m - old.position_m, other_new.position_m - new.position_m
+    was, is_ = (rotations.about_z(math.atan2(way_m[1], way_m[0])) for way_m in ways_m)
+    return was, is_
 
 
 def _unit(rotation: Array) -> Array:
