@@ -213,6 +213,21 @@ def test_images_are_looked_at_by_the_service():
     assert [shift == SHIFT.tolist() for shift in shifts(arm)] == [True] * 3 + [False] * 3
 
 
+def test_images_are_searched_for_the_object_that_axes_point_to_as_well():
+    """The plate is seen aside, so that the hand comes to the cube's other side; what is touched is not looked for."""
+    beside = ActionAnchor("cube", "ow", np.array([-0.1, 0, 0.1]), DOWN, toward="plate")
+    plan = [("cube", action(CUBE - [0.1, 0, 0], 0.1, True)), *PICK_AND_PLACE[1:]]
+    predicted = answer(plan, objects=WENT_BY)
+    anchors = (beside, *predicted.anchors[1:])
+    found = {"cube": ObjectPose("cube", CUBE), "plate": ObjectPose("plate", CUBE + 10 * SHIFT)}
+    service = Service(None, {"object_models": MODELS}, found=found)
+    service.predicted = PredictedActions("p", predicted.actions, predicted.response, anchors)
+    arm = Arm(frames=(frame(),))
+    run(arm, service=service)
+    assert [sorted(asked) for asked in service.asked] == [["cube", "plate"], ["cube"], ["plate"], ["plate"]]
+    np.testing.assert_allclose(arm.done[0] - CUBE, [0, -0.1, 0.1], atol=1e-9)
+
+
 def test_an_object_that_the_service_does_not_find_is_lost():
     arm, unseen = Arm(frames=(frame(),)), ServiceProblemError(422, {"title": "Object not visible", "detail": "cube"})
     with pytest.raises(ObjectLostError, match="Object not visible"):
@@ -237,6 +252,6 @@ def test_a_side_that_looks_alike_by_the_demonstrations_turns_no_hand(shown):
     (first, *_), at_cube = PICK_AND_PLACE, ActionAnchor("cube", "o", np.array([0, 0, 0.1]), DOWN)
     predicted = PredictedActions("p", (first[1],), {"findings": [finding] * shown}, (at_cube,))
 
-    finder = SimpleNamespace(yaw_symmetry_deg={}, look_for=lambda name: {name: ObjectPose(name, CUBE, quarter)})
+    finder = SimpleNamespace(yaw_symmetry_deg={}, look_for=lambda name, others: {name: ObjectPose(name, CUBE, quarter)})
     follower = Follower(finder, predicted, Observation(ObjectPose("cube", CUBE, np.array([0, 0, 0, 1.0]))), print)
     assert (follower.before(0) is first[1]) is shown

@@ -13,7 +13,7 @@ Objects that the robot itself moved are not followed: after a release, the next 
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from time import monotonic
 
@@ -98,8 +98,11 @@ class ObjectFinder:
         if not first.objects:
             self._check_images(first)
 
-    def look_for(self, name: str) -> Poses:
+    def look_for(self, name: str, others: Iterable[str] = ()) -> Poses:
         """Return the poses of the objects in sight by name, among them that of `name`.
+
+        Args:
+            others: that images are searched for, too.
 
         Raises:
             ObjectLostError: if `name` is not in sight.
@@ -112,7 +115,8 @@ class ObjectFinder:
         poses = seen.objects
         if not poses:
             try:
-                poses = self._client.find_poses(seen.frames, {name: self._models[name]})
+                models = {each: self._models[each] for each in (name, *others) if each == name or each in self._models}
+                poses = self._client.find_poses(seen.frames, models)
             except ServiceProblemError as error:
                 raise ObjectLostError(name, str(error)) from error
         by_name = {pose.name: pose for pose in poses}
@@ -174,7 +178,8 @@ class Follower:
         name = self._names[index]
         retreats = index > 0 and self._names[index - 1] == name and self._switches(index - 1)
         if name is not None and name not in self._touched and not retreats:
-            self._follow(index, self._untouched(name))
+            anchor = self._anchors[index]
+            self._follow(index, self._untouched(name, () if anchor is None else anchor.others - self._touched))
         return self.actions[index]
 
     def after(self, index: int) -> None:
@@ -196,10 +201,10 @@ class Follower:
         was_open = index == 0 or self.actions[index - 1].gripper_open
         return self.actions[index].gripper_open != was_open
 
-    def _untouched(self, name: str) -> Poses:
+    def _untouched(self, name: str, others: Iterable[str]) -> Poses:
         """Return the poses of untouched objects, with `leading` those that they will have at contact."""
         looked_s = 0.0 if self._leading is None else self._leading.clock()
-        seen = self._finder.look_for(name)
+        seen = self._finder.look_for(name, others)
         untouched = {other: pose for other, pose in seen.items() if other not in self._touched}
         if (leading := self._leading) is None:
             return untouched

@@ -40,6 +40,11 @@ class ActionAnchor:
     share: float = 1.0
     toward: str | None = None
 
+    @property
+    def others(self) -> frozenset[str]:
+        """The objects that it depends on besides its own."""
+        return frozenset(filter(None, (self.toward, *self.along.values()))) - {self.object_name or ""}
+
 
 def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | None:
     """Return the anchor of an action of the service's answer; None if it has none.
