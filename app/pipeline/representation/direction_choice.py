@@ -1,9 +1,11 @@
 """Chooses anchors whose axes point from one object to another, as where a hand pushes one thing to the other."""
 
+import math
 from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchor_scatter import (
@@ -21,6 +23,7 @@ from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 
 MIN_APART_M = 0.05  # horizontally; of objects that are nearer, noise decides the direction
+MAX_OBJECTS = 6  # the first by order of mention; of many things that lie about, two explain a row by chance
 
 
 def toward_others(
@@ -57,21 +60,23 @@ def _directions(
 
     Only objects count that are apart in all demonstrations.
     """
-    places_m = np.array([anchor_poses(anchors, group).origin_m[:, :2] for anchors in objects])
-    pairs = np.array(list(permutations(range(len(objects)), 2)))
-    ways_m = places_m[pairs[:, 1]] - places_m[pairs[:, 0]]  # (P, N, 2)
-    lengths_m = np.linalg.norm(ways_m, axis=2, keepdims=True)
-    apart = lengths_m.min(axis=(1, 2)) >= MIN_APART_M
-    if not rows or not apart.any():
-        return {}
-    pairs, ahead = pairs[apart], (ways_m / np.maximum(lengths_m, MIN_APART_M))[apart]
-    aside = np.stack([-ahead[..., 1], ahead[..., 0]], axis=2)
-    offsets_m = hands_at(group)[None, :, rows, :2] - places_m[pairs[:, 0], :, None]  # (P, N, K, 2)
-    seen_m = np.stack([np.einsum("pnkx,pnx->pnk", offsets_m, axis) for axis in (ahead, aside)], axis=3)
-    scatter_m = central_scatter_m(np.linalg.norm(seen_m[:, :, None] - seen_m[:, None], axis=4))
-    return {
-        k: (objects[one], objects[other]) for k, (one, other) in zip(rows, pairs[scatter_m.argmin(axis=0)], strict=True)
-    }
+    hands_m = _in_plane(hands_at(group)[:, rows])
+    places_m = {anchors: _in_plane(anchor_poses(anchors, group).origin_m) for anchors in objects[:MAX_OBJECTS]}
+    found: dict[int, tuple[Anchors, Anchors]] = {}
+    least_m = dict.fromkeys(rows, math.inf)
+    for one, other in permutations(places_m, 2) if rows else ():
+        way_m = places_m[other] - places_m[one]
+        if (length_m := np.abs(way_m)).min() >= MIN_APART_M:
+            seen_m = (hands_m - places_m[one][:, None]) * np.conj(way_m / length_m)[:, None]  # turned back: (N, K)
+            for k, off_m in zip(rows, central_scatter_m(np.abs(seen_m[:, None] - seen_m)).tolist(), strict=True):
+                if off_m < least_m[k]:
+                    least_m[k], found[k] = off_m, (one, other)
+    return found
+
+
+def _in_plane(positions_m: Array) -> npt.NDArray[np.complex128]:
+    """Return the horizontal places of positions (..., 3) as x + iy, so that to turn them is to multiply them."""
+    return np.asarray(positions_m[..., 0] + 1j * positions_m[..., 1])
 
 
 def _toward(one: Anchors, other: Anchors) -> list[Anchors]:
