@@ -22,6 +22,9 @@ from app.pipeline.representation.anchors import START, TOWARD_FRAMES, Anchors, a
 from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 
+# Least scatter (rms) that a direction must explain. Where a flowing hand closes, it is recorded up to 2 cm late, along
+# its way to the next object; other anchors average that.
+FAR_M = 0.03
 MIN_APART_M = 0.05  # horizontally; of objects that are nearer, noise decides the direction
 MAX_OBJECTS = 6  # the first by order of mention; of many things that lie about, two explain a row by chance
 
@@ -31,8 +34,9 @@ def toward_others(
 ) -> list[Anchors]:
     """Return the anchors; those of rows that follow the direction from one object to another have axes along it.
 
-    At least three demonstrations must scatter by `CONTRADICTED_M` or more in the plane, seen from the row's own anchor,
-    and seen along that direction by a share that is small beyond chance. Heights and rotations must be explained, too.
+    At least three demonstrations must scatter by `FAR_M` or more in the plane, seen from the row's own anchor, and
+    along that direction by a share that is small beyond chance. Heights and rotations must be explained, too. A hand
+    that carries something straight from one object to the other is on that line anywhere: it follows no direction.
 
     Args:
         objects: that rows may follow, each in the frame `wo`.
@@ -41,7 +45,11 @@ def toward_others(
     if len(group) < MIN_SCATTERED or len(objects) < 2 or not found:
         return found
     own_m = np.array([_scatter_m(group, anchors)[:, k] for k, anchors in enumerate(chosen)])
-    rows = [k for k, anchors in enumerate(chosen) if own_m[k, 0] >= CONTRADICTED_M and anchors[0] != START]
+    rows = [
+        k
+        for k, anchors in enumerate(chosen)
+        if own_m[k, 0] >= FAR_M and anchors[0] != START and not _carries(group[0], k)
+    ]
     share = certain_share(len(group), 2)
     for k, (one, other) in _directions(group, objects, rows).items():
         place_m, turn_m, height_m = own_m[k]
@@ -51,6 +59,12 @@ def toward_others(
         if (seen_m <= most_m).all():
             found[k] = best
     return found
+
+
+def _carries(demonstration: Demonstration, k: int) -> bool:
+    """Return whether the hand is closed before and after action `k`, and open some other time: it holds something."""
+    opens = [action.gripper_open for action in demonstration.actions]
+    return any(opens) and not any(opens[max(k - 1, 0) : k + 1])
 
 
 def _directions(
