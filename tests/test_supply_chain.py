@@ -36,7 +36,7 @@ def test_pip_takes_nothing_without_its_hash(path):
 
 def test_there_is_something_to_look_at():
     found = [command for path in ("docker/Dockerfile", "Makefile") for command in commands(path)]
-    assert sum("--require-hashes" in command for command in found) == 9
+    assert sum("--require-hashes" in command for command in found) == 10
 
 
 def versions(path):
@@ -56,7 +56,7 @@ def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
     assert {name: tested.get(name, beside[name]) for name in beside} == beside
 
 
-@pytest.mark.parametrize("world", ["metaworld", "robosuite"])
+@pytest.mark.parametrize("world", ["fetch", "metaworld", "robosuite"])
 def test_another_world_s_environment_has_what_the_robot_s_side_needs(world):
     needed = {re.split(r"[^\w.-]", requirement)[0] for requirement in CLIENT["dependencies"]}
     assert needed <= set(versions(f"benchmarks/{world}/requirements.txt"))
