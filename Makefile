@@ -150,9 +150,8 @@ lock:
 	$(COMPILE) pyproject.toml --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
-	$(COMPILE) client/pyproject.toml benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
-	$(COMPILE) client/pyproject.toml benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
-	$(COMPILE) client/pyproject.toml benchmarks/fetch/requirements.in --output-file benchmarks/fetch/requirements.txt
+	for world in $(WORLDS); do $(COMPILE) client/pyproject.toml benchmarks/$$world/requirements.in \
+		--output-file benchmarks/$$world/requirements.txt || exit 1; done
 	$(COMPILE) client/tests/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/tests/libfranka/requirements.txt
 	$(COMPILE) client/tests/realsense/requirements.in --output-file client/tests/realsense/requirements.txt
@@ -161,43 +160,21 @@ lock:
 bench: dev
 	$(BIN)/python -m benchmarks.bench
 
-# In an environment of its own: metaworld pins another mujoco than the simulated Panda needs.
-# Options: make metaworld METAWORLD="--task push --method nearest"
-METAWORLD_BIN := benchmarks/metaworld/.venv/bin
-METAWORLD_STAMP := benchmarks/metaworld/.venv/.installed
-
-$(METAWORLD_STAMP): benchmarks/metaworld/requirements.txt
-	$(PYTHON) -m venv benchmarks/metaworld/.venv
-	$(METAWORLD_BIN)/python -m pip install --quiet --require-hashes --requirement benchmarks/metaworld/requirements.txt
-	touch $(METAWORLD_STAMP)
-
-metaworld: setup $(METAWORLD_STAMP)
-	$(BIN)/python -m app.cli eval --world benchmarks.metaworld.world $(METAWORLD)
-
-# The same of robosuite, which needs numpy before 2. Options: make robosuite ROBOSUITE="--task square_nut --method nearest"
+# Benchmarks of others, each in an environment of its own: they pin another mujoco or numpy than the simulated Panda needs.
+# Options: make metaworld METAWORLD="--task push --method nearest", make robosuite ROBOSUITE=..., make fetch FETCH=...
 # Recordings of people, if there are: ROBOSUITE_RECORDINGS=folder make robosuite ROBOSUITE="--task lift_by_people --demos 8"
-ROBOSUITE_BIN := benchmarks/robosuite/.venv/bin
-ROBOSUITE_STAMP := benchmarks/robosuite/.venv/.installed
+WORLDS := metaworld robosuite fetch
+metaworld: OPTIONS = $(METAWORLD)
+robosuite: OPTIONS = $(ROBOSUITE)
+fetch: OPTIONS = $(FETCH)
 
-$(ROBOSUITE_STAMP): benchmarks/robosuite/requirements.txt
-	$(PYTHON) -m venv benchmarks/robosuite/.venv
-	$(ROBOSUITE_BIN)/python -m pip install --quiet --require-hashes --requirement benchmarks/robosuite/requirements.txt
-	touch $(ROBOSUITE_STAMP)
+benchmarks/%/.venv/.installed: benchmarks/%/requirements.txt
+	$(PYTHON) -m venv benchmarks/$*/.venv
+	benchmarks/$*/.venv/bin/python -m pip install --quiet --require-hashes --requirement $<
+	touch $@
 
-robosuite: setup $(ROBOSUITE_STAMP)
-	$(BIN)/python -m app.cli eval --world benchmarks.robosuite.world $(ROBOSUITE)
-
-# The same of Fetch's tasks in gymnasium-robotics. Options: make fetch FETCH="--task fetch_push --method nearest"
-FETCH_BIN := benchmarks/fetch/.venv/bin
-FETCH_STAMP := benchmarks/fetch/.venv/.installed
-
-$(FETCH_STAMP): benchmarks/fetch/requirements.txt
-	$(PYTHON) -m venv benchmarks/fetch/.venv
-	$(FETCH_BIN)/python -m pip install --quiet --require-hashes --requirement benchmarks/fetch/requirements.txt
-	touch $(FETCH_STAMP)
-
-fetch: setup $(FETCH_STAMP)
-	$(BIN)/python -m app.cli eval --world benchmarks.fetch.world $(FETCH)
+$(WORLDS): %: setup benchmarks/%/.venv/.installed
+	$(BIN)/python -m app.cli eval --world benchmarks.$@.world $(OPTIONS)
 
 # The robot's side where nothing of the server is: make client CLIENT_PYTHON=python3.10
 CLIENT_PYTHON ?= $(PYTHON)
