@@ -212,4 +212,4 @@ realsense: $(REALSENSE_STAMP)
 	$(BIN)/python -m pytest --config-file client/pyproject.toml client/tests/realsense
 
 clean:
-	rm -rf .venv client/.venv benchmarks/metaworld/.venv benchmarks/robosuite/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv client/.venv $(WORLDS:%=benchmarks/%/.venv) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
