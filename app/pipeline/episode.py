@@ -15,7 +15,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array, settle
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.names import checked_instruction
-from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
 
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
@@ -111,6 +111,11 @@ class Demonstration(Query):
         if all(pose.name in names for pose in self.objects):
             return self
         return replace(self, objects=tuple(pose for pose in self.objects if pose.name in names))
+
+
+def start_at(hand: Pose | None) -> EndEffectorAction | None:
+    """Return where the end effector is before the first action, as `Query.start` has it; None where it is not known."""
+    return None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
 
 
 def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, ...]:

@@ -27,7 +27,7 @@ class Outcome:
     """What became of a case.
 
     Attributes:
-        seed: from which with the task those of its demonstrations, its scene and what is wrong follow.
+        seed: its demonstrations, its scene and what is wrong follow from it and the task.
         succeeded: whether the actions solved the scene, whatever the findings; False without actions.
         failure: why they did not, or why there are none.
         findings: of the answer, `code` and `severity`.

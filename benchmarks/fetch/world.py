@@ -76,8 +76,7 @@ class Run:
     """A scene under way, and what a recorder sees of it.
 
     Attributes:
-        block_m, target_m: (3,) at first.
-        block_turn: the rotation of the block at first.
+        block_m, target_m: (3,) at first; without a block the hand's place.
     """
 
     def __init__(self, task: str, seed: int) -> None:
@@ -88,9 +87,6 @@ class Run:
         self.gripper = OPEN if self.task.grips else CLOSE
         self.target_m = self._seen["desired_goal"].copy()
         self.block_m = self._seen["achieved_goal"].copy()
-        self.block_turn = Rotation.from_euler(
-            "xyz", self._seen["observation"][11:14] if self.task.block else np.zeros(3)
-        )
         self._rows: list[tuple[Floats, Floats, float]] = []
         self._note()
 
@@ -130,9 +126,10 @@ class Run:
 
     def view(self, task: str, seed: int) -> SceneView:
         """Return the scene; call it before the hand moves."""
-        block = ObjectPose(self.task.block, self.block_m, self.block_turn.as_quat()) if self.task.block else None
-        target = ObjectPose("red target", self.target_m, None)
-        objects = (target,) if block is None else (block, target)
+        objects: tuple[ObjectPose, ...] = (ObjectPose("red target", self.target_m, None),)
+        if self.task.block:
+            turn = Rotation.from_euler("xyz", self._seen["observation"][11:14])
+            objects = (ObjectPose(self.task.block, self.block_m, turn.as_quat()), *objects)
         return SceneView(task, seed, self.task.instruction, objects, (), {}, Pose(self.hand_m, DOWNWARD_XYZW))
 
     def trajectory(self) -> Trajectory:
@@ -214,7 +211,9 @@ class Fetch:
         run = Run(task, seed)
         view, far = run.view(task, seed), np.linalg.norm(run.to_target_m) > NEAR_M
         run.task.expert(run, float(np.random.default_rng(seed).uniform(0.4, 0.7)))
-        failure = "" if run.done and far else "the expert did not solve it" if far else "it was solved from the start"
+        failure = "" if run.done else "the expert did not solve it"
+        if not far:
+            failure = "it was solved from the start"
         return RecordedDemonstration(view, run.trajectory(), CONTROL_HZ, not failure, failure)
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:

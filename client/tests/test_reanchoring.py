@@ -103,6 +103,13 @@ def test_the_axes_toward_an_object_without_a_pose_before_do_not_turn():
     np.testing.assert_allclose(moved.position_m, [0.02, 0.0, 0.82], atol=1e-9)
 
 
+def test_an_action_at_a_round_object_that_stays_is_the_same_instance():
+    for yaw_deg in range(0, 360, 7):  # of some rotations the inverse undoes them up to rounding only
+        jar = seen("jar", 0, yaw_deg, 40)
+        action, moved = follow(jar, seen("jar", 0.001, yaw_deg, 40), "o", symmetry={"jar": 0.0})
+        assert moved is action
+
+
 def test_below_the_threshold_nothing_changes():
     before, now = seen("cube", 0, 0), seen("cube", 0.004, 2)
     action, moved = follow(before, now, "o")

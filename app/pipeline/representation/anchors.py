@@ -22,7 +22,6 @@ AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
 AXES = "xyz"
 OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
 MIXED_FRAMES: tuple[AnchorFrame, ...] = ("ow", "wo")
-TOWARD_FRAMES: tuple[AnchorFrame, ...] = ("ow", "o")  # of axes that point to another object
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
 
 

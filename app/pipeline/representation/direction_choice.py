@@ -18,10 +18,11 @@ from app.pipeline.representation.anchor_scatter import (
     hands_at,
     poses_scatter_m,
 )
-from app.pipeline.representation.anchors import START, TOWARD_FRAMES, Anchors, anchor_poses
+from app.pipeline.representation.anchors import START, AnchorFrame, Anchors, anchor_poses
 from app.pipeline.thresholds import TURNED_M
 from roboprompt_client.types.arrays import Array
 
+FRAMES: tuple[AnchorFrame, ...] = ("ow", "o")  # the direction turns the hand's place alone, or its rotation, too
 # Least scatter (rms) that a direction must explain. Where a flowing hand closes, it is recorded up to 2 cm late, along
 # its way to the next object; other anchors average that.
 FAR_M = 0.03
@@ -44,7 +45,8 @@ def toward_others(
     found = list(chosen)
     if len(group) < MIN_SCATTERED or len(objects) < 2 or not found:
         return found
-    own_m = np.array([_scatter_m(group, anchors)[:, k] for k, anchors in enumerate(chosen)])
+    scatter_m = {anchors: _scatter_m(group, anchors) for anchors in dict.fromkeys(chosen)}
+    own_m = np.array([scatter_m[anchors][:, k] for k, anchors in enumerate(chosen)])
     rows = [
         k
         for k, anchors in enumerate(chosen)
@@ -97,7 +99,7 @@ def _toward(one: Anchors, other: Anchors) -> list[Anchors]:
     """Return the anchors at one object with axes toward the other, for the hand's place alone or its rotation, too."""
     return [
         tuple(at._replace(frame=frame, toward=to.object_name) for at, to in zip(one, other, strict=True))
-        for frame in TOWARD_FRAMES
+        for frame in FRAMES
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, start_at
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.known import KnownReader
 from app.services.predict.placed import previewed
@@ -54,9 +54,7 @@ def explain_prediction(
     shown = demonstrations.only(names).recorded
     observed = tuple(pose for pose in objects if pose.name in names)
     instruction = str(record.grounding["instruction"])  # as the LLM read it
-    hand = _hand(record)
-    start = None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
-    predicted = Demonstration(instruction, observed, tuple(_actions(record)), start=start)
+    predicted = Demonstration(instruction, observed, tuple(_actions(record)), start=start_at(_hand(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
     return Explanation(reaches, action_deviations(predicted, shown))
 

@@ -3,10 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from app.pipeline.alike import alike_findings, check_named
-from app.pipeline.episode import Query
+from app.pipeline.episode import Query, start_at
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
@@ -23,7 +21,6 @@ from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
 from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
-from roboprompt_client.types.poses import EndEffectorAction
 
 LISTED = 3  # instructions that a sentence names
 
@@ -79,7 +76,7 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
         order = understand(request, known, prefix.instructions)
     template, hand = prefix.template, request.end_effector
     limits.check_prompt(len(template.system) + len(template.prefix))
-    start = None if hand is None else EndEffectorAction(np.array(hand.position_m), np.array(hand.quaternion_xyzw), True)
+    start = start_at(hand)
     seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
     plans, turned, max_actions = place_plans(prefix.support, parts, request.options, known.task, known.taught, hand)

@@ -98,14 +98,14 @@ class ObjectFinder:
         if not first.objects:
             self._check_images(first)
 
-    def look_for(self, name: str, others: Iterable[str] = ()) -> Poses:
+    def look_for(self, name: str, others: Iterable[str]) -> Poses:
         """Return the poses of the objects in sight by name, among them that of `name`.
 
         Args:
             others: that images are searched for, too.
 
         Raises:
-            ObjectLostError: if `name` is not in sight.
+            ObjectLostError: if `name` is not in sight, or in images one of the others.
             ServiceUnreachableError: if the service is needed and does not answer.
         """
         try:

@@ -165,6 +165,8 @@ def _axes(old: ObjectPose, new: ObjectPose, symmetry_deg: float | None) -> tuple
     if old.quaternion_xyzw is None or new.quaternion_xyzw is None:
         return rotations.IDENTITY, rotations.IDENTITY
     was, is_ = old.quaternion_xyzw, new.quaternion_xyzw
+    if new is old:
+        return was, was  # exactly: rounding would turn a round object by 1e-17
     hidden = _nearest_symmetry(rotations.product(rotations.inverse(is_), was), symmetry_deg)
     return was, rotations.product(is_, hidden)
 
