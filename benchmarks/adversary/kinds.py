@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from benchmarks.adversary import objects, recorder, recordings, whole
+from benchmarks.adversary import objects, recorder, recordings, streams, whole
 from benchmarks.adversary.case import Mutation
 from benchmarks.adversary.objects import in_question, of_recordings
 from benchmarks.adversary.recordings import Fault, in_all, in_half, in_one
@@ -153,5 +153,16 @@ WRONG: Mapping[str, Kind] = {
     **_half_and_all("joints at rest", recorder.joints_at_rest),
     **_half_and_all("joints in degrees", recorder.joints_in_degrees),
     **_half_and_all("joint positions as velocities", recorder.joint_positions),
+    **_half_and_all("hand drifts", streams.drifting),
+    **_half_and_all("hand frozen", streams.frozen),
+    **_half_and_all("frames out of order", streams.out_of_order),
+    **_half_and_all("hand's x and y exchanged", streams.axes_exchanged, contradictory=True),
+    **_half_and_all("hand from its start", streams.from_its_start, contradictory=True),
+    **_half_and_all("hand's rotation missing", streams.hand_unturned),
+    **_half_and_all("not stopped", streams.not_stopped),
+    **_half_and_all("objects in a camera's frame", of_recordings(objects.in_camera_frame), contradictory=True),
+    "objects in a camera's frame in question": Kind(in_question(objects.in_camera_frame)),
+    **_half_and_all("objects' rotations missing", of_recordings(objects.unturned)),
+    "objects' rotations missing in question": _plausible(in_question(objects.unturned)),
 }
 KINDS: Mapping[str, Kind] = {**RIGHT, **WRONG}

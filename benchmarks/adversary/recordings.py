@@ -186,7 +186,7 @@ def with_objects_of_another_task(case: Case, random: np.random.Generator) -> Cha
 
 def all_moved(recording: Recording, shift_m: Array, turn: Rotation) -> Recording:
     """Hand and objects turned about the base and shifted."""
-    return replace(hand_moved(recording, shift_m, turn), objects=_moved(recording.objects, shift_m, turn))
+    return replace(hand_moved(recording, shift_m, turn), objects=moved(recording.objects, shift_m, turn))
 
 
 def level(random: np.random.Generator, least_m: float, most_m: float) -> Array:
@@ -227,7 +227,8 @@ def hand_moved(recording: Recording, shift_m: Array, turn: Rotation) -> Recordin
     return with_hand(recording, _rotated(turn, given.positions_m) + shift_m, turned)
 
 
-def _moved(poses: Poses, shift_m: Array, turn: Rotation) -> Poses:
+def moved(poses: Poses, shift_m: Array, turn: Rotation) -> Poses:
+    """Objects turned about the base and shifted."""
     return tuple(
         replace(
             pose,

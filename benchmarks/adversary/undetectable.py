@@ -22,7 +22,8 @@ def undetectable(right: Case, sent: Case) -> bool:
 
     Places and rotations of objects, in the world and seen from each other, and their distances lie within what
     recordings show, widened by its width / (N - 1) at either end: the unbiased estimate of the range of which N values
-    were drawn evenly. No object is where a recording has it to 0.01 mm, which no measurement repeats.
+    were drawn evenly. No object is where a recording has it to 0.01 mm, which no measurement repeats, nor is a
+    rotation exactly the identity that was not.
     """
     if sent.recordings is not right.recordings or _said(sent) != _said(right):
         return False
@@ -30,7 +31,7 @@ def undetectable(right: Case, sent: Case) -> bool:
     names = [pose.name for pose in sent.objects]
     if len(shown) < 2 or any([pose.name for pose in poses] != names for poses in (*shown, right.objects)):
         return False
-    if any(_repeats(sent.objects, poses, right.objects) for poses in shown):
+    if any(_repeats(sent.objects, poses, right.objects) for poses in shown) or _unturned(sent.objects, right.objects):
         return False
     values = np.array([_quantities(poses, shown[0]) for poses in shown])
     low, high = values.min(axis=0), values.max(axis=0)
@@ -50,6 +51,12 @@ def _repeats(asked: Poses, shown: Poses, right: Poses) -> bool:
         and not np.array_equal(pose.position_m, own.position_m)
         for pose, old, own in zip(asked, shown, right, strict=True)
     )
+
+
+def _unturned(asked: Poses, right: Poses) -> bool:
+    """Return whether an object has no rotation that has one."""
+    turns = ((one.quaternion_xyzw, other.quaternion_xyzw) for one, other in zip(asked, right, strict=True))
+    return any(one is not None and not one[:3].any() and other is not None and other[:3].any() for one, other in turns)
 
 
 def _quantities(poses: Poses, origin: Poses) -> Array:

@@ -63,8 +63,8 @@ def taught(nearest):
     return teach
 
 
-def predicted(services, yaw_deg, instruction="lift the nut"):
-    place_m = np.array([0.35, -0.15, 0.02])
+def predicted(services, yaw_deg, instruction="lift the nut", place_m=(0.35, -0.15, 0.02)):
+    place_m = np.array(place_m)
     request = PredictRequest("nut", instruction, nut(place_m, yaw_deg))
     prediction = asyncio.run(services.predict_actions(request))
     actions = [item.action for item in prediction.reply.actions]
@@ -142,3 +142,10 @@ def test_only_a_hand_that_approaches_along_its_z_axis_may_turn_about_it(points_a
     quaternion = points_along.as_quat()
     actions = [EndEffectorAction(np.array([0.3, 0.0, z_m]), quaternion, z_m > 0.1) for z_m in (0.2, 0.05)]
     assert WristRange([Demonstration("lift the nut", (), actions=tuple(actions))]).approaches == approaches
+
+
+@pytest.mark.parametrize(("yaw_deg", "x_m", "found"), [(0, 0.3512345, True), (1, 0.3512345, False), (0, 0.35, False)])
+def test_a_rotation_that_nothing_measured_is_a_danger_where_the_hand_turns_with_it(taught, yaw_deg, x_m, found):
+    """The hand grasps the nut at its handle; the peg has the identity in the demonstrations, too."""
+    codes = predicted(taught(), yaw_deg, place_m=(x_m, -0.15, 0.02))[2]
+    assert ("rotation-not-measured" in codes) is found

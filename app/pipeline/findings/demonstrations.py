@@ -165,6 +165,11 @@ class Taught:
         """Return the objects that rows of the requested motion are relative to."""
         return frozenset(name for anchor in self._anchors(asked) for name in anchor.names)
 
+    def turning(self, asked: Order) -> frozenset[str]:
+        """Return the objects whose own axes rows of the requested motion follow."""
+        turning = (item for item in self._anchors(asked) if item.place_turns or item.hand_turns)
+        return frozenset(anchor.object_name for anchor in turning if not anchor.toward)
+
     def follows_start(self, asked: Order) -> bool:
         """Return whether rows of the requested motion are relative to where the hand starts."""
         return START in self._anchors(asked)

@@ -60,6 +60,11 @@ OUTRUNS_JOINTS = (
     " smoothed, and 5 times a second or more. Send no joints if these are not all that move the hand."
 )
 
+UNTURNED = (
+    "the hand's rotation is exactly 0 (0, 0, 0, 1) in every frame, as of a recorder that knows none. Record it; of a"
+    " hand that cannot turn send the rotation that it has, e.g. (1, 0, 0, 0) if it points down."
+)
+
 
 def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
     """Yield what is implausible in more than a third of the recordings of one instruction, and what all share."""
@@ -135,6 +140,8 @@ def _fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
         return LEAPS
     if hand.outruns_joints:
         return OUTRUNS_JOINTS
+    if hand.unturned:
+        return UNTURNED
     return FLICKERS if hand.flickers else _gripper_fault(demonstration, hand)
 
 

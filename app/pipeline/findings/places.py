@@ -135,6 +135,16 @@ class ShownPlaces:
         """Whether its z axis is the same in all demonstrations."""
         return len(self.up) > 0 and float((self.up @ self.up.T).min()) > math.cos(math.radians(FIXED_DEG))
 
+    def lacks_rotation(self, pose: ObjectPose) -> bool:
+        """Whether its rotation is exactly the identity, though those of demonstrations differ and none is.
+
+        Estimators that see no rotation say so.
+        """
+        if pose.quaternion_xyzw is None or not len(self.up) or np.abs(pose.quaternion_xyzw[:3]).max() > 0:
+            return False
+        known_before = ((self.yaws_rad == 0) & (self.up[:, 2] == 1)).any()
+        return not known_before and not (self.is_upright and self._yaws_deg().width < FIXED_DEG)
+
     def tilted_beyond_deg(self, pose: ObjectPose) -> float:
         """Return by how much its tilt from the vertical is outside of the demonstrated range."""
         if pose.quaternion_xyzw is None or not len(self.up):
@@ -147,11 +157,18 @@ class ShownPlaces:
         """Return by how much its yaw is outside of the demonstrated range, and the extent of the range."""
         if pose.quaternion_xyzw is None or not len(self.yaws_rad):
             return 0.0, 0.0
-        middle_rad = np.angle(np.exp(1j * self.yaws_rad).mean())
-        shown_deg = Range.of(_wrapped_deg(self.yaws_rad - middle_rad))
-        own_deg = _wrapped_deg(np.array(quaternions.yaw_rad(pose.quaternion_xyzw) - middle_rad))
+        shown_deg = self._yaws_deg()
+        own_deg = _wrapped_deg(np.array(quaternions.yaw_rad(pose.quaternion_xyzw) - self._middle_rad))
         beyond_deg = 0.0 if shown_deg.width > FULL_TURN_DEG else float(shown_deg.outside(own_deg))
         return beyond_deg, float(shown_deg.width)
+
+    def _yaws_deg(self) -> Range:
+        """The range of its yaws, counted from their middle."""
+        return Range.of(_wrapped_deg(self.yaws_rad - self._middle_rad))
+
+    @property
+    def _middle_rad(self) -> float:
+        return float(np.angle(np.exp(1j * self.yaws_rad).mean()))
 
 
 def _levels(heights_m: Array) -> tuple[Range, ...]:

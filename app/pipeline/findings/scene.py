@@ -49,6 +49,25 @@ def scene_findings(
     return (*uncertain, *found)
 
 
+def rotation_findings(
+    observed: Sequence[ObjectPose], scenes: ShownScenes, turning: frozenset[str]
+) -> Iterator[Finding]:
+    """Yield a finding for each object whose rotation nothing has measured, if rows follow its own axes.
+
+    Poses in whole millimeters are left out: people write them by hand.
+
+    Args:
+        turning: the objects whose own axes rows of the requested motion follow.
+    """
+    for pose in observed if len(scenes.demonstrations) >= MIN_DEMONSTRATIONS else ():
+        if pose.name in turning and scenes.places[pose.name].lacks_rotation(pose) and not _in_millimeters(pose):
+            message = (
+                f"The rotation of {pose.name} is exactly 0 (0, 0, 0, 1), as that of no demonstration, and the hand"
+                " turns with it. The estimator probably saw no rotation: observe the scene again."
+            )
+            yield rules.ROTATION_NOT_MEASURED.finding(message, f"objects[{pose.name}].quaternion_xyzw")
+
+
 def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
     """Return a finding if the scene lacks objects of the task (`absent`) or has others (`new`)."""
     if not (absent or new):

@@ -32,6 +32,15 @@ RECORDER = {
     "joints at rest": {"speed"},
     "joints in degrees": {"speed"},
     "joint positions as velocities": {"speed"},
+    "hand drifts": HAND,
+    "hand frozen": HAND,
+    "frames out of order": TIME,
+    "hand's x and y exchanged": HAND,
+    "hand from its start": HAND,
+    "hand's rotation missing": {"hand's rotation"},
+    "not stopped": TIME | HAND_POSE,
+    "objects in a camera's frame": POSES,
+    "objects' rotations missing": TURNS,
 }
 # Of the question, of recordings, and in how many of these
 EXPECTED = {
@@ -99,6 +108,8 @@ EXPECTED = {
     "object lying in question": (TURNS, NONE, 0),
     "object turned in question": (TURNS, NONE, 0),
     "object turned in half": (NONE, TURNS, HALF),
+    "objects in a camera's frame in question": (POSES, NONE, 0),
+    "objects' rotations missing in question": (TURNS, NONE, 0),
     "bystander moved in question": (PLACES, NONE, 0),
     "tag moved in question": (NAMED, NAMED, ALL),
     "poses 5 cm off in all": (NONE, POSES, ALL),

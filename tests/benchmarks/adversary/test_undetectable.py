@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.adversary.objects import in_question, lifted, lying, shifted, swapped, taken_for_another
+from benchmarks.adversary.objects import in_question, lifted, lying, shifted, swapped, taken_for_another, unturned
 from benchmarks.adversary.recordings import gripper_inverted, in_half
 from benchmarks.adversary.undetectable import undetectable
 from benchmarks.adversary.whole import declared_round, scene_of_a_recording
@@ -17,9 +17,9 @@ MIDDLE_M = np.array([[0.35, 0.0, 0.78], [0.42, 0.15, 0.78], [0.3, -0.15, 0.78]])
 def right():
     """Asked about a scene in the middle of the recorded ones."""
     case = picks()
-    upright = (0.0, 0.0, 0.0, 1.0)
+    nearly_unturned = (0.0, 0.0, 0.0005, 1.0)
     found = zip(case.objects, MIDDLE_M, strict=True)
-    return replace(case, objects=tuple(replace(p, position_m=m, quaternion_xyzw=upright) for p, m in found))
+    return replace(case, objects=tuple(replace(p, position_m=m, quaternion_xyzw=nearly_unturned) for p, m in found))
 
 
 @pytest.mark.parametrize(
@@ -31,6 +31,7 @@ def right():
         (in_question(shifted(0.5, 0.6)), False),
         (in_question(lifted(0.02, 0.06)), False),
         (in_question(lying), False),
+        (in_question(unturned), False),
         (scene_of_a_recording, False),
         (in_half(gripper_inverted), False),
         (declared_round, False),

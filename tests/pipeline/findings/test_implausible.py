@@ -322,6 +322,18 @@ def test_a_hand_moves_no_farther_than_the_joints_can_move_it(over_s, joint_speed
     assert hand.outruns_joints == found
 
 
+def unturned(item):
+    """A recorder that knows no rotation of the hand."""
+    return changed(item, quaternions_xyzw=np.tile([0.0, 0.0, 0.0, 1.0], (len(item.motion), 1)))
+
+
+@pytest.mark.parametrize(("number", "found"), [(0, False), (2, False), (5, True), (10, True)])
+def test_hands_whose_rotation_was_not_recorded_are_a_danger(number, found):
+    recordings = [unturned(put(seed)) if seed < number else put(seed) for seed in range(10)]
+    findings = taught(recordings).findings(recordings[0].demonstration.order)
+    assert any("every frame" in item.message and item.severity == "danger" for item in findings) is found
+
+
 def test_smoothed_recordings_are_a_danger():
     (finding,) = (
         finding

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Query
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.places import ShownPlaces, estimated_error_m
-from app.pipeline.findings.scene import scene_findings
+from app.pipeline.findings.scene import rotation_findings, scene_findings
 from app.pipeline.noise import disturbed
 from roboprompt_client.types.poses import ObjectPose
 from tests.pipeline.scenes import demonstration, pose, rotated
@@ -181,6 +181,25 @@ def test_one_object_that_repeats_a_measured_place_is_an_old_one(followed, twice,
     query = Query(STACK, tuple(old if old.name == "red cube" else new for old, new in seen))
     found = scene_findings(query, ShownScenes(tuple(shown)), frozenset(followed))
     assert (("scene-of-a-demonstration", "objects[red cube]") in [(f.code, f.where) for f in found]) is expected
+
+
+@pytest.mark.parametrize(
+    ("shown", "moved_m", "turning", "expected"),
+    [
+        (SHOWN[1:7], 0.0001234, {"red cube"}, True),
+        (SHOWN[1:7], 0.0, {"red cube"}, False),  # typed by a person
+        (SHOWN[1:7], 0.0001234, set(), False),  # its rotation does not matter
+        (SHOWN, 0.0001234, {"red cube"}, False),  # the first demonstration has the identity, too
+        ([SHOWN[1]] * 5, 0.0001234, {"red cube"}, False),  # never turned by more than a measurement errs
+        (SHOWN[1:3], 0.0001234, {"red cube"}, False),  # too few to show anything
+    ],
+)
+def test_a_rotation_that_is_exactly_the_identity_was_not_measured(shown, moved_m, turning, expected):
+    observed = scene(0.09 + moved_m, 0.05, 0.0)
+    found = list(rotation_findings(observed, ShownScenes(tuple(shown)), frozenset(turning)))
+    assert [item.where for item in found] == ["objects[red cube].quaternion_xyzw"] * expected
+    other = scene(0.09 + moved_m, 0.05, 0.1)
+    assert list(rotation_findings(other, ShownScenes(tuple(shown)), frozenset(turning))) == []
 
 
 def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
