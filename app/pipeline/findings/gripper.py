@@ -71,14 +71,15 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     if not hands:
         return
     pairs = list(zip(alike, hands, strict=True))
+    on_a_part = _acts_on_a_part(pairs)
     faults = [
-        (rules.IMPLAUSIBLE_GRIPPER, fault) if (fault := _fault(*pair)) else end
+        (rules.IMPLAUSIBLE_GRIPPER, fault) if (fault := _fault(*pair, on_a_part)) else end
         for pair, end in zip(pairs, end_faults(pairs), strict=True)
     ]
     for (rule, fault), number in Counter(item for item in faults if item is not None).items():
         share, message = number / len(alike), f"In {number} of {len(alike)} recordings {fault}"
         yield from rule.findings(share, message, "demonstrations", share=share)
-    far_m = 0.0 if _acts_on_a_part(pairs) else float(np.median([_acts_away_m(*pair) for pair in pairs]))
+    far_m = 0.0 if on_a_part else float(np.median([_acts_away_m(*pair) for pair in pairs]))
     message = (
         f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings. Give hand"
         " and objects in one frame, and list all objects."
@@ -134,18 +135,22 @@ def _acts_on_a_part(pairs: Sequence[Recorded]) -> bool:
     return any(off_m < PART_M and off_m < MUCH_LESS * seen_m[role, "w"] for role, off_m in own_m.items())
 
 
-def _fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
-    """Return what is implausible in a recording: of the recorder, else of the gripper."""
+def _fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
+    """Return what is implausible in a recording: of the recorder, else of the gripper.
+
+    Args:
+        on_a_part: whether all hands act on one part of an object, which may be far from its origin.
+    """
     if hand.leaps:
         return LEAPS
     if hand.outruns_joints:
         return OUTRUNS_JOINTS
     if hand.unturned:
         return UNTURNED
-    return FLICKERS if hand.flickers else _gripper_fault(demonstration, hand)
+    return FLICKERS if hand.flickers else _gripper_fault(demonstration, hand, on_a_part)
 
 
-def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
+def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
     clause = demonstration.order.clauses[0]
     found = DIRECT_OBJECT.match(clause.form)
     takes = clause.verb in TAKING | PUTTING
@@ -159,7 +164,7 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
     grips, slides = takes or clause.verb in GRIPPING, clause.verb in FETCHING and hand.slides
     if grips and not closings and not slides and not (hand.acts and hand.may_hold):
         return TAKES_NOTHING
-    if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings):
+    if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):
         return CLOSES_ASIDE
     if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
         return None
@@ -168,7 +173,7 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
 
 
-def _closes_aside(closings: Sequence[Act]) -> bool:
+def _closes_aside(closings: Sequence[Act], on_a_part: bool) -> bool:
     """Return whether the hand first closes away from what it comes to, or closes as it passes by."""
-    far = closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m)
+    far = not on_a_part and closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m)
     return far or any(act.moves_on for act in closings)

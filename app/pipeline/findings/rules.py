@@ -102,6 +102,7 @@ HAND_IN_ANOTHER_FRAME = Rule("hand-in-another-frame", "share of the recordings",
 OBJECT_TURNED = Rule("object-turned", "yaw outside of its range", "degrees", warning=10.0, danger=120.0)
 # of ten or more demonstrations; a danger in 0.2 % of 10560 right scenes
 OBJECT_TURNED_OF_MANY = Rule("object-turned", "yaw outside of its range", "degrees", warning=10.0, danger=20.0)
+OBJECT_TURNED_ALONE = Rule("object-turned", "the same, where the hand need not turn with it", "degrees", warning=10.0)
 NOISY_OBSERVATION = Rule("noisy-observation", "mean error of poses", "m", warning=0.016, danger=0.03)
 ROTATION_NOT_MEASURED = Rule("rotation-not-measured", danger=ALWAYS, source="no measured one is exactly 0")
 # poses with a mean error of 0.5 cm: at most 1.6 cm in 600 right scenes of three rigid arrangements; along one axis of

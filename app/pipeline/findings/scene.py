@@ -10,19 +10,22 @@ import numpy.typing as npt
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding, rules, worst_severity
 from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
+from app.pipeline.findings.object_pose import REPEATED_M, in_millimeters, pose_findings
 from app.pipeline.findings.places import FIXED_M, MANY, MIN_DEMONSTRATIONS, ShownPlaces, estimated_error_m
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.severity import SEVERITIES
 
 UNSURE_CONFIDENCE = 0.7  # a pose of less confidence is reported even if the estimator gives no reason
-UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
-REPEATED_M = 1e-5  # two measurements of one pose differ by more
 APART_SHARE = 0.5  # of the least distance of two objects in MANY demonstrations: nearer ones are one object
 
 
 def scene_findings(
-    query: Query, scenes: ShownScenes, followed: frozenset[str] = frozenset(), needed: frozenset[str] | None = None
+    query: Query,
+    scenes: ShownScenes,
+    followed: frozenset[str] = frozenset(),
+    turning: frozenset[str] | None = None,
+    needed: frozenset[str] | None = None,
 ) -> tuple[Finding, ...]:
     """Return the findings, causes first; findings that a cause explains are left out unless they are severer.
 
@@ -30,6 +33,7 @@ def scene_findings(
         query: the observed objects.
         scenes: the demonstrations' scenes, with the same objects; empty where they are not known.
         followed: the objects that rows of the requested motion are relative to.
+        turning: those whose own axes these rows follow; None: perhaps all.
         needed: the objects whose places matter; None: all.
     """
     observed, shown = query.objects, scenes.demonstrations
@@ -41,31 +45,14 @@ def scene_findings(
         return (*uncertain, old)
     found, confused = _confused(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
-        found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
+        matters = needed is None or pose.name in needed
+        if matters and pose not in confused:
+            found += pose_findings(pose, of_pose, turns=turning is None or pose.name in turning)
     arranged = list(arrangement_findings(query, scenes, followed))
     arranged = [item for item in arranged if item.severity == "danger"][:1] or arranged[:1]
     found += [] if confused else _severer(arranged, found)
     found += _severer(_noise(observed, places), found)
     return (*uncertain, *found)
-
-
-def rotation_findings(
-    observed: Sequence[ObjectPose], scenes: ShownScenes, turning: frozenset[str]
-) -> Iterator[Finding]:
-    """Yield a finding for each object whose rotation nothing has measured, if rows follow its own axes.
-
-    Poses in whole millimeters are left out: people write them by hand.
-
-    Args:
-        turning: the objects whose own axes rows of the requested motion follow.
-    """
-    for pose in observed if len(scenes.demonstrations) >= MIN_DEMONSTRATIONS else ():
-        if pose.name in turning and scenes.places[pose.name].lacks_rotation(pose) and not _in_millimeters(pose):
-            message = (
-                f"The rotation of {pose.name} is exactly 0 (0, 0, 0, 1), as that of no demonstration, and the hand"
-                " turns with it. The estimator probably saw no rotation: observe the scene again."
-            )
-            yield rules.ROTATION_NOT_MEASURED.finding(message, f"objects[{pose.name}].quaternion_xyzw")
 
 
 def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
@@ -91,7 +78,7 @@ def _repeated(
     never move do not count, nor do positions in whole millimeters, which people write by hand.
     """
     moved = [pose for pose, place in zip(observed, places, strict=True) if place.box_m.width.max() > FIXED_M]
-    if not moved or all(map(_in_millimeters, moved)):
+    if not moved or all(map(in_millimeters, moved)):
         return None
     by_name_m = {pose.name: np.array([old.object(pose.name).position_m for old in shown]) for pose in moved}
     repeats = {pose.name: _repeats(pose.position_m, by_name_m[pose.name]) for pose in moved}
@@ -113,7 +100,7 @@ def _repeated(
 
 def _stale(pose: ObjectPose, places_m: Array) -> bool:
     """Return whether an object is where one of its places (N, 3) was, which are all different."""
-    if _in_millimeters(pose) or not _repeats(pose.position_m, places_m).any():
+    if in_millimeters(pose) or not _repeats(pose.position_m, places_m).any():
         return False
     return all(not _repeats(place_m, places_m[:k]).any() for k, place_m in enumerate(places_m))
 
@@ -122,10 +109,6 @@ def _repeats(place_m: Array, places_m: Array) -> npt.NDArray[np.bool_]:
     """Return (N,) bool: which of the places (N, 3) are the same measurement as a place (3,)."""
     repeats: npt.NDArray[np.bool_] = np.abs(places_m - place_m).max(axis=1) < REPEATED_M
     return repeats
-
-
-def _in_millimeters(pose: ObjectPose) -> bool:
-    return bool(np.abs(pose.position_m - pose.position_m.round(3)).max() < REPEATED_M)
 
 
 def _severer(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
@@ -187,55 +170,6 @@ def _height_error_if_exchanged_m(one: ObjectPose, other: ObjectPose, scenes: Sho
         return 0.0
     left_m = max(place.lifted_m(pose) for place, pose in zip(places, (other, one), strict=True))
     return off_m if left_m < off_m / 2 else 0.0
-
-
-def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
-    """Return findings for one object whose pose is outside of what was demonstrated."""
-    where = f"objects[{pose.name}]"
-    tilt_deg = places.tilted_beyond_deg(pose)
-    message = (
-        f"The tilt of {pose.name} differs by {tilt_deg:.0f} degrees from every demonstration. If it has fallen over,"
-        " stand it up."
-    )
-    tilted = rules.OBJECT_TILTED.findings(tilt_deg, message, where, tilt_deg=tilt_deg)
-    off_m = places.lifted_m(pose) if places.leans_deg(pose) < UPRIGHT_DEG else 0.0
-    message = (
-        f"{pose.name} is {100 * off_m:.1f} cm above or below its height in every demonstration. It is another object,"
-        " or stands on something."
-    )
-    lifted = rules.OBJECT_AT_ANOTHER_HEIGHT.findings(off_m, message, where, off_m=off_m)
-    turned = () if tilted else _turned(pose, places)  # the yaw of an object that has fallen over means nothing
-    return [*tilted, *lifted, *_beyond(pose, places), *turned]
-
-
-def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
-    where = f"objects[{pose.name}]"
-    if places.in_one_place:
-        far_m = float(np.linalg.norm(places.box_m.outside(pose.position_m)))
-        message = (
-            f"{pose.name} stands {100 * far_m:.1f} cm from its place, which is the same in all demonstrations: they do"
-            " not show whether the hand follows it. Put it back, or record demonstrations with it at other places."
-        )
-        return rules.OBJECT_OFF_ITS_ONE_PLACE.findings(far_m, message, where, beyond_m=far_m)
-    off = places.off_box(pose.position_m)
-    message = (
-        f"{pose.name} is {100 * off.far_m:.0f} cm outside of the demonstrated range along {off.axis}, which is"
-        f" {off.range_text}. Check that it is the right object; if it is, record demonstrations nearer to it."
-    )
-    return rules.OBJECT_BEYOND_DEMONSTRATIONS.findings(off.beyond_slack_m, message, where, beyond_m=off.far_m)
-
-
-def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
-    beyond_deg, range_deg = places.turned_beyond_deg(pose)
-    if rules.OBJECT_TURNED.severity(beyond_deg - 4 * range_deg / places.number) is None:
-        return ()
-    message = (
-        f"{pose.name} is turned about the vertical by {beyond_deg:.0f} degrees beyond the demonstrations, which span"
-        f" {range_deg:.0f} degrees. Turn it back, record demonstrations at this angle, or, if it looks the same after"
-        " a part of a turn, set the task's yaw_symmetry_deg."
-    )
-    rule = rules.OBJECT_TURNED_OF_MANY if places.number >= MANY else rules.OBJECT_TURNED
-    return rule.findings(beyond_deg, message, f"objects[{pose.name}]", beyond_deg=beyond_deg)
 
 
 def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> tuple[Finding, ...]:

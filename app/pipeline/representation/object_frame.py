@@ -19,8 +19,6 @@ from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import ClassVar
 
-import numpy as np
-
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.groups import made_by_group, places_by
 from app.pipeline.order.order import Order
@@ -39,6 +37,7 @@ from app.pipeline.representation.anchors import (
 from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar
 from app.pipeline.representation.object_rows import (
+    RelativePose,
     TextRow,
     actions_at,
     anchor_text,
@@ -56,6 +55,8 @@ from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MAX_REPEATED = 3
 MAX_GRAMMARS = 32
+RowKey = tuple[int, str, tuple[int, ...]]  # its index, anchor and numbers
+Means = Mapping[RowKey, RelativePose]
 _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
@@ -141,7 +142,7 @@ class ObjectFrameCodec(Codec):
         return f" {'; '.join(shortened(rows))}"
 
     def decoder(self, query: Query) -> Decoder:
-        return partial(self._actions, self._anchored(query))
+        return partial(self._actions, self._anchored(query), self._means(query))
 
     @cached_property
     def _shown(self) -> frozenset[Anchor]:
@@ -159,12 +160,27 @@ class ObjectFrameCodec(Codec):
         shown = {anchor.frame for anchor in self._shown if not anchor.toward}
         return (*OBJECT_FRAMES, *(frame for frame in MIXED_FRAMES if frame in shown))
 
-    def _actions(self, anchored: Mapping[str, AnchorPose], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+    def _actions(
+        self, anchored: Mapping[str, AnchorPose], means: Means, first: int, rows: Sequence[str]
+    ) -> list[EndEffectorAction]:
         if not rows:
             return []
-        read = [read_row(index, row, anchored) for index, row in enumerate(rows, start=first)]
-        numbers = np.array([numbers for _, numbers in read])
-        return actions_at([anchored[text] for text, _ in read], numbers[:, :6], (numbers[:, 6] == 1).tolist())
+        read = [(index, *read_row(index, row, anchored)) for index, row in enumerate(rows, start=first)]
+        poses = [
+            means.get((index, anchor, numbers[:6])) or RelativePose.of_numbers(numbers[:6])
+            for index, anchor, numbers in read
+        ]
+        return actions_at([anchored[anchor] for _, anchor, _ in read], poses, [row[2][6] == 1 for row in read])
+
+    def _means(self, query: Query) -> Means:
+        """The demonstrated poses that rows of a reply stand for."""
+        means: dict[RowKey, RelativePose] = {}
+        for shown, rows in zip(self.demonstrations, self.table, strict=True):
+            for index, row in enumerate(rows if shown.order.form == query.order.form else ()):
+                anchor = asked_anchor(row.anchor, shown.order, query.order)
+                if row.mean is not None:
+                    means[index, anchor_text(anchor, query.objects, query.order), row.numbers] = row.mean
+        return means
 
     def _anchored(self, query: Query) -> dict[str, AnchorPose]:
         """The pose of each anchor that a row may have, by its text in rows."""

@@ -3,11 +3,12 @@
 import re
 import string
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.errors import ReplyParseError
@@ -15,6 +16,7 @@ from app.pipeline.order.order import Order
 from app.pipeline.representation.anchor_choice import choose_anchors
 from app.pipeline.representation.anchors import Anchor, AnchorPose, Anchors, relative_row
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 LETTERS = string.ascii_uppercase
@@ -33,13 +35,31 @@ _ROTATION = re.compile(rf"{_OFFSET}(?P<rotation>(?: \d{{1,2}}){{3}})(?P<gripper>
 _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
 
 
+class RelativePose(NamedTuple):
+    """A pose of the hand relative to an anchor: offset (3,) in meters, and rotation (4,)."""
+
+    offset_m: Array
+    rotation_xyzw: Array
+
+    @classmethod
+    def of_numbers(cls, numbers: Sequence[int]) -> "RelativePose":
+        """The pose that six numbers of a row stand for by themselves."""
+        return cls(OFFSET_UNIT_M * np.array(numbers[:3], dtype=float), rotation_from_bins(numbers[3:]).as_quat())
+
+
 @dataclass(frozen=True)
 class TextRow:
-    """One action in integers: the anchor, six numbers (offset in units, rotation bins) and the gripper."""
+    """One action in integers.
+
+    Attributes:
+        numbers: the offset in units, and three rotation bins.
+        mean: of the demonstrations that have this row with these numbers; None where it was not demonstrated.
+    """
 
     anchor: Anchor
     numbers: tuple[int, ...]
     gripper_open: bool
+    mean: RelativePose | None = field(default=None, compare=False, repr=False)
 
 
 class Step(NamedTuple):
@@ -80,15 +100,35 @@ def _fit_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> list[T
     """TextRow `k` of each demonstration, relative to these anchors."""
     offsets_m, rotations = relative_row(group, k, anchors)
     offsets = np.rint(offsets_m / OFFSET_UNIT_M).astype(int)
-    numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1)).tolist()
+    numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1))
+    means = _means(offsets_m, rotations, numbers)
     states = [demonstration.actions[k].gripper_open for demonstration in group]
-    return [TextRow(anchor, tuple(own), is_open) for anchor, own, is_open in zip(anchors, numbers, states, strict=True)]
+    own = zip(anchors, map(tuple, numbers.tolist()), states, means, strict=True)
+    return [TextRow(*row) for row in own]
 
 
-def actions_at(anchored: Sequence[AnchorPose], numbers: Integers, grippers: Sequence[bool]) -> list[EndEffectorAction]:
-    """The actions of rows in a scene: of each what it is relative to, and (N, 6) its numbers."""
-    offsets_m = OFFSET_UNIT_M * numbers[:, :3].astype(float)
-    positions_m, hands = AnchorPose.stacked(anchored).placed(offsets_m, rotation_from_bins(numbers[:, 3:]))
+def _means(offsets_m: Array, rotations: Rotation, numbers: Integers) -> list[RelativePose]:
+    """The offsets (N, 3) and N rotations, each axis and the rotation averaged over those with equal numbers (N, 6)."""
+    by_axis = zip(numbers.T[:3], offsets_m.T, strict=True)
+    means_m = np.column_stack([_mean_of_equal(axis_numbers, axis_m) for axis_numbers, axis_m in by_axis])
+    turns = numbers[:, 3:]
+    hands = [rotations[(turns == own).all(axis=1)].mean().as_quat() for own in turns]
+    return list(map(RelativePose, means_m, hands))
+
+
+def _mean_of_equal(keys: Integers, values: Array) -> Array:
+    """For each of N values the mean of those with the same key."""
+    _, groups = np.unique(keys, return_inverse=True)
+    means: Array = (np.bincount(groups, values) / np.bincount(groups))[groups]
+    return means
+
+
+def actions_at(
+    anchored: Sequence[AnchorPose], poses: Sequence[RelativePose], grippers: Sequence[bool]
+) -> list[EndEffectorAction]:
+    """The actions of rows in a scene: of each what it is relative to, and its pose seen from there."""
+    offsets_m, rotations = map(np.array, zip(*poses, strict=True))
+    positions_m, hands = AnchorPose.stacked(anchored).placed(offsets_m, Rotation.from_quat(rotations))
     return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), grippers)
 
 

@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
-import numpy as np
-
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.groups import places_by
@@ -29,7 +27,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_inte
 from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import Step, TextRow, actions_at, letter
+from app.pipeline.representation.object_rows import RelativePose, Step, TextRow, actions_at, letter
 from app.pipeline.workspace import ROTATION_BINS, Workspace, discretize_actions, object_bins, undiscretize_actions
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -183,7 +181,8 @@ class SumsCodec(Codec):
 
     def _placed(self, query: Query, row: TextRow) -> tuple[int, ...]:
         """The six bins of a row in a scene."""
-        actions = actions_at([anchor_pose(row.anchor, query)], np.array([row.numbers]), [row.gripper_open])
+        pose = RelativePose.of_numbers(row.numbers)
+        actions = actions_at([anchor_pose(row.anchor, query)], [pose], [row.gripper_open])
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
     def _followed(self, query: Query, row: TextRow, step: str = "") -> _Followed:

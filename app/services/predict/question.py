@@ -10,7 +10,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
 from app.pipeline.findings.roles import strangers
 from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
-from app.pipeline.findings.scene import other_objects, rotation_findings, scene_findings
+from app.pipeline.findings.scene import other_objects, scene_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
@@ -130,8 +130,7 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     yield from source_findings(that_matter, taught.demonstrations, taught.compared)
     yield from taught.findings(order)
     yield from taught.of_prompt(question.parts, question.plans, question.prefix.demonstration_ids)
-    yield from scene_findings(seen, taught.scenes, followed, taught.needed)
-    yield from rotation_findings(seen.objects, taught.scenes, taught.turning(order))
+    yield from scene_findings(seen, taught.scenes, followed, taught.turning(order), taught.needed)
     if taught.follows_start(order):
         yield from start_findings(hand, taught.scenes)
     yield from frame_findings(hand, taught.demonstrations, taught.hands)

@@ -17,14 +17,14 @@ from app.pipeline.plans.by_scene import parting
 from roboprompt_client.types.quaternions import yaw_rad
 from tests.pipeline.plans.taught import recording
 from tests.pipeline.recordings import ScriptedMotion
-from tests.pipeline.scenes import pose
+from tests.pipeline.scenes import pose, rotated
 
 RATE_HZ = 20
 HOME_M = (0.1, 0.0, 1.1)
 PUT = "put the red cube on the plate"
 
 
-def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_M, given_plate_m=None):
+def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_M, given_plate_m=None, rises_m=0.12):
     """From home the hand takes the cube, which it turns with, puts it on the plate, and goes up."""
     random = np.random.default_rng(seed)
     cube_m, plate_m = (
@@ -34,7 +34,7 @@ def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_
     plate_m = plate_m if given_plate_m is None else np.array(given_plate_m)
     yaw_deg = float(random.uniform(-40, 40))
     at_cube_m, on_plate_m = cube_m + aside_m, plate_m + aside_m + (0, 0, 0.05)
-    up_m = np.array([0.0, 0.0, 0.12])
+    up_m = np.array([0.0, 0.0, rises_m])
     places_m = [home_m, at_cube_m + up_m, at_cube_m, at_cube_m + up_m, on_plate_m + up_m, on_plate_m, on_plate_m + up_m]
     knots = tuple((2.0 * k + rest_s, place_m) for k, place_m in enumerate(places_m) for rest_s in (0.0, 0.5))
     motion = ScriptedMotion(
@@ -374,6 +374,23 @@ def test_a_handle_far_from_the_origin_of_an_object_that_turns_is_a_part_of_it():
         return replace(item, demonstration=replace(item.demonstration, objects=objects))
 
     assert "acts-far-from-objects" not in dangers([by_its_handle(seed) for seed in range(10)])
+
+
+@pytest.mark.parametrize(("fault", "found"), [(lambda item: item, False), (late(3.0), True)])
+def test_a_hand_that_carries_something_by_its_end_across_where_it_lay(fault, found):
+    """The plate is on the other side, and the hand hardly rises: it comes near to where the origin was."""
+
+    def by_its_end(seed):
+        yaw_deg, about_deg = np.random.default_rng(100 + seed).uniform((-60, -25), (60, 25)).tolist()
+        end_m = rotated(0, 0, yaw_deg).apply([0.08, 0.0, 0.0])
+        cube = put(seed).demonstration.objects[0]
+        plate_m = cube.position_m - 3 * rotated(0, 0, about_deg).apply(end_m)
+        item = put(seed, aside_m=end_m, rises_m=0.02, given_plate_m=plate_m)
+        objects = (pose("red cube", cube.position_m, yaw_deg), item.demonstration.objects[1])
+        return replace(item, demonstration=replace(item.demonstration, objects=objects))
+
+    found_codes = dangers([fault(by_its_end(seed)) for seed in range(10)])
+    assert bool(found_codes) is found
 
 
 @pytest.mark.parametrize(

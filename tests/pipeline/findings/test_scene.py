@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Query
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.places import ShownPlaces, estimated_error_m
-from app.pipeline.findings.scene import rotation_findings, scene_findings
+from app.pipeline.findings.scene import scene_findings
 from app.pipeline.noise import disturbed
 from roboprompt_client.types.poses import ObjectPose
 from tests.pipeline.scenes import demonstration, pose, rotated
@@ -195,11 +195,21 @@ def test_one_object_that_repeats_a_measured_place_is_an_old_one(followed, twice,
     ],
 )
 def test_a_rotation_that_is_exactly_the_identity_was_not_measured(shown, moved_m, turning, expected):
-    observed = scene(0.09 + moved_m, 0.05, 0.0)
-    found = list(rotation_findings(observed, ShownScenes(tuple(shown)), frozenset(turning)))
-    assert [item.where for item in found] == ["objects[red cube].quaternion_xyzw"] * expected
-    other = scene(0.09 + moved_m, 0.05, 0.1)
-    assert list(rotation_findings(other, ShownScenes(tuple(shown)), frozenset(turning))) == []
+    for yaw_deg in (0.0, 0.1):
+        query = Query(STACK, scene(0.09 + moved_m, 0.05, yaw_deg))
+        found = scene_findings(query, ShownScenes(tuple(shown)), turning=frozenset(turning))
+        where = [item.where for item in found if item.code == "rotation-not-measured"]
+        assert where == ["objects[red cube].quaternion_xyzw"] * (expected and yaw_deg == 0)
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "turning", "severity"), [(10, set(), "warning"), (10, {"red cube"}, "danger"), (5, set(), "danger")]
+)
+def test_an_object_that_the_hand_does_not_turn_with_at_any_of_many_yaws_may_have_another(step_deg, turning, severity):
+    shown = [demonstration(STACK, scene(0.02 * k, 0.03 * (k % 5), step_deg * (k - 5)), []) for k in range(10)]
+    query = Query(STACK, with_changed("red cube", quaternion_xyzw=rotated(0, 0, 110).as_quat()))
+    found = scene_findings(query, ShownScenes(tuple(shown)), turning=frozenset(turning))
+    assert [(item.code, item.severity) for item in found] == [("object-turned", severity)]
 
 
 def test_objects_that_are_swapped_are_told_by_the_order_of_mention():

@@ -221,13 +221,14 @@ def _yaw_deg(cup):
 
 
 @given(random_demonstrations(1, 1))
-def test_a_demonstration_comes_back_within_half_a_unit(shown):
-    check_round_trip(shown, max_offset_units=0.5, max_rotation_bins=0.5)
+def test_a_demonstration_comes_back_as_it_was(shown):
+    check_round_trip(shown, max_offset_units=1e-9, max_rotation_bins=1e-6)
 
 
 @given(random_demonstrations(2, 4))
-def test_calmed_demonstrations_come_back_within_one_and_a_half_units(shown):
-    check_round_trip(shown, max_offset_units=1.5, max_rotation_bins=1.5)
+def test_calmed_demonstrations_come_back_within_two_units(shown):
+    """Their mean, of what is at most one and a half units from the row."""
+    check_round_trip(shown, max_offset_units=2.0, max_rotation_bins=2.0)
 
 
 def lifted(place, instruction=LIFT, height_m=0.1):
