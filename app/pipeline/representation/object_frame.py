@@ -9,7 +9,9 @@ the gripper. A rotation with the numbers of the row before is left out. A row th
 `start` (where the end effector was at first) instead of letter and frame. Where the hand's place follows something
 else along one axis, the row says so: `A w z=world` is at a height of the world, `A w y=B` has B's y. `A ow>B` has axes
 at A of which x points to B. Rows of demonstrations that ask for the same thing of other objects are then the same. A
-reply is decoded against the CONTINUOUS observed pose, so that the object's own binning costs nothing.
+reply is decoded against the CONTINUOUS observed pose, so that the object's own binning costs nothing. A row of a reply
+that demonstrations have, too, stands for the mean of the poses that it was written for, others for the middle of their
+bins.
 """
 
 import re
