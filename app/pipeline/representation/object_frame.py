@@ -40,6 +40,7 @@ from app.pipeline.representation.base import Codec, Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar
 from app.pipeline.representation.object_rows import (
     RelativePose,
+    Step,
     TextRow,
     actions_at,
     anchor_text,
@@ -176,13 +177,19 @@ class ObjectFrameCodec(Codec):
 
     def _means(self, query: Query) -> Means:
         """The demonstrated poses that rows of a reply stand for."""
-        means: dict[RowKey, RelativePose] = {}
-        for shown, rows in zip(self.demonstrations, self.table, strict=True):
-            for index, row in enumerate(rows if shown.order.form == query.order.form else ()):
-                anchor = asked_anchor(row.anchor, shown.order, query.order)
-                if row.mean is not None:
-                    means[index, anchor_text(anchor, query.objects, query.order), row.numbers] = row.mean
-        return means
+        order = query.order
+        return {
+            (index, anchor_text(step.row(order).anchor, query.objects, order), step.numbers): mean
+            for (index, step), mean in self._steps.items()
+            if step.form == order.form
+        }
+
+    @cached_property
+    def _steps(self) -> Mapping[tuple[int, Step], RelativePose]:
+        """The means of what the rows of demonstrations do, each with the row's index."""
+        pairs = zip(self.demonstrations, self.table, strict=True)
+        rows = ((shown, index, row) for shown, rows in pairs for index, row in enumerate(rows))
+        return {(index, Step.of(shown, row)): row.mean for shown, index, row in rows if row.mean is not None}
 
     def _anchored(self, query: Query) -> dict[str, AnchorPose]:
         """The pose of each anchor that a row may have, by its text in rows."""

@@ -111,9 +111,9 @@ def _means(offsets_m: Array, rotations: Rotation, numbers: Integers) -> list[Rel
     """The offsets (N, 3) and N rotations, each axis and the rotation averaged over those with equal numbers (N, 6)."""
     by_axis = zip(numbers.T[:3], offsets_m.T, strict=True)
     means_m = np.column_stack([_mean_of_equal(axis_numbers, axis_m) for axis_numbers, axis_m in by_axis])
-    turns = numbers[:, 3:]
-    hands = [rotations[(turns == own).all(axis=1)].mean().as_quat() for own in turns]
-    return list(map(RelativePose, means_m, hands))
+    _, groups = np.unique(numbers[:, 3:], axis=0, return_inverse=True)
+    hands = [rotations[groups == group].mean().as_quat() for group in range(groups.max() + 1)]
+    return [RelativePose(mean_m, hands[group]) for mean_m, group in zip(means_m, groups, strict=True)]
 
 
 def _mean_of_equal(keys: Integers, values: Array) -> Array:

@@ -231,6 +231,23 @@ def test_calmed_demonstrations_come_back_within_two_units(shown):
     check_round_trip(shown, max_offset_units=2.0, max_rotation_bins=2.0)
 
 
+@pytest.mark.parametrize(
+    ("reply", "heights_m", "yaws_deg"),
+    [
+        ("1 A w: +0 +0 +20 0 36 36 0; 2 A w: +0 +0 +60 1", (0.101, 0.301), (1, 1)),
+        ("1 A w: +0 +0 +21 0 36 36 0; 2 A w: +0 +0 +60 1", (0.105, 0.301), (0, 1)),
+        ("1 A w: +0 +0 +60 0 36 36 1", (0.3,), (0,)),  # not the first row of a demonstration
+    ],
+)
+def test_a_row_that_demonstrations_have_stands_for_their_mean(reply, heights_m, yaws_deg):
+    """The three touches are 9.9, 10.2 and 10.2 cm above the cup, with hands turned by 0, 1 and 2 degrees."""
+    shown = lifts(((0, 0, 0.099), (0, 0, 0.102), (0, 0, 0.102)), (0, 1, 2))
+    seen = parse_reply(f" {reply}", fitted(*shown), [pose("cup", (0.25, 0.1, 0.705), 0)], LIFT)
+    np.testing.assert_allclose([action.position_m[2] - 0.705 for action in seen], heights_m)
+    for action_, yaw_deg in zip(seen, yaws_deg, strict=True):
+        assert angle_deg(action_.quaternion_xyzw, rotated(180, 0, yaw_deg).as_quat()) < 1e-6
+
+
 def lifted(place, instruction=LIFT, height_m=0.1):
     """One demonstration with the cup at `place` cm along x."""
     position_m = np.array([place / 100, 0, 0.705])
