@@ -49,7 +49,7 @@ def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], 
 
 
 def _row_check(group: Sequence[Demonstration], row: PlanRow, offs: list[Off], *, switches: bool) -> RowCheck:
-    objects = tuple(dict.fromkeys(anchor.object_name for anchor in row.anchors if anchor.object_name))
+    objects = tuple(dict.fromkeys(name for anchor in row.anchors for name in anchor.names))
     check = RowCheck(objects, row.anchors[0].frame, row.gripper_open, switches, _variation(row))
     if not offs:
         return check

@@ -26,7 +26,7 @@ class ActionDoubt:
     Attributes:
         index: of the action, from 0.
         off_m, off_deg: how far it is beyond the farthest demonstration.
-        seen_from: the object or frame that it is relative to.
+        seen_from: what it follows, in words.
         unsupported: the reason for refusing it, unless the request allows it; None if it is within the margin.
     """
 

@@ -187,7 +187,7 @@ def _nearest(rows: Sequence[PlacedRow], action: EndEffectorAction) -> PlacedRow:
 
 def _unsupported(index: int, action: EndEffectorAction, nearest: PlacedRow) -> UnsupportedActionError:
     (off_m, off_deg), (reach_m, reach_deg) = nearest.away(action), nearest.demonstrated.reach
-    of = nearest.anchor.object_name or f"the {nearest.anchor.frame}"
+    of = nearest.anchor.described
     expected = f"{nearest.action.position_m.round(3).tolist()} m"
     if off_m > reach_m:
         bound = f"within {100 * reach_m:.1f} cm of {expected}, seen from {of}"

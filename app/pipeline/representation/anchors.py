@@ -48,9 +48,10 @@ class Anchor(NamedTuple):
     toward: str = ""
 
     @property
-    def names(self) -> frozenset[str]:
-        """All objects that it depends on."""
-        return frozenset((self.object_name, self.toward, *(name for _, name in self.along))) - {""}
+    def names(self) -> tuple[str, ...]:
+        """All objects that it depends on, the one that it is at first."""
+        every = (self.object_name, self.toward, *(name for _, name in self.along))
+        return tuple(name for name in dict.fromkeys(every) if name)
 
     @property
     def is_of_several(self) -> bool:

@@ -135,8 +135,7 @@ class PartReply:
             return None
         beyond_m, beyond_deg = row.beyond(action)
         if beyond_m > self._tolerated_m or beyond_deg > TOLERATED_DEG:
-            seen_from = row.anchor.object_name or f"the {row.anchor.frame}"
-            self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, seen_from))
+            self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, row.anchor.described))
         return row
 
     def _let_pass(self, error: UnsupportedActionError, index: int) -> None:

@@ -285,7 +285,7 @@ def test_a_place_may_have_x_of_one_object_and_y_of_another_and_is_found_again_in
     ]
     ((anchor, *_),) = choose_anchors(group, LEVEL, beyond_objects=True)
     assert anchor == Anchor(PLATE, "w", ((0, CUP),))
-    assert anchor.names == {CUP, PLATE}
+    assert anchor.names == (PLATE, CUP)
     scene = replace(group[0], objects=(pose(CUP, (0.15, 0, 0.7)), pose(PLATE, (0, -0.3, 0.7))))
     np.testing.assert_allclose(anchor_pose(anchor, scene).origin_m, [0.15, -0.3, 0.7])
 
