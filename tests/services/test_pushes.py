@@ -65,5 +65,5 @@ def test_a_goal_so_near_that_noise_decides_the_direction_is_a_danger(taught):
 
 
 def test_the_check_names_both_objects_of_a_direction(taught):
-    (plan,) = taught.check_task.without_model("push").plans
+    (plan,) = taught.check_task.without_model("push").check.plans
     assert [row.objects for row in plan.rows] == [("block", "goal")] * 2 + [("goal", "block")] * 2
