@@ -210,7 +210,7 @@ def test_a_bound_ahead_keeps_a_steered_hand_where_it_is(driver, body):
         assert steer(np.array([0.0, 0.0, -0.02]), NOT) == ""  # and back into it
 
 
-def test_nobody_steers_an_arm_that_moves_or_was_stopped(arm, body):
+def test_an_arm_that_moves_or_was_stopped_refuses_steering(arm, body):
     with arm.steered() as steer:
         with pytest.raises(MotionError, match="another thread"):
             arm.execute(to())
@@ -267,7 +267,7 @@ def feeling(request, body, monkeypatch):
     return MAKERS[request.param](body, monkeypatch)
 
 
-def test_forces_are_told_along_the_world_s_axes(feeling, body):
+def test_forces_are_reported_along_the_world_s_axes(feeling, body):
     body.force_n = np.array([3.0, 0.0, 4.0])
     state = Arm(feeling, calibration=QUARTER).state()
     np.testing.assert_allclose(state.wrench_n_nm, [0, 3, 4, 0, 0, 0.5], atol=1e-12)

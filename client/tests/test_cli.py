@@ -35,7 +35,7 @@ def make():
 
 
 class Service:
-    """A service that has one prediction, and notes what it is told."""
+    """A service that has one prediction, and records what it is sent."""
 
     def __init__(self):
         self.urls, self.outcomes, self.runs, self.down, self.stops = [], [], [], False, False

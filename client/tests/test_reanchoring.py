@@ -144,7 +144,7 @@ def test_a_tilted_object_turns_actions_fully_and_an_upright_one_about_the_vertic
     assert_same_pose(moved, placed(seen("box", 0.03, 30)["box"], (0.1, 0.0, 0.05), "o")[0])
 
 
-def test_only_what_hangs_on_moved_objects_follows():
+def test_only_actions_at_moved_objects_follow():
     before = {**seen("cube", 0), **seen("plate", 0.2)}
     now = {**seen("cube", 0.03), **seen("plate", 0.2)}
     on_cube, cube = placed(before["cube"], (0, 0, 0.1), "o")

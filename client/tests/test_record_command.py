@@ -106,7 +106,7 @@ def test_keys_steer_the_hand_while_it_records(keys, monkeypatch, tmp_path, capsy
         threading.Timer(after_s, keys, [typed]).start()
     trajectory = record_live(arm, tmp_path / "journal", 50.0, teleop="keyboard")
     moved_m = trajectory.positions_m[-1] - before_m
-    assert 0.002 < -moved_m[2] < 0.03  # a tap: this arm goes on for 0.15 s whenever it is told to
+    assert 0.002 < -moved_m[2] < 0.03  # a tap: this arm goes on for 0.15 s at every command
     assert 0.002 < moved_m[1] < 0.03
     assert 0.01 < moved_m[0] < 0.06  # held, up to the bound
     assert not trajectory.gripper_open[-1]

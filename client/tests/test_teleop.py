@@ -86,8 +86,8 @@ def test_a_space_mouse_is_found_by_its_maker(tmp_path, monkeypatch):
     monkeypatch.setattr("roboprompt_client.recording.teleop.HIDRAW", tmp_path)
     with pytest.raises(InvalidInputError, match="no SpaceMouse is plugged in"), opened("spacemouse"):
         pass
-    for name, told in (("hidraw0", "0003:0000046D:0000C52B"), ("hidraw7", "0003:0000256F:0000C635")):
+    for name, hid_id in (("hidraw0", "0003:0000046D:0000C52B"), ("hidraw7", "0003:0000256F:0000C635")):
         (tmp_path / name / "device").mkdir(parents=True)
-        (tmp_path / name / "device/uevent").write_text(f"DRIVER=hid-generic\nHID_ID={told}\n")
+        (tmp_path / name / "device/uevent").write_text(f"DRIVER=hid-generic\nHID_ID={hid_id}\n")
     with pytest.raises(InvalidInputError, match=r"/dev/hidraw7 cannot be read"), opened("spacemouse"):
         pass

@@ -376,7 +376,7 @@ def third(k):
     return k % 3 == 2
 
 
-def told(a, demo):
+def uploaded(a, demo):
     """An upload."""
     t, scene = demo.trajectory, demo.scene
     given = {
@@ -438,7 +438,7 @@ def case(
             a.configure(**settings)
         for k in range(number):
             demo = skill.demo(skill.draw(a))
-            told(a, fault(demo, k) if wrong(k) else demo)
+            uploaded(a, fault(demo, k) if wrong(k) else demo)
         asks = {"model": "nearest", "task": a.task, "instruction": skill.words}
         asks |= {"end_effector": arm} if arm else {}
         asks |= {"episode_ids": [a.episodes()[k] for k in shown]} if shown else {}

@@ -41,7 +41,7 @@ def logged_addresses(tmp_path):
 
 
 def test_forwarded_addresses_are_ignored_by_default(tmp_path, key, monkeypatch):
-    monkeypatch.setenv("FORWARDED_ALLOW_IPS", "*")  # which uvicorn would heed
+    monkeypatch.setenv("FORWARDED_ALLOW_IPS", "*")  # which uvicorn would follow
     with killable_server(tmp_path, SLOW) as (_, url):
         assert "secure" not in login_cookie(url, key)
         assert guesses(url, 6, forwarded="10.0.0.{}") == [401] * 2 + [429] * 4

@@ -83,7 +83,7 @@ def write(path, trajectory, tracked=False, compression=CompressionType.ZSTD):
         writer.finish()
 
 
-def test_topics_are_told_by_their_types(tmp_path):
+def test_topics_are_recognized_by_their_types(tmp_path):
     write(tmp_path / "run 1.mcap", pick_trajectory(PLACES_M[0]))
     write(tmp_path / "run 2.mcap", pick_trajectory(PLACES_M[1]))
     dataset = open_dataset(tmp_path, SAID)

@@ -25,7 +25,7 @@ def client(url):
 
 
 class Robot:
-    """Sees both objects, and counts what it is told."""
+    """Sees both objects, and counts its commands."""
 
     moved = 0
 

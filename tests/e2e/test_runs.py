@@ -1,4 +1,4 @@
-"""Robots under way: what they say and are told, over a service of two workers with keys."""
+"""Robots under way: what they report and receive, over a service of two workers with keys."""
 
 import threading
 import time

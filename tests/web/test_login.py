@@ -67,7 +67,7 @@ def test_a_key_opens_the_pages_with_all_their_pictures(page, guarded):
     page.wait_for_url("**/ui/login")
 
 
-def test_what_a_key_may_not_do_is_told(page, guarded):
+def test_what_a_key_may_not_do_is_reported(page, guarded):
     page.expected_refusals = [403]
     page.goto("/ui/episodes")
     log_in(page, guarded[1])

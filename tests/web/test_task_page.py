@@ -22,7 +22,7 @@ def settings_of(http):
     return {name: value for name, value in document.items() if name not in ("version", "updated_at")}
 
 
-def test_what_changes_is_told_and_drawn_then_applied_and_undone(form, http):
+def test_what_changes_is_written_and_drawn_then_applied_and_undone(form, http):
     before = settings_of(http)
     expect(form.get_by_role("button", name="Apply")).to_be_disabled()
     form.get_by_role("button", name="Add a box").click()
@@ -105,7 +105,7 @@ def test_an_arm_is_given_by_its_file(form, http, tmp_path):
     assert settings_of(http)["arm"]["frame"] == "tool0"
 
 
-def test_a_setting_that_is_not_valid_is_told(form, http):
+def test_a_setting_that_is_not_valid_is_reported(form, http):
     form.expected_refusals = [422]
     form.get_by_label("Position of its base").fill("1 2")
     expect(form.locator("#changes")).to_contain_text("robot_base is “1 2”. Valid: 3 numbers")

@@ -104,7 +104,7 @@ def test_the_form_of_the_documentation_sends_an_image(page, http, tmp_path):
     assert episode["cameras"] == ["front"]
 
 
-def test_refusals_are_told_beside_the_file(page, http, tmp_path):
+def test_refusals_stand_beside_the_file(page, http, tmp_path):
     page.expected_refusals = [422]
     write(tmp_path / "both" / "bad", {**parts("refused", PLACES_M[0]), "rgb_back.jpg": picture(60)})
     write(tmp_path / "both" / "good", parts("refused", PLACES_M[0]))

@@ -1,4 +1,4 @@
-"""What became of a case is told apart: with a real service, and a world that judges by where the hand closes."""
+"""Outcomes of cases are distinguished: with a real service, and a world that judges by where the hand closes."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

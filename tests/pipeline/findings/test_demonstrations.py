@@ -54,7 +54,7 @@ def test_five_that_press_left_and_five_that_press_right_are_a_danger_and_no_mean
 
 
 def moved(item, move_m=(0, 0, 0), mirror=False, invert=False):
-    """The recording with its hand in another frame, or its gripper told the wrong way round."""
+    """The recording with its hand in another frame, or its gripper inverted."""
     trajectory = item.motion.trajectory
     positions_m = trajectory.positions_m * ([1, -1, 1] if mirror else [1, 1, 1]) + np.array(move_m)
     gripper = ~trajectory.gripper_open if invert else trajectory.gripper_open

@@ -396,7 +396,7 @@ def test_a_hand_that_carries_something_by_its_end_across_where_it_lay(fault, fou
 @pytest.mark.parametrize(
     ("fault", "code"), [("backwards", "backwards-in-time"), ("names exchanged", "names-exchanged")]
 )
-def test_a_fault_of_half_of_the_recordings_is_told_by_the_others(fault, code):
+def test_a_fault_of_half_of_the_recordings_shows_in_comparison_with_the_others(fault, code):
     def wrong(item):
         if fault == "backwards":
             return frames(slice(None, None, -1))(item)

@@ -50,7 +50,7 @@ def turned(name, *euler_deg):
     return with_changed(name, quaternion_xyzw=(rotated(*euler_deg) * turn).as_quat())
 
 
-def test_what_is_as_shown_deserves_no_look():
+def test_a_scene_as_demonstrated_has_no_finding():
     assert found(OBSERVED) == []
 
 
@@ -133,7 +133,7 @@ def test_a_great_error_of_all_poses_is_a_danger():
     ("higher_m", "noise_m", "expected"),
     [(0.005, 0.0, True), (0.012, 0.001, True), (0.1, 0, True), (0.009, 0.0035, False)],
 )
-def test_objects_under_each_others_names_are_told_by_their_heights(higher_m, noise_m, expected):
+def test_objects_under_each_others_names_are_recognized_by_their_heights(higher_m, noise_m, expected):
     random = np.random.default_rng(0)
     shown = [with_box(item.objects, higher_m + random.uniform(-noise_m, noise_m)) for item in SHOWN]
     cube, blue, box = with_box(OBSERVED, higher_m).objects
@@ -212,7 +212,7 @@ def test_an_object_that_the_hand_does_not_turn_with_at_any_of_many_yaws_may_have
     assert [(item.code, item.severity) for item in found] == [("object-turned", severity)]
 
 
-def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
+def test_swapped_objects_are_recognized_by_the_order_of_mention():
     """Whatever is named first stands on the other in every demonstration, and both cubes have been above."""
 
     def tower(lower, upper, x_m):
@@ -228,7 +228,7 @@ def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
 
 
 @pytest.mark.parametrize(("error_m", "expected"), [(0.0, False), (0.008, False), (0.04, True)])
-def test_noise_is_told_by_what_all_demonstrations_share(error_m, expected):
+def test_noise_is_recognized_by_what_all_demonstrations_share(error_m, expected):
     noisy = [
         disturbed(OBSERVED, np.random.default_rng(k), mean_error_m=error_m, mean_error_rad=error_m * 4.79)
         for k in range(10)

@@ -37,7 +37,7 @@ def hand_off(item, *off_m):
 
 
 @pytest.mark.parametrize(("off_m", "found"), [(0.0, 0), (0.03, 0), (0.06, 1), (-0.1, 1)])
-def test_recordings_of_the_flange_are_told_by_where_they_start(off_m, found):
+def test_recordings_of_the_flange_are_recognized_by_where_they_start(off_m, found):
     assert reported([hand_off(put(seed), 0, 0, off_m) for seed in range(4)], home()) == found
 
 

@@ -43,7 +43,7 @@ def test_relations_in_the_robots_frame(pick, names, found):
     assert pick(layout(), names) == found
 
 
-def test_what_lies_closer_together_than_poses_are_certain_is_not_told_apart():
+def test_objects_closer_together_than_poses_are_certain_are_not_distinguished():
     assert space.extreme("left")(layout(b=(0.3, 0.29, 0.8)), ALL) == ("a", "b")
 
 

@@ -138,7 +138,7 @@ def test_one_odd_demonstration_out_of_ten_hardly_moves_the_center(odd_m, seed):
     assert np.linalg.norm(offsets_m(agreed(group))[0] - without_m) < 0.004
 
 
-def test_a_row_that_follows_no_object_is_told_from_the_world():
+def test_a_row_that_follows_no_object_is_relative_to_the_world():
     random = np.random.default_rng(10)
     seen = [scene(random) for _ in range(6)]
     home_m = np.array([0.1, 0.0, 1.2])
@@ -155,7 +155,7 @@ def started(group, starts_m):
     return [replace(d, start=action(start_m)) for d, start_m in zip(group, starts_m, strict=True)]
 
 
-def test_a_row_that_goes_on_from_the_start_is_told_from_there():
+def test_a_row_that_goes_on_from_the_start_is_relative_to_it():
     random = np.random.default_rng(11)
     seen = [scene(random) for _ in range(6)]
     starts_m = random.uniform([-0.2, -0.3, 1.0], [0.4, 0.3, 1.2], (6, 3))

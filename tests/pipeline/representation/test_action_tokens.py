@@ -48,7 +48,7 @@ def test_text(prompt_format, observation, end):
     assert not any(stop in f"[{ROW}, {ROW_2}]{end}" for stop in codec.stop)
 
 
-def test_kat_is_told_neither_names_nor_instruction():
+def test_kat_prompts_have_neither_names_nor_instruction():
     template = PromptTemplate.write(fitted("kat"), [OPEN, OPEN], SYSTEM_PROMPTS["kat"])
     text = template.ask(Query("open the drawer", OPEN.objects), 25).user
     assert set("".join(filter(str.isalpha, text))) == set("INPUTSOUTPUTS")

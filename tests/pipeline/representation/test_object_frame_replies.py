@@ -31,7 +31,7 @@ def codec_for(*nums_actions, objects=(CUP, PLATE), instruction=INSTRUCTION):
         f"```text\n{ROW}; {ROW_2}```",
     ],
 )
-def test_offsets_are_told_from_the_observed_pose_itself(reply_text):
+def test_offsets_count_from_the_observed_pose_itself(reply_text):
     lifted, placed = parse_reply(reply_text, codec_for(2), [CUP, PLATE], INSTRUCTION)
     # 10 units along the cup's x axis are 5 cm along the world's y axis
     np.testing.assert_allclose(lifted.position_m, [0.1234 + 0.01, 0.2 + 0.05, 0.7 + 0.1])

@@ -96,7 +96,7 @@ def test_cancelling_stops_the_llm_and_records_nothing(page, http, slow_provider)
     assert len(http.get("/predictions", params={"limit": 200}).json()["predictions"]) == before
 
 
-def test_a_reply_that_is_no_list_of_actions_is_told(page):
+def test_a_reply_that_is_no_list_of_actions_is_reported(page):
     page.expected_refusals = []
     page.goto("/ui/predict?task=pick")
     predict(page, "scripted")

@@ -171,7 +171,7 @@ def test_a_reply_that_is_no_list_of_actions_is_shown_with_its_error(page, seeded
     assert "The reply is not a list of valid actions" in page.get_by_role("region", name="Findings").inner_text()
 
 
-def test_an_outcome_is_told_with_a_note(page, http):
+def test_an_outcome_is_reported_with_a_note(page, http):
     id_ = ask(http, model="regression")
     page.goto(f"/ui/predictions/{id_}")
     page.get_by_label("Note").fill("dropped it")
