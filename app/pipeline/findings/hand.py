@@ -29,7 +29,7 @@ GAP_S, GAP = 0.5, 5.0  # a longer time between two frames, and so many times as 
 # No arm of up to 1.3 m moves its hand farther for a joint path of 1 rad (norm over the joints); what is beyond it by so
 # much is no noise. In right recordings of three simulators, and of people at three arms, it is 0.2 mm at most.
 M_PER_JOINT_RAD, OUTRUN_M = 1.5, 0.01
-UNTURNED = 1e-9  # of the identity's x, y and z: no measured rotation is as exactly it
+NO_ROTATION = 1e-9  # of x, y and z of a quaternion: no measured one is as near to the identity
 # A hand that moves faster than this where fingers switch, and is slower by this factor nearer to the object within a
 # few seconds, grasps there
 MOVES_ON_M_S, SLOWER, BESIDE_S = 0.03, 5.0, 2.0
@@ -175,7 +175,7 @@ class RecordedHand:
             _leaps(trajectory.positions_m, motion.times_s),
             _flickers(motion),
             _outruns_joints(motion),
-            bool(np.abs(trajectory.quaternions_xyzw[:, :3]).max() < UNTURNED),
+            bool(np.abs(trajectory.quaternions_xyzw[:, :3]).max() < NO_ROTATION),
         )
 
 

@@ -15,7 +15,7 @@ def pose_findings(pose: ObjectPose, places: ShownPlaces, *, turns: bool) -> list
     """Return findings for one object whose pose is outside of what was demonstrated.
 
     Args:
-        turns: whether the hand turns with it.
+        turns: whether the hand, or its place, turns with it.
     """
     where = f"objects[{pose.name}]"
     tilt_deg = places.tilted_beyond_deg(pose)
