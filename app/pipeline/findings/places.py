@@ -18,6 +18,7 @@ from roboprompt_client.types.poses import ObjectPose
 UP = (0.0, 0.0, 1.0)
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
+DIFFERS_DEG = 20.0  # rotations that differ by more were turned, and are no noise
 FULL_TURN_DEG = 200.0  # demonstrations that span more have the object at any angle
 # A single place this far from all others is an outlier; the second value is for fewer than MANY_DEMONSTRATIONS
 LONE_M, LONE_OF_FEW_M = 0.5, 1.0
@@ -136,14 +137,15 @@ class ShownPlaces:
         return len(self.up) > 0 and float((self.up @ self.up.T).min()) > math.cos(math.radians(FIXED_DEG))
 
     def lacks_rotation(self, pose: ObjectPose) -> bool:
-        """Whether its rotation is exactly the identity, though those of demonstrations differ and none is.
+        """Whether its rotation is exactly the identity, though no demonstration's is and they clearly differ.
 
         Estimators that see no rotation say so.
         """
         if pose.quaternion_xyzw is None or not len(self.up) or np.abs(pose.quaternion_xyzw[:3]).max() > 0:
             return False
+        apart = (self.up @ self.up.T).min() < math.cos(math.radians(DIFFERS_DEG))
         known_before = ((self.yaws_rad == 0) & (self.up[:, 2] == 1)).any()
-        return not known_before and not (self.is_upright and self._yaws_deg().width < FIXED_DEG)
+        return not known_before and bool(apart or self._yaws_deg().width > DIFFERS_DEG)
 
     def tilted_beyond_deg(self, pose: ObjectPose) -> float:
         """Return by how much its tilt from the vertical is outside of the demonstrated range."""
