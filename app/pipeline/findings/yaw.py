@@ -20,6 +20,7 @@ from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.severity import SEVERITIES
 
+BESIDE_M = 0.05  # from an object: what is put down there is not put into it
 TURNS_DEG = 8.0  # what turns by less has hardly been turned
 
 Rotations = Mapping[str, Mapping[str, Array]]
@@ -91,6 +92,11 @@ class TurningRow:
     taken_aside_m: Array | None
     takes: bool
 
+    @property
+    def puts_down_beside(self) -> bool:
+        """Whether the hand lets go of something beside the object, whose sides then need not be those of the object."""
+        return self.row.gripper_open and float(np.linalg.norm(self.aside_m)) > BESIDE_M
+
     def beside(self) -> tuple[Finding, ...]:
         """Return a finding if the hand acts beside the object and turns with it, but its place does not.
 
@@ -135,7 +141,7 @@ class TurningRow:
             if deg > (self.symmetry_deg or 0.0)
         ]
         if self.given is not None and greater:
-            readings, objects = greater, self.given
+            readings, objects = [] if self.puts_down_beside else greater, self.given
         meant_deg = {text: of_a_way(off_mean_deg(read(objects, self.row.hands))) for text, read, _ in readings}
         fitting = [text for text, _, most_deg in readings if meant_deg[text] < min(most_deg, MUCH_LESS * off_deg)]
         if not fitting:

@@ -148,3 +148,22 @@ def test_what_is_put_beside_an_object_and_turned_as_it_is_belongs_there(shifted_
         ]
         group.append(demonstration(PUT, (pose("bar", bar_m, bar_deg), pose("box", box_m, box_deg)), rows))
     assert found(group) == codes
+
+
+@pytest.mark.parametrize(("aside_m", "codes"), [(0.0, ["yaw-misread"]), (0.1, [])])
+def test_only_what_is_put_into_an_object_tells_that_it_is_less_symmetric(aside_m, codes):
+    """The bar is let go of with the hand turned as the box is, to half a turn; the box is declared square."""
+    random, group, given = np.random.default_rng(0), [], {}
+    for k in range(10):
+        bar_m, box_m = (np.array([*random.uniform(-0.2, 0.2, 2), 0.8]) for _ in range(2))
+        bar_deg, box_deg = float(random.uniform(-40, 40)), float(random.uniform(-180, 180))
+        let_go_deg = (box_deg + 90) % 180 - 90
+        up_m, put_m = np.array([0, 0, 0.1]), box_m + rotated(0, 0, let_go_deg).apply([0, aside_m, 0])
+        rows = [action(bar_m + up_m, (180, 0, bar_deg)), action(bar_m, (180, 0, bar_deg), gripper_open=False)]
+        rows += [action(put_m + up_m, (180, 0, let_go_deg), gripper_open=False), action(put_m, (180, 0, let_go_deg))]
+        box = pose("box", box_m, box_deg)
+        objects = (pose("bar", bar_m, bar_deg), canonical_pose(box, 90))
+        group.append(replace(demonstration(PUT, objects, rows), id=str(k)))
+        given[str(k)] = {"box": box.quaternion_xyzw}
+    found = turning_findings(Support.of([group]), group[0].order, {"box": 90.0}, given)
+    assert [item.code for item in found if item.where == "objects[box]"] == codes
