@@ -132,7 +132,8 @@ def _acts_on_a_part(pairs: Sequence[Recorded]) -> bool:
     acts_m = np.array([hand.acts_at[0].position_m for _, hand in pairs])
     seen_m = {key: spread_m(m) for key, m in places_by_object([shown for shown, _ in pairs], acts_m).items()}
     own_m = {role: off_m for (role, axes), off_m in seen_m.items() if axes == "o"}
-    return any(off_m < PART_M and off_m < MUCH_LESS * seen_m[role, "w"] for role, off_m in own_m.items())
+    beside = {role: seen_m[role, "w"] for role in own_m if seen_m[role, "w"] > PART_M}  # above it nothing turns
+    return any(own_m[role] < min(PART_M, MUCH_LESS * world_m) for role, world_m in beside.items())
 
 
 def _fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
