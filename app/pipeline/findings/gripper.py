@@ -12,7 +12,8 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.hand import AT_OBJECT_M, Act, RecordedHand
+from app.pipeline.findings.acts import AT_OBJECT_M, Act
+from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
 from app.pipeline.findings.recording_ends import (
     FETCHING,
@@ -176,5 +177,6 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
 
 def _closes_aside(closings: Sequence[Act], on_a_part: bool) -> bool:
     """Return whether the hand first closes away from what it comes to, or closes as it passes by."""
-    far = not on_a_part and closings[0].nearest_m > max(ASIDE_M, 2 * closings[0].least_m)
+    first = closings[0]
+    far = first.nearest_m > max(ASIDE_M, 2 * first.least_m) and not (on_a_part and first.passes_over)
     return far or any(act.moves_on for act in closings)

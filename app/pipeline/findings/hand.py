@@ -1,21 +1,17 @@
 """The hand of a recording: gripper switches, ends, speeds and reversals, which keyframes do not show."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.findings.acts import Act, act_of
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, Motion
-from app.pipeline.keyframes.motion import BLIP_S, Switch
-from app.pipeline.thresholds import M_PER_RAD
-from roboprompt_client.types import quaternions
+from app.pipeline.keyframes.motion import BLIP_S
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
-AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
-NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 END_S = 0.2  # a moving hand leaves its place within this time, at the start as at the end
 DIPS_M = 0.03  # a smaller range of heights is no motion to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
@@ -30,9 +26,6 @@ GAP_S, GAP = 0.5, 5.0  # a longer time between two frames, and so many times as 
 # much is no noise. In right recordings of three simulators, and of people at three arms, it is 0.2 mm at most.
 M_PER_JOINT_RAD, OUTRUN_M = 1.5, 0.01
 NO_ROTATION = 1e-9  # of x, y and z of a quaternion: no measured one is as near to the identity
-# A hand that moves faster than this where fingers switch, and is slower by this factor nearer to the object within a
-# few seconds, grasps there
-MOVES_ON_M_S, SLOWER, BESIDE_S = 0.03, 5.0, 2.0
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.
@@ -49,36 +42,6 @@ class Kept(NamedTuple):
 
     missed_m: float
     left_m: float
-
-
-class Act(NamedTuple):
-    """A switch of the gripper.
-
-    Attributes:
-        opens: False where it closes.
-        away_m: the distances of the objects from the hand there, by name.
-        least_m: the least distance from the nearest of them between the switches before and after this one.
-        at_object: whether the hand is at the nearest object, not on its way to it.
-        moved_m: the distance to where the hand is at the next switch, or at the end; 10 degrees count as 1 cm.
-        moves_on: whether the hand moves there, and rests nearer to the object before or after, as if two clocks differ.
-    """
-
-    opens: bool
-    away_m: Mapping[str, float]
-    least_m: float
-    at_object: bool
-    moved_m: float
-    moves_on: bool
-
-    @property
-    def nearest(self) -> str:
-        """The name of the nearest object."""
-        return min(self.away_m, key=self.away_m.__getitem__)
-
-    @property
-    def nearest_m(self) -> float:
-        """Its distance."""
-        return self.away_m[self.nearest]
 
 
 class Reversals(NamedTuple):
@@ -160,7 +123,7 @@ class RecordedHand:
         return cls(
             kept,
             starts_open,
-            tuple(_act(motion, s, ends[k], ends[k + 2], shown, away_m) for k, s in enumerate(acting)),
+            tuple(act_of(motion, s, ends[k], ends[k + 2], shown, away_m) for k, s in enumerate(acting)),
             trajectory.action_at(0),
             _leaves_m_s(trajectory.positions_m, motion.times_s),
             tuple(map(trajectory.action_at, [*(s.frame for s in acting[:1]), lowest])),
@@ -177,32 +140,6 @@ class RecordedHand:
             _outruns_joints(motion),
             bool(np.abs(trajectory.quaternions_xyzw[:, :3]).max() < NO_ROTATION),
         )
-
-
-def _act(motion: Motion, switch: Switch, first: int, end: int, shown: Demonstration, away_m: Array) -> Act:
-    trajectory, frame = motion.trajectory, switch.frame
-    of_name = dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True))
-    nearest_m = away_m[:, away_m[frame].argmin()]
-    near_m = min(of_name.values())
-    at_object = near_m < AT_OBJECT_M and bool(nearest_m[frame : end + 1].min() >= near_m - NEARER_M)
-    way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
-    turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
-    least_m = float(nearest_m[first : end + 1].min())
-    moves_on = _moves_on(motion, frame, slice(first, end + 1), nearest_m)
-    return Act(switch.opens, of_name, least_m, at_object, way_m + M_PER_RAD * turn_rad, moves_on)
-
-
-def _moves_on(motion: Motion, frame: int, between: slice, nearest_m: Array) -> bool:
-    """Return whether the hand moves in a frame, and rests nearer to an object in another.
-
-    Args:
-        between: the frames between the switches before and after.
-        nearest_m: (T,) the distances from the object.
-    """
-    speed_m_s, off_s = motion.hand_speeds_m_s[frame], np.abs(motion.times_s[between] - motion.times_s[frame])
-    rests = SLOWER * motion.hand_speeds_m_s[between] < speed_m_s
-    nearer = nearest_m[between] < nearest_m[frame] - NEARER_M
-    return bool(speed_m_s > MOVES_ON_M_S and (rests & nearer & (off_s < BESIDE_S)).any())
 
 
 def _slides(positions_m: Array) -> bool:

@@ -9,8 +9,9 @@ import numpy.typing as npt
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import COMMANDED, Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.acts import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.frames import Compared
-from app.pipeline.findings.hand import AT_OBJECT_M, MOVING_M, NEARER_M
+from app.pipeline.findings.hand import MOVING_M
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of

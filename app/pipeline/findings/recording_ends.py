@@ -7,7 +7,8 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
-from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.acts import AT_OBJECT_M
+from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
 from roboprompt_client.types.arrays import Array

@@ -393,6 +393,23 @@ def test_a_hand_that_carries_something_by_its_end_across_where_it_lay(fault, fou
     assert bool(found_codes) is found
 
 
+@pytest.mark.parametrize(("closes_s", "found"), [(4.2, False), (6.2, True)])
+def test_a_hand_that_closes_late_on_what_it_pulls_along_its_axis(closes_s, found):
+    """Where it closes is one place along the object's axes, but the hand was at the object before."""
+
+    def pulled(seed):
+        random = np.random.default_rng(seed)
+        cube_m, yaw_deg = random.uniform((-0.2, -0.2, 0.78), (0.3, 0.2, 0.78)), float(random.uniform(-60, 60))
+        up_m, way_m = np.array([0, 0, 0.12]), rotated(0, 0, yaw_deg).apply([0.1, 0, 0])
+        places_m = [HOME_M, cube_m + up_m, cube_m, cube_m + way_m, cube_m + way_m + up_m]
+        knots = tuple((2.0 * k + rest_s, place_m) for k, place_m in enumerate(places_m) for rest_s in (0.0, 0.5))
+        turns = ((0.0, 0.0), (2.0, yaw_deg), (10.0, yaw_deg))
+        motion = ScriptedMotion(knots, turns=turns, switches=(closes_s,), starts_open=True, rest_s=0.5)
+        return recording(motion, (pose("red cube", cube_m, yaw_deg),), instruction="take the red cube")
+
+    assert ("implausible-gripper" in dangers([pulled(seed) for seed in range(10)])) is found
+
+
 @pytest.mark.parametrize(
     ("fault", "code"), [("backwards", "backwards-in-time"), ("names exchanged", "names-exchanged")]
 )
