@@ -138,8 +138,13 @@ class RecordedHand:
             _leaps(trajectory.positions_m, motion.times_s),
             _flickers(motion),
             _outruns_joints(motion),
-            bool(np.abs(trajectory.quaternions_xyzw[:, :3]).max() < NO_ROTATION),
+            lacks_rotation(motion),
         )
+
+
+def lacks_rotation(motion: Motion) -> bool:
+    """Return whether the hand's rotation is exactly the identity in every frame, as of a recorder that knows none."""
+    return bool(np.abs(motion.trajectory.quaternions_xyzw[:, :3]).max() < NO_ROTATION)
 
 
 def _slides(positions_m: Array) -> bool:

@@ -11,7 +11,7 @@ from app.pipeline.episode import COMMANDED, Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.acts import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.frames import Compared
-from app.pipeline.findings.hand import MOVING_M
+from app.pipeline.findings.hand import MOVING_M, lacks_rotation
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
@@ -70,7 +70,7 @@ def upload_findings(
 
 def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> tuple[Finding, ...]:
     """Return the findings, causes first."""
-    return (*_steps(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
+    return (*_steps(motion), *_rotations(motion), *_gripper(motion), *_keyframes(motion, keyframes, rule))
 
 
 def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
@@ -110,6 +110,15 @@ def _steps(motion: Motion) -> Iterator[Finding]:
             " grasps are known only to that accuracy. Record at a higher rate, or move more slowly."
         )
         yield Finding("coarse-recording", "warning", message, "trajectory", {"rate_hz": rate_hz, "step_m": usual_m})
+
+
+def _rotations(motion: Motion) -> Iterator[Finding]:
+    if lacks_rotation(motion):
+        message = (
+            "The hand's rotation is exactly 0 (0, 0, 0, 1) in every frame, as of a recorder that knows none. Predicted"
+            " actions would turn the hand to it: record its rotation, or the constant one of a hand that cannot turn."
+        )
+        yield Finding("rotation-not-measured", "warning", message, "trajectory.end_effector_quaternions_xyzw")
 
 
 def _gripper(motion: Motion) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from app.pipeline.keyframes import RULES, KeyframeRule, Motion, find_keyframes, 
 from roboprompt_client.types.trajectory import Trajectory
 
 from ..recordings import flowing
+from ..scenes import rotated
 
 DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
 WAY = flowing([(0.0, 0.0, 1.0), (0.3, 0.0, 1.0), (0.3, 0.3, 1.0)], blend_s=1e-6)
@@ -86,6 +87,15 @@ def test_frames_that_are_missing_on_the_way_are_reported(missing, found):
     motion = Motion.of(recording(recorded.positions_m[kept], timestamps_s=kept / 20))
     codes = [item.code for item in recording_findings(motion, [None], KeyframeRule("auto"))]
     assert [code for code in codes if code == "jump"] == found
+
+
+@pytest.mark.parametrize(("turn_deg", "found"), [(0.0, ["rotation-not-measured"]), (0.01, [])])
+def test_a_rotation_that_is_exactly_the_identity_throughout_is_reported(turn_deg, found):
+    recorded = WAY.at(20)
+    turns = np.tile(rotated(0, 0, turn_deg).as_quat(), (len(recorded), 1))
+    motion = Motion.of(replace(recorded, quaternions_xyzw=turns))
+    codes = [item.code for item in recording_findings(motion, [None], KeyframeRule("auto"))]
+    assert [code for code in codes if code == "rotation-not-measured"] == found
 
 
 @pytest.mark.parametrize(("closes_to_m", "severity"), [(0.02, "warning"), (0.079, "info")])
