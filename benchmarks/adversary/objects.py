@@ -8,12 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.noise import disturbed
 from benchmarks.adversary.case import Case, Mutation, Poses, mentioned
-from benchmarks.adversary.recordings import Change, Fault, level, moved
+from benchmarks.adversary.recordings import Change, Fault, camera_frame, level, moved
 from roboprompt_client.types import quaternions
 
 PoseChange = Callable[[Poses], Poses]
 PoseFault = Callable[[Case, np.random.Generator], PoseChange | None]
-IDENTITY_XYZW = np.array([0.0, 0.0, 0.0, 1.0])
 ESTIMATOR_DEG_PER_M = 4.61 / 0.0168  # as the paper's pose estimator errs
 
 
@@ -173,13 +172,12 @@ def unturned(case: Case, random: np.random.Generator) -> PoseChange | None:
     """The estimator sees no rotations and says that all are the identity."""
     if all(pose.quaternion_xyzw is None for pose in case.objects):
         return None
-    return lambda poses: tuple(replace(pose, quaternion_xyzw=IDENTITY_XYZW) for pose in poses)
+    return lambda poses: tuple(replace(pose, quaternion_xyzw=quaternions.IDENTITY) for pose in poses)
 
 
 def in_camera_frame(case: Case, random: np.random.Generator) -> PoseChange:
     """All objects are in the frame of a camera, which looks down at an angle."""
-    turn = Rotation.from_euler("zx", [random.uniform(-180, 180), random.uniform(100, 160)], degrees=True)
-    shift_m = np.array([*level(random, 0.2, 0.8)[:2], random.uniform(0.4, 1.0)])
+    shift_m, turn = camera_frame(random)
     return lambda poses: moved(poses, shift_m, turn)
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import frame_times_s
 from benchmarks.adversary.case import Case, Recording
-from benchmarks.adversary.recordings import Change, frames, hand_moved, level, with_hand
+from benchmarks.adversary.recordings import Change, camera_frame, frames, hand_moved, level, with_hand
 from roboprompt_client.types.arrays import Array
 
 Y_UP = Rotation.from_euler("x", -90, degrees=True)
@@ -81,8 +81,7 @@ def sparse(case: Case, random: np.random.Generator) -> Change:
 
 def hand_in_tilted_frame(case: Case, random: np.random.Generator) -> Change:
     """The hand alone is in the frame of a camera, which looks down at an angle."""
-    turn = Rotation.from_euler("zx", [random.uniform(-180, 180), random.uniform(100, 160)], degrees=True)
-    shift_m = np.array([*level(random, 0.2, 0.8)[:2], random.uniform(0.4, 1.0)])
+    shift_m, turn = camera_frame(random)
     return lambda recording: hand_moved(recording, shift_m, turn)
 
 

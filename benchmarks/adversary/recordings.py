@@ -195,6 +195,12 @@ def level(random: np.random.Generator, least_m: float, most_m: float) -> Array:
     return far_m * np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
+def camera_frame(random: np.random.Generator) -> tuple[Array, Rotation]:
+    """Where the world is in the frame of a camera that looks down at an angle: its shift (3,) and rotation."""
+    turn = Rotation.from_euler("zx", [random.uniform(-180, 180), random.uniform(100, 160)], degrees=True)
+    return np.array([*level(random, 0.2, 0.8)[:2], random.uniform(0.4, 1.0)]), turn
+
+
 def with_hand(recording: Recording, positions_m: Array, quaternions_xyzw: Array | None = None) -> Recording:
     """The recording with other positions of the hand, and other rotations where they are given."""
     given = recording.trajectory

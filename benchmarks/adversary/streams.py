@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.adversary.case import Case, Recording
 from benchmarks.adversary.recordings import Change, frames, level, with_hand
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.trajectory import Trajectory
 
 XY_EXCHANGED = [1, 0, 2]
@@ -70,7 +71,7 @@ def hand_unturned(case: Case, random: np.random.Generator) -> Change:
 
     def change(recording: Recording) -> Recording:
         given = recording.trajectory
-        return with_hand(recording, given.positions_m, np.tile([0.0, 0.0, 0.0, 1.0], (len(given), 1)))
+        return with_hand(recording, given.positions_m, np.tile(quaternions.IDENTITY, (len(given), 1)))
 
     return change
 

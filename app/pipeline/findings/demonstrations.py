@@ -176,6 +176,8 @@ class Taught:
 
     def _anchors(self, asked: Order) -> list[Anchor]:
         plans = self.support.alike(asked)
+        if len(asked.clauses) > 1 and all(len(group[0].order.clauses) == 1 for group, _ in plans):
+            return [anchor for part in asked.clauses for anchor in self._anchors(replace(asked, text=part.text))]
         return [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
 
     @cached_property

@@ -138,11 +138,11 @@ class RecordedHand:
             _leaps(trajectory.positions_m, motion.times_s),
             _flickers(motion),
             _outruns_joints(motion),
-            lacks_rotation(motion),
+            is_unturned(motion),
         )
 
 
-def lacks_rotation(motion: Motion) -> bool:
+def is_unturned(motion: Motion) -> bool:
     """Return whether the hand's rotation is exactly the identity in every frame, as of a recorder that knows none."""
     return bool(np.abs(motion.trajectory.quaternions_xyzw[:, :3]).max() < NO_ROTATION)
 

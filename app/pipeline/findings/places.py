@@ -18,6 +18,7 @@ from roboprompt_client.types.poses import ObjectPose
 UP = (0.0, 0.0, 1.0)
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
+EXACTLY_RAD = 1e-9  # no measured rotation is as near to the identity
 DIFFERS_DEG = 20.0  # rotations that differ by more were turned, and are no noise
 FULL_TURN_DEG = 200.0  # demonstrations that span more have the object at any angle
 # A single place this far from all others is an outlier; the second value is for fewer than MANY_DEMONSTRATIONS
@@ -141,10 +142,14 @@ class ShownPlaces:
 
         Estimators that see no rotation say so.
         """
-        if pose.quaternion_xyzw is None or not len(self.up) or np.abs(pose.quaternion_xyzw[:3]).max() > 0:
+        if (
+            pose.quaternion_xyzw is None
+            or not len(self.up)
+            or quaternions.angle_rad(pose.quaternion_xyzw) > EXACTLY_RAD
+        ):
             return False
         apart = (self.up @ self.up.T).min() < math.cos(math.radians(DIFFERS_DEG))
-        known_before = ((self.yaws_rad == 0) & (self.up[:, 2] == 1)).any()
+        known_before = ((np.abs(self.yaws_rad) < EXACTLY_RAD) & (self.up[:, 2] > 1 - EXACTLY_RAD)).any()
         return not known_before and bool(apart or self._yaws_deg().width > DIFFERS_DEG)
 
     def tilted_beyond_deg(self, pose: ObjectPose) -> float:

@@ -11,7 +11,7 @@ from app.pipeline.episode import COMMANDED, Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.acts import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.frames import Compared
-from app.pipeline.findings.hand import MOVING_M, lacks_rotation
+from app.pipeline.findings.hand import MOVING_M, is_unturned
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
@@ -113,7 +113,7 @@ def _steps(motion: Motion) -> Iterator[Finding]:
 
 
 def _rotations(motion: Motion) -> Iterator[Finding]:
-    if lacks_rotation(motion):
+    if is_unturned(motion):
         message = (
             "The hand's rotation is exactly 0 (0, 0, 0, 1) in every frame, as of a recorder that knows none. Predicted"
             " actions would turn the hand to it: record its rotation, or the constant one of a hand that cannot turn."

@@ -10,10 +10,11 @@ from app.pipeline.findings.hand import Kept
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.path_kept import kept, missed_m, path_findings
 from app.pipeline.keyframes import Motion
+from app.pipeline.order.order import Order
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import INSTRUCTION, picked, reached, recording, scene
 from tests.pipeline.recordings import ScriptedMotion
-from tests.pipeline.scenes import action, demonstration, pose
+from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 PRESS = "press the button"
 
@@ -245,3 +246,19 @@ def test_a_detour_that_shifts_rows_is_not_elsewhere(returns, severity):
         rows = [action(place_m, gripper_open=False) for place_m in way_m]
         demonstrations.append(replace(demonstration(PRESS, [pose("button", button_m)], rows), plan=0, id=f"d{k}"))
     assert dict(found(Taught(tuple(demonstrations)))).get("acts-elsewhere") == severity
+
+
+def test_an_order_of_several_clauses_follows_the_objects_of_each():
+    """Demonstrations carry out one clause each, beside an object that turns."""
+    random, shown = np.random.default_rng(1), []
+    for k in range(10):
+        name = ("red cup", "blue cup")[k % 2]
+        cups = [pose(each, (*random.uniform(-0.3, 0.3, 2), 0.8), 12.0 * k - 60) for each in ("red cup", "blue cup")]
+        cup = next(each for each in cups if each.name == name)
+        beside_m = cup.position_m + rotated(0, 0, 12.0 * k - 60).apply([0.1, 0, 0.05])
+        shown.append(demonstration(f"push the {name}", cups, [action(beside_m, (180, 0, 12.0 * k - 60), False)]))
+    known = Taught(tuple(shown))
+    one = Order("push the blue cup", ("red cup", "blue cup"))
+    both = Order("push the red cup, then push the blue cup", ("red cup", "blue cup"))
+    assert known.followed(one) == known.turning(one) == {"blue cup"}
+    assert known.followed(both) == known.turning(both) == {"red cup", "blue cup"}

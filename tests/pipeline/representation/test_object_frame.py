@@ -248,6 +248,15 @@ def test_a_row_that_demonstrations_have_stands_for_their_mean(reply, heights_m, 
         assert angle_deg(action_.quaternion_xyzw, rotated(180, 0, yaw_deg).as_quat()) < 1e-6
 
 
+@given(st.lists(st.floats(-0.0024, 0.0024), min_size=2, max_size=6))
+def test_a_row_is_as_near_to_its_demonstrations_as_a_pose_can_be(off_m):
+    """The mean leaves the least squares: never more than the middle of the bin, where a row was before."""
+    shown = [lifted(10 * k, height_m=0.1 + each_m) for k, each_m in enumerate(off_m)]
+    (action_,) = parse_reply(" 1 A w: +0 +0 +20 0 36 36 0", fitted(*shown), shown[0].objects, LIFT)
+    off_mean_m = np.array(off_m) - (action_.position_m[2] - shown[0].objects[0].position_m[2] - 0.1)
+    assert np.sum(off_mean_m**2) <= np.sum(np.square(off_m)) + 1e-15
+
+
 def lifted(place, instruction=LIFT, height_m=0.1):
     """One demonstration with the cup at `place` cm along x."""
     position_m = np.array([place / 100, 0, 0.705])
