@@ -7,18 +7,18 @@ from itertools import product
 import app.sim  # noqa: F401 - chooses OpenGL, which MuJoCo reads when it is imported
 
 # isort: split
-import cv2
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim.scene import COLORS, SceneBody, about_z
 from app.sim.world import CameraPlacement, camera_to_world
+from benchmarks.camera_noise import as_d435, miscalibrated
 from benchmarks.object_shapes import PROPS, THINGS
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
-WIDTH_PX, HEIGHT_PX, FOCAL_PX, BASELINE_M = 640, 480, 600.0, 0.05
+WIDTH_PX, HEIGHT_PX, FOCAL_PX = 640, 480, 600.0
 SIZE_PX = HEIGHT_PX, WIDTH_PX
 AREA_M = np.array([0.23, 0.18])  # half sizes of where objects stand, around the origin
 GAP_M = 0.008  # least distance between two objects' circles
@@ -26,7 +26,6 @@ AWAY_M = np.array([0.0, 0.0, -3.0])  # where bodies wait that are not in the sce
 MAX_TRIALS = 400
 RANGE_M = 10.0
 CAMERAS = {"front": (-90.0, 45.0, 0.80), "left": (160.0, 42.0, 0.90), "right": (20.0, 48.0, 0.75)}
-CALIBRATION_DEG, CALIBRATION_M = 0.15, 0.001  # sigmas: errors of 0.07 to 0.31 degrees
 NUM_CLUTTER = 8
 GLOSS, GLOSS_EXPONENT = 0.9, 40
 CLOTH_M = 0.004
@@ -73,7 +72,7 @@ class Room:
         self._data = mujoco.MjData(self._model)
         rng = np.random.default_rng(seed)
         self.cameras = tuple(_camera(name, *place) for name, place in CAMERAS.items())
-        self.calibrated = tuple(_miscalibrated(camera, rng) for camera in self.cameras)
+        self.calibrated = tuple(miscalibrated(camera, rng) for camera in self.cameras)
 
     def place(self, layout: Layout) -> None:
         """Move everything to where the layout says."""
@@ -162,7 +161,7 @@ class Room:
         shots = [self.shoot(layout, number, of) for number in range(num)]
         if not noise:
             return tuple(shots)
-        return tuple(replace(_as_d435(shot, rng), camera=self.calibrated[n]) for n, shot in enumerate(shots))
+        return tuple(replace(as_d435(shot, rng), camera=self.calibrated[n]) for n, shot in enumerate(shots))
 
 
 def _camera(name: str, azimuth_deg: float, elevation_deg: float, far_m: float) -> Camera:
@@ -172,43 +171,6 @@ def _camera(name: str, azimuth_deg: float, elevation_deg: float, far_m: float) -
     )
     pose = camera_to_world(CameraPlacement(tuple(eye), (0, 0, 0), 43.6))
     return Camera(name, FOCAL_PX, FOCAL_PX, (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2, pose)
-
-
-def _miscalibrated(camera: Camera, rng: np.random.Generator) -> Camera:
-    pose = camera.camera_to_world.copy()
-    turn = Rotation.from_rotvec(np.radians(CALIBRATION_DEG) * rng.normal(0, 0.6, 3))
-    pose[:3, :3] = turn.as_matrix() @ pose[:3, :3]
-    pose[:3, 3] += rng.normal(0, CALIBRATION_M, 3)
-    return replace(camera, camera_to_world=pose)
-
-
-def _as_d435(frame: RgbdFrame, rng: np.random.Generator) -> RgbdFrame:
-    """With a D435's disparity noise (correlated, 1/32 px steps), fat edges, flying pixels, shadows and holes."""
-    depth = frame.depth_m
-    assert depth is not None
-    assert frame.rgb is not None
-    depth = np.where(depth > 0, depth, 5).astype(np.float32)
-    scale = FOCAL_PX * BASELINE_M
-
-    def white(sigma: float) -> Array:
-        return cv2.GaussianBlur(rng.standard_normal(depth.shape).astype(np.float32), (0, 0), sigma)
-
-    fat = cv2.erode(depth, np.ones((3, 3)))
-    z = np.where((depth - fat > 0.01) & (white(2) > 0), fat, depth)
-    error = white(1.5)
-    disparity = scale / z + 0.08 * error / error.std() + rng.normal(0, 0.02)
-    z = (scale / (np.round(disparity * 32) / 32)).astype(np.float32)
-    near, far = cv2.erode(z, np.ones((3, 3))), cv2.dilate(z, np.ones((3, 3)))
-    is_edge, dice = far - near > 0.015, rng.random(z.shape)
-    z = np.where(is_edge & (dice < 0.15), near + (far - near) * (dice / 0.15), z)
-    shadow = np.zeros(z.shape, bool)
-    step = np.diff(scale / depth, axis=1)
-    for row, column in np.argwhere(step > 0.5):
-        shadow[row, max(0, column + 1 - int(step[row, column])) : column + 1] = True
-    hole = shadow | (is_edge & (dice > 0.7)) | (white(3) * 10.6 > 3.2)
-    z = np.where(hole | (frame.depth_m == 0), 0, np.round(z * 1000) / 1000).astype(np.float32)
-    rgb = np.clip(frame.rgb + rng.normal(0, 3, frame.rgb.shape), 0, 255).astype(np.uint8)
-    return replace(frame, depth_m=z, rgb=rgb)
 
 
 def upright(x_m: float, y_m: float, yaw_rad: float) -> Array:

@@ -22,7 +22,7 @@ from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepResult, SweepRun
 from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
 from app.evaluation.tables import results_table
-from app.evaluation.world import Panda, world_named
+from app.evaluation.world import Panda, World, world_named
 from app.sim.shift import can_shift
 from roboprompt_client.errors import InvalidInputError
 
@@ -170,13 +170,13 @@ def _plan(asked: EvaluateOptions) -> Plan:
     if asked.shift is not None:
         methods = with_shift(methods, asked.shift)
         tasks = _shiftable(tasks, asked.shift, named=bool(asked.task))
-    _check_world(asked, methods)
+    _check_world(asked, world, methods)
     seed = world.first_test_seed if asked.seed is None else asked.seed
     settings = _settings(asked.settings or "{}")
     return Plan(tasks, methods, asked.episodes, asked.demos, asked.command, world, False, seed, settings)
 
 
-def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
+def _check_world(asked: EvaluateOptions, world: World, methods: tuple[Method, ...]) -> None:
     """Refuse options of the simulated Panda in another world, and options of other worlds on the Panda."""
     if asked.world is None:
         if any(method.source == "own keyframes" for method in methods):
@@ -185,6 +185,8 @@ def _check_world(asked: EvaluateOptions, methods: tuple[Method, ...]) -> None:
         raise InvalidInputError("recordings", "is for the simulated Panda alone")
     elif needing := [method.label for method in methods if method.needs_panda]:
         raise InvalidInputError("method", f"{', '.join(needing)}: needs the simulated Panda")
+    elif not world.has_cameras and (looking := [method.label for method in methods if method.poses == "vision"]):
+        raise InvalidInputError("method", f"{', '.join(looking)}: {asked.world} has no cameras")
 
 
 def _settings(text: str) -> dict[str, object]:

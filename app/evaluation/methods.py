@@ -72,7 +72,7 @@ class Method:
     @property
     def needs_panda(self) -> bool:
         """Whether only the simulated Panda can run it."""
-        return self.source in OF_THE_PANDA or self.poses == "vision" or self.shift_m > 0
+        return self.source in OF_THE_PANDA or self.shift_m > 0
 
     @property
     def taught_noise(self) -> float:

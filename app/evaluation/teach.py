@@ -93,7 +93,7 @@ def _model_from_labels(
         client.label_object(school, name, id_, mask_ids=scene.mask_ids[name][:1], **arrow)
     known: str | float = "none" if symmetry_deg is None else symmetry_deg or "yaw"
     reasons = []
-    for symmetric in dict.fromkeys((known, "none", 180.0)):
+    for symmetric in dict.fromkeys((known, "none", 180.0, 90.0, "yaw")):
         try:
             model: Mapping[str, Any] = client.learn_from_labels(school, name, symmetric)["model"]
         except ServiceProblemError as error:

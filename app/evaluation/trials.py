@@ -64,7 +64,7 @@ class TrialRunner:
         """Return what the robot sends of the scene: poses with the method's noise, or images only."""
         if method.poses == "vision":
             photographed = call(self.executor, self.world.view, scene.task, scene.seed, True)
-            return images_only(photographed.frames, scene.objects)
+            return images_only(photographed.frames, photographed.objects)
         return Observation(disturbed(scene.objects, method.noise, scene.seed))
 
     def _without_actions(self, trial: Trial, planned: PlannedTrial, error: ServiceProblemError) -> Trial:

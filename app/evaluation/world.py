@@ -39,6 +39,10 @@ class World(Protocol):
         """The default first seed of unseen scenes."""
 
     @property
+    def has_cameras(self) -> bool:
+        """Whether `view` and `demonstrate` can return images."""
+
+    @property
     def python(self) -> Path | None:
         """The interpreter of the world's environment; None: that of the evaluation."""
 
@@ -95,6 +99,7 @@ class Panda:
         name: task.yaw_symmetry_deg for name, task in ALL_TASKS.items()
     }
     first_test_seed: ClassVar[int] = 100_000
+    has_cameras: ClassVar[bool] = True
     python: ClassVar[None] = None
 
     @property

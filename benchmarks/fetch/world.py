@@ -194,6 +194,7 @@ class Fetch:
 
     tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {task: {} for task in TASKS}
     first_test_seed: ClassVar[int] = 1000
+    has_cameras: ClassVar[bool] = False
     python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
 
     def conditions(self) -> Mapping[str, Any]:

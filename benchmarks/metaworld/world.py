@@ -105,6 +105,7 @@ class MetaWorld:
     control_frequency_hz: float = 27.0
     tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {task: {} for task in TASKS}
     first_test_seed: ClassVar[int] = 1000
+    has_cameras: ClassVar[bool] = False
     python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
 
     def conditions(self) -> Mapping[str, Any]:

@@ -25,10 +25,15 @@ SETTLING_STEPS = 10  # in which the objects fall onto the table
 
 @dataclass(frozen=True)
 class Body:
-    """An object of a scene: `name` for people, `body` in robosuite's model."""
+    """An object of a scene: `name` for people, `body` in robosuite's model.
+
+    Attributes:
+        visible: whether cameras see it; robosuite marks the place in the bin by a body that is not there.
+    """
 
     name: str
     body: str
+    visible: bool = True
 
 
 @dataclass(frozen=True)
@@ -37,12 +42,14 @@ class Task:
 
     Attributes:
         scripted: whether `expert` can demonstrate it.
+        looked_at_m: (3,) the point of the table at which cameras look.
     """
 
     env: str
     instruction: str
     bodies: tuple[Body, ...]
     scripted: bool = True
+    looked_at_m: tuple[float, float, float] = (0.0, 0.0, 0.8)
 
 
 TASKS: dict[str, Task] = {
@@ -56,7 +63,8 @@ TASKS: dict[str, Task] = {
         name: Task(
             f"PickPlace{name.title()}",
             f"put the {name} into the bin",
-            (Body(name, f"{name.title()}_main"), Body("bin", f"Visual{name.title()}_main")),
+            (Body(name, f"{name.title()}_main"), Body("bin", f"Visual{name.title()}_main", visible=False)),
+            looked_at_m=(0.1, -0.25, 0.8),
         )
         for name in ("can", "milk", "bread", "cereal")
     },
@@ -64,11 +72,13 @@ TASKS: dict[str, Task] = {
         "NutAssemblySquare",
         "put the square nut on the peg",
         (Body("square nut", "SquareNut_main"), Body("peg", "peg1")),
+        looked_at_m=(0.0, 0.0, 0.82),
     ),
     "round_nut": Task(
         "NutAssemblyRound",
         "put the round nut on the peg",
         (Body("round nut", "RoundNut_main"), Body("peg", "peg2")),
+        looked_at_m=(0.0, 0.0, 0.82),
     ),
     "door": Task("Door", "open the door by its handle", (Body("door handle", "Door_latch"),)),
     "both_nuts": Task(
@@ -173,6 +183,16 @@ class Scene:
     def joint_velocities_rad_s(self) -> Floats:
         """(7,)."""
         return np.array(self._env.sim.data.qvel[self._env.robots[0]._ref_joint_vel_indexes[:7]])
+
+    @property
+    def model(self) -> Any:  # noqa: ANN401
+        """MuJoCo's own model."""
+        return self._env.sim.model._model
+
+    @property
+    def data(self) -> Any:  # noqa: ANN401
+        """MuJoCo's own data."""
+        return self._env.sim.data._data
 
     def objects(self) -> tuple[ObjectPose, ...]:
         """The true poses of the task's objects."""

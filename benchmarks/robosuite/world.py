@@ -37,6 +37,7 @@ class Robosuite:
 
     recordings: Path | None = field(default_factory=lambda: _folder())
     first_test_seed: ClassVar[int] = 1000
+    has_cameras: ClassVar[bool] = True
     python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
 
     @property
@@ -53,25 +54,16 @@ class Robosuite:
         return replace(self)
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
-        return _view(task, seed, _scene(task, seed))
+        return _view(task, seed, _scene(task, seed), images)
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
         if task in PEOPLE:
             assert self.recordings is not None
             return recorded_by_people(self.recordings, task, seed)
-        return self.solve(task, seed)
+        return _solved(task, seed, images)
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
-        from benchmarks.robosuite.expert import plan
-
-        scene = _scene(task, seed)
-        view, arm = _view(task, seed, scene), _Arm(scene, EXPERT_SPEED)
-        actions = plan(_simulated(task), scene)
-        for number, action in enumerate(actions, start=1):
-            arm.perform(action, is_last=number == len(actions))
-        failure = "" if scene.done else f"not solved after {scene.steps} steps"
-        trajectory = arm.trajectory()
-        return RecordedDemonstration(view, trajectory, CONTROL_HZ, scene.done, failure, tuple(actions))
+        return _solved(task, seed)
 
     def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
         """Straight from one pose to the next."""
@@ -100,9 +92,30 @@ def _scene(task: str, seed: int) -> Scene:
     return Scene(_simulated(task), seed)
 
 
-def _view(task: str, seed: int, scene: Scene) -> SceneView:
-    hand = Pose(scene.hand_m, scene.hand.as_quat())
-    return SceneView(task, seed, scene.task.instruction, scene.objects(), (), {}, hand)
+def _view(task: str, seed: int, scene: Scene, images: bool = False) -> SceneView:
+    """Return the scene as poses, or with the images of three depth cameras, and what these can see."""
+    hand, words = Pose(scene.hand_m, scene.hand.as_quat()), scene.task.instruction
+    if not images:
+        return SceneView(task, seed, words, scene.objects(), (), {}, hand)
+    from benchmarks.robosuite.cameras import look
+
+    seen = [item for item in scene.task.bodies if item.visible]
+    objects = tuple(pose for pose in scene.objects() if pose.name in {item.name for item in seen})
+    mask_ids = {item.name: (number,) for number, item in enumerate(seen, start=1)}
+    return SceneView(task, seed, words, objects, look(scene, [item.body for item in seen], seed), mask_ids, hand)
+
+
+def _solved(task: str, seed: int, images: bool = False) -> RecordedDemonstration:
+    from benchmarks.robosuite.expert import plan
+
+    scene = _scene(task, seed)
+    view, arm = _view(task, seed, scene, images), _Arm(scene, EXPERT_SPEED)
+    actions = plan(_simulated(task), scene)
+    for number, action in enumerate(actions, start=1):
+        arm.perform(action, is_last=number == len(actions))
+    failure = "" if scene.done else f"not solved after {scene.steps} steps"
+    trajectory = arm.trajectory()
+    return RecordedDemonstration(view, trajectory, CONTROL_HZ, scene.done, failure, tuple(actions))
 
 
 class _Arm:

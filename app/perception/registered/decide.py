@@ -14,14 +14,15 @@ from app.perception.registered.image_faults import image_faults
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import score, shares_seen
 from app.perception.registered.template import STANDS_WITHIN_M, Template
+from app.perception.registered.turns import RIVAL_SUPPORT, SAME_YAW_DEG, turns_deg, yaw_rivals
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 
 MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # assumed for a template of one view; accepted below the worst score of its views
-SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
+SAME_PLACE_M = 0.02
 ASIDE_M, ASIDE_PX = 0.015, 7.0  # an end that is not hidden contradicts a pose that is off by both
 EXPLAINED_M = 0.015  # points closer than this to the object in its pose belong to it
-RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
+RIVAL_SCORE, RIVAL_MARGIN = 0.55, 0.25
 OVERLAP_MARGIN = 0.06  # smaller margin for a rival that overlaps the found object: two objects cannot
 LIES_SCORE, LIES_BETTER = 0.6, 0.1  # least score of a lying pose, and least gain over upright ones
 MAX_BELOW_M = 0.003  # of an object below the table; upright ones are within 1.5 mm (cameras 0.3 degrees and 1 mm off)
@@ -37,13 +38,13 @@ class FoundPose:
     Attributes:
         best: its pose.
         shares: by camera, see `shares_seen`.
-        yaw_rivals: number of other yaws that explain the scene as well.
+        turns_deg: by which it may as well be turned, see `app.perception.registered.turns`.
         spread_m: largest distance of their positions from the pose's.
     """
 
     best: Hypothesis
     shares: dict[str, float]
-    yaw_rivals: int
+    turns_deg: tuple[float, ...]
     spread_m: float
 
     @property
@@ -75,7 +76,8 @@ def find(name: str, template: Template, scene: Scene, elsewhere: Index | None = 
     for rival in rivals:
         _check_alone(name, template, first.best, [rival.best])
         if angle_deg(first.best.rotation, rival.best.rotation, template.yaw_symmetry_deg) > SAME_YAW_DEG:
-            first = replace(first, yaw_rivals=first.yaw_rivals + 1 + rival.yaw_rivals)
+            turns = turns_deg(first.best, [rival.best], template.yaw_symmetry_deg)
+            first = replace(first, turns_deg=(*first.turns_deg, *turns))
     return first
 
 
@@ -99,9 +101,9 @@ def _find(name: str, template: Template, lit: LitScene, elsewhere: Index | None)
     leftover = [part for part in _leftover(template, lit, best, elsewhere) if part.tobytes() not in known]
     rivals = [place[0] for place, _ in places[1:]] + [hypotheses(template, lit, part)[0] for part in leftover]
     _check_alone(name, template, best, rivals)
-    turned = yaw_rivals(template, [first, *other_yaws])
+    turned = yaw_rivals([first, *other_yaws], template.yaw_symmetry_deg)
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
-    return FoundPose(best, shares, len(turned), spread_m)
+    return FoundPose(best, shares, turns_deg(first, turned, template.yaw_symmetry_deg), spread_m)
 
 
 def _with_all_within(
@@ -118,20 +120,6 @@ def _with_all_within(
     index = np.random.default_rng(0).permutation(np.concatenate([part, further]))[:MOST]
     value = float(score(template, lit, index, best.pose, MOST).value[0]) * best.color
     return replace(best, value=min(best.value, value))
-
-
-def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return the poses of other yaws that the evidence does not distinguish from the first."""
-    best, symmetry_deg = place[0], template.yaw_symmetry_deg
-    if symmetry_deg == 0:
-        return []
-    return [
-        other
-        for other in place[1:]
-        if angle_deg(best.rotation, other.rotation, symmetry_deg) > SAME_YAW_DEG
-        and other.support > RIVAL_SUPPORT
-        and not best.beats(other)
-    ]
 
 
 def _check(

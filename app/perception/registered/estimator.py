@@ -13,6 +13,7 @@ from app.perception.registered.depth_view import Index
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
+from app.perception.registered.turns import in_words, symmetry_remedy
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.errors import InvalidInputError
@@ -20,6 +21,7 @@ from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
 
 TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
+HELP_ONE_CAMERA = 'a further camera that sees it; symmetric: "yaw" if it is round'
 WELL_SEEN = 0.6  # less support lowers the confidence
 
 
@@ -77,8 +79,8 @@ def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, e
     symmetry_deg = model.yaw_symmetry_deg
     unknown = "" if symmetry_deg == 0 else _why_no_yaw(found)
     if unknown and not model.yaw_may_be_unknown:
-        remedy = 'a further camera that sees it; symmetric: "yaw" if it is round; yaw_may_be_unknown: true'
-        raise UncertainPoseError(name, f"its yaw is undecided: {unknown}", remedy)
+        remedy = symmetry_remedy(found.turns_deg) if found.turns_deg else HELP_ONE_CAMERA
+        raise UncertainPoseError(name, f"its yaw is undecided: {unknown}", f"{remedy}; yaw_may_be_unknown: true")
     if unknown and found.spread_m > SAME_PLACE_M:
         message = f"its yaw is undecided, and its place with it by {100 * found.spread_m:.0f} cm: {unknown}"
         raise UncertainPoseError(name, message, HELP_SEE)
@@ -97,8 +99,8 @@ def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, e
 
 def _why_no_yaw(found: FoundPose) -> str:
     """Return why the yaw is uncertain; empty if it is certain."""
-    if found.yaw_rivals:
-        return f"{found.yaw_rivals + 1} yaws explain what {', '.join(found.cameras)} show equally well"
+    if found.turns_deg:
+        return f"{in_words(found.turns_deg)} it fits what {', '.join(found.cameras)} show as well"
     if len(found.cameras) == 1:
         return f"only {found.cameras[0]} sees it, and one camera does not decide a yaw"
     return ""

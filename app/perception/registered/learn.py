@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.decide import MIN_SCORE, yaw_rivals
+from app.perception.registered.decide import MIN_SCORE
 from app.perception.registered.depth_view import Index, free_views, thinned, unit
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
+from app.perception.registered.symmetry import centered, completed, looks_alike_turned
 from app.perception.registered.template import Template
+from app.perception.registered.turns import in_words, symmetry_remedy, turns_deg, yaw_rivals
 from roboprompt_client.types.camera import RgbdFrame
 
 FEWEST_POINTS = 40
@@ -112,16 +113,28 @@ def _merged(name: str, usable: Mapping[int, _LabeledPoints], symmetry_deg: float
 
 
 def _check_symmetry(name: str, template: Template, views: Sequence[_LabeledPoints], *, needs_yaw: bool) -> None:
-    """Refuse a symmetry that most views contradict, and none for an object that looks the same all around."""
+    """Refuse a symmetry that most views contradict, and one under which most views do not decide the yaw."""
     symmetry_deg = template.yaw_symmetry_deg
     if symmetry_deg and not _look_alike_turned(views, symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')
-    if symmetry_deg is None and needs_yaw:
-        lit = views[0].scene.in_lights_of(template.table_rgb)[0]
-        if looks_alike_all_around(template, lit, views[0].index):
-            remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
-            raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
+    if not needs_yaw:
+        return
+    undecided = [turns for view in views if (turns := _turns_deg(template, _in_first_light(template, view)))]
+    if len(undecided) > len(views) / 2:
+        turns = max(undecided, key=len)
+        message = f"{in_words(turns)} it looks the same in {len(undecided)} of {len(views)} views"
+        raise ObjectModelError(name, message, f"{symmetry_remedy(turns)}; yaw_may_be_unknown: true")
+
+
+def _in_first_light(template: Template, view: _LabeledPoints) -> Sequence[Hypothesis]:
+    """Return poses of the template in a view, the best first, from every yaw."""
+    return hypotheses(template, view.scene.in_lights_of(template.table_rgb)[0], view.index)
+
+
+def _turns_deg(template: Template, found: Sequence[Hypothesis]) -> tuple[float, ...]:
+    """Return by which turns the template fits a view as well as in the first of the found poses."""
+    return turns_deg(found[0], yaw_rivals(found, template.yaw_symmetry_deg), template.yaw_symmetry_deg)
 
 
 def _look_alike_turned(views: Sequence[_LabeledPoints], symmetry_deg: float) -> bool:
@@ -197,8 +210,8 @@ def _with(template: Template, view: _LabeledPoints, root: _LabeledPoints) -> Tem
     lit, found = _found(template, view, root)
     if found[0].value < MIN_SCORE:
         return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"
-    if (view.yaw_deg is None or root.yaw_deg is None) and (rivals := yaw_rivals(template, found)):
-        return f"{len(rivals) + 1} yaws fit the other views: a yaw with each label would decide"
+    if (view.yaw_deg is None or root.yaw_deg is None) and (turns := _turns_deg(template, found)):
+        return f"{in_words(turns)} it fits the other views as well: a yaw with each label would decide"
     scene, index, pose = view.scene, view.index, found[0].template_to_world
     local_m = (scene.points_m[index] - pose[:3, 3]) @ pose[:3, :3]
     points_m, rgb, normals = thinned(

@@ -24,6 +24,8 @@ LAB_OFFSET, LAB_SCALE = np.array([0.0, 128, 128]), np.array([LIGHTNESS * 100 / 2
 MAX_SAMPLES, NUM_TRIALS, NUM_REFINEMENTS = 4000, 60, 3
 FLAT_M = 0.005  # points nearer to the table's plane belong to it
 MAX_SLOPE = 0.05  # of the plane: tables are level
+LEAST_APART_M = 0.05  # of points that define a plane
+ABOVE_FLOOR_M = 0.3  # least height of a table
 MIN_SHARE = 0.1  # least share of points in the plane
 CELL_M = 0.02  # cell of the map of the table's area
 SAME_SURFACE_M = 0.009  # a pixel shows a point if their depths differ by less
@@ -58,39 +60,64 @@ class Table:
 
 
 def find_table(points_m: Array, rgb: Array) -> Table | None:
-    """Return the level plane with most of the points (N, 3), whose colors are (N, 3), or None."""
+    """Return the level plane with most of the points (N, 3), whose colors are (N, 3), or None.
+
+    A floor below it may show more points: a table is at least `ABOVE_FLOOR_M` higher and shows half as many.
+    """
     if len(points_m) < NUM_TRIALS:
         return None
     rng = np.random.default_rng(0)
     some = points_m[rng.integers(0, len(points_m), MAX_SAMPLES)]
-    plane = _most_supported(some, some[rng.integers(0, len(some), (NUM_TRIALS, 3))])
-    if plane is None:
+    planes = _level_planes(some, rng)
+    if not len(planes):
         return None
-    for _ in range(NUM_REFINEMENTS):
-        inside = some[np.abs(_above(plane, some)) < FLAT_M]
-        with_one = np.column_stack([inside[:, :2], np.ones(len(inside))])
-        plane = np.asarray(np.linalg.lstsq(with_one, inside[:, 2], rcond=None)[0], np.float64)
+    plane = _refined(planes[_most_supported(planes, some)], some)
     near = np.abs(_above(plane, points_m)) < FLAT_M
     if near.mean() < MIN_SHARE:
         return None
     return Table(plane, _hull(points_m[near, :2]), np.median(rgb[near], axis=0))
 
 
-def _most_supported(points_m: Array, triples_m: Array) -> Array | None:
-    """Return the level plane through one of the triples (T, 3, 3) with most inliers (RANSAC), or None."""
-    normals = np.cross(triples_m[:, 1] - triples_m[:, 0], triples_m[:, 2] - triples_m[:, 0])
+def _level_planes(points_m: Array, rng: np.random.Generator) -> Array:
+    """Return level planes (P, 3) through triples of points (N, 3) that may lie in one: RANSAC's hypotheses.
+
+    Triples of any points would seldom lie in a table that fills a fifth of the images.
+    """
+    firsts_m = points_m[rng.integers(0, len(points_m), NUM_TRIALS)]
+    offsets_m = points_m - firsts_m[:, None]
+    apart_m = np.hypot(offsets_m[..., 0], offsets_m[..., 1])
+    may_be_level = (apart_m > LEAST_APART_M) & (np.abs(offsets_m[..., 2]) < MAX_SLOPE * apart_m)
+    drawn = np.where(may_be_level, rng.random(may_be_level.shape), 0)
+    seconds, thirds = np.argsort(drawn, axis=1)[:, -2:].T
+    trials = np.arange(NUM_TRIALS)
+    normals = np.cross(offsets_m[trials, seconds], offsets_m[trials, thirds])
     is_level = np.hypot(normals[:, 0], normals[:, 1]) < MAX_SLOPE * np.abs(normals[:, 2])
-    if not is_level.any():
-        return None
     slopes = -normals[is_level, :2] / normals[is_level, 2:]
-    heights_m = triples_m[is_level, 0, 2] - (slopes * triples_m[is_level, 0, :2]).sum(axis=1)
-    off_m = np.abs(points_m[:, 2] - slopes @ points_m[:, :2].T - heights_m[:, None])
-    best = int((off_m < FLAT_M).sum(axis=1).argmax())
-    return np.append(slopes[best], heights_m[best])
+    return np.column_stack([slopes, firsts_m[is_level, 2] - (slopes * firsts_m[is_level, :2]).sum(axis=1)])
+
+
+def _most_supported(planes: Array, points_m: Array) -> int:
+    """Return the index of the plane (P, 3) with most of the points (N, 3), or of the table above that floor."""
+    counts = (np.abs(_above(planes, points_m[:, None])) < FLAT_M).sum(axis=0)
+    levels_m = planes[:, :2] @ np.median(points_m[:, :2], axis=0) + planes[:, 2]
+    best = int(counts.argmax())
+    is_above = (levels_m > levels_m[best] + ABOVE_FLOOR_M) & (counts > counts[best] / 2)
+    return int(np.where(is_above, counts, 0).argmax()) if is_above.any() else best
+
+
+def _refined(plane: Array, points_m: Array) -> Array:
+    """Return the plane (3,) that fits its points best (least squares)."""
+    for _ in range(NUM_REFINEMENTS):
+        inside = points_m[np.abs(_above(plane, points_m)) < FLAT_M]
+        with_one = np.column_stack([inside[:, :2], np.ones(len(inside))])
+        plane = np.asarray(np.linalg.lstsq(with_one, inside[:, 2], rcond=None)[0], np.float64)
+    return plane
 
 
 def _above(plane: Array, points_m: Array) -> Array:
-    above: Array = points_m[:, 2] - points_m[:, :2] @ plane[:2] - plane[2]
+    """Return the heights of points (..., 3) above a plane (3,), or above each of (P, 3)."""
+    slope_x, slope_y, height_m = np.moveaxis(plane, -1, 0)
+    above: Array = points_m[..., 2] - points_m[..., 0] * slope_x - points_m[..., 1] * slope_y - height_m
     return above
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.decide import yaw_rivals
 from app.perception.registered.depth_view import VOXEL_M, Bools, Index, thinned, unit
 from app.perception.registered.hypotheses import hypotheses
 from app.perception.registered.icp import COARSE_M, FINAL_M, Poses, about_z, icp
@@ -21,7 +20,6 @@ OFF_AXIS_M = 0.002  # a radius that differs from those of its height by as much 
 CURVE_NEIGHBORS, CURVE_REACH_M = 200, 0.008  # of a point on the curve of radius and height of a round object
 MAX_OFF_AXIS_SHARE = 0.25  # median distance of normals from the axis, relative to the point's radius
 MAX_OFF_M = 0.004  # median distance of points from the rotated template
-ALL_AROUND, MAX_GAP_DEG = 6, 120.0  # equally good yaws of a round object: least number, largest gap
 
 
 def completed(name: str, template: Template) -> Template:
@@ -67,14 +65,6 @@ def _moved(template: Template, origin_m: Array) -> Template:
         views.append(replace(view, camera=replace(view.camera, camera_to_world=pose)))
     points_m, bottom_m = template.points_m - origin_m, template.bottom_m - float(origin_m[2])
     return replace(template, points_m=points_m, bottom_m=bottom_m, free_views=tuple(views))
-
-
-def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> bool:
-    """Return whether a view of the template fits it at every yaw."""
-    found = hypotheses(template, lit, index)
-    yaws = np.sort([item.yaw_deg for item in (found[0], *yaw_rivals(template, found))])
-    gaps = np.diff(yaws, append=yaws[0] + 360)
-    return len(yaws) >= ALL_AROUND and bool(gaps.max() < MAX_GAP_DEG)
 
 
 def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg: float, turn_deg: float) -> bool:

@@ -130,6 +130,13 @@ def drawer_between_boxes(apart_m, turn_rad):
     return where
 
 
+def test_a_yaw_that_is_undecided_is_refused_with_the_turns_and_the_symmetry():
+    query_ = replace(query("brick"), template=learn("brick", [view("brick", 0)], None, needs_yaw=False).template)
+    with pytest.raises(UncertainPoseError, match=r"turned by 1[78]\d degrees it fits what") as caught:
+        RegisteredPoses().estimate([replace(query_, model=RegisteredModel("0" * 64))], frames(layout(**ALL), 3))
+    assert caught.value.valid.startswith("symmetric: 180 if")
+
+
 @pytest.mark.parametrize("turn_rad", [-0.4, 0.0, 0.3])
 def test_a_long_object_whose_ends_are_hidden_is_refused(turn_rad):
     with pytest.raises(UncertainPoseError, match=r"along [xy] is undecided: moved by 1\.5 cm") as caught:

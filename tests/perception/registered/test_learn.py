@@ -102,9 +102,15 @@ def test_a_handle_that_the_first_view_hides_is_no_symmetry():
 
 
 def test_what_looks_the_same_all_around_needs_a_symmetry():
-    with pytest.raises(ObjectModelError, match="same at every yaw") as caught:
+    with pytest.raises(ObjectModelError, match=r"turned by .* degrees it looks the same in 1 of 1 views") as caught:
         learn("jar", [view("jar", 0)], None)
-    assert "yaw" in caught.value.valid
+    assert 'symmetric: "yaw"' in caught.value.valid
+
+
+def test_what_looks_the_same_from_behind_is_taught_as_symmetric_only():
+    with pytest.raises(ObjectModelError, match=r"turned by 1[78]\d degrees it looks the same in 2 of") as caught:
+        learn("brick", [replace(view("brick", k), yaw_deg=yaw_deg) for k, yaw_deg in enumerate((20.0, 90.0))], None)
+    assert "symmetric: 180 if" in caught.value.valid
 
 
 def test_a_template_is_the_same_after_its_way_through_a_file():
