@@ -251,6 +251,7 @@ def test_options_that_cannot_be(wrong, said):
         (["--task", "juggle"], "'juggle' is not one of assembly"),
         (["--recordings", "continuous"], "is for the simulated Panda alone"),
         (["--method", "replay"], "expert replay: needs the simulated Panda"),
+        (["--poses", "vision"], "benchmarks.metaworld.world has no cameras"),
     ],
 )
 def test_options_that_another_world_does_not_have(monkeypatch, wrong, said):
