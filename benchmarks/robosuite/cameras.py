@@ -15,7 +15,8 @@ import mujoco
 import numpy as np
 
 from benchmarks.camera_noise import as_d435, miscalibrated
-from benchmarks.robosuite.scene import Floats, Scene
+from benchmarks.robosuite.arm import Floats
+from benchmarks.robosuite.scene import Scene
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX, HEIGHT_PX = 640, 480

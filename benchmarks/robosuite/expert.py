@@ -7,7 +7,8 @@ that is nearest to where its hand is. Nothing else of a scene decides what it do
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.robosuite.scene import Floats, Scene
+from benchmarks.robosuite.arm import Floats
+from benchmarks.robosuite.scene import Scene
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 DOWN = Rotation.from_euler("x", np.pi)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from app.sim.outcomes import RecordedDemonstration, SceneView
-from benchmarks.robosuite.scene import TASKS, Floats, gripper_open
+from benchmarks.robosuite.arm import Floats, gripper_open
+from benchmarks.robosuite.scene import TASKS
 from roboprompt_client.types.poses import ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
 

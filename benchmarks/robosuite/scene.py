@@ -1,26 +1,13 @@
-"""robosuite's simulated Panda in the scene of a seed: where its hand and objects are, and how the hand is moved.
-
-Positions are in meters in robosuite's world frame; quaternions are xyzw. The hand's frame is robosuite's grip site: z
-points out of the fingers, which close along x.
-"""
+"""robosuite's tasks, and the scene of one and a seed: where its objects are."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from benchmarks.robosuite.arm import CONTROL_HZ, MAX_STEPS, ControlledScene
 from roboprompt_client.types.poses import ObjectPose
-
-Floats = NDArray[np.float64]
-CONTROL_HZ = 20.0
-STEP_M, STEP_RAD = 0.05, 0.5  # the motions that OSC_POSE makes of a command of 1
-OPEN, CLOSE = -1.0, 1.0  # the gripper's command
-MAX_STEPS = 1500
-AFTER_SUCCESS_STEPS = 12  # so long the arm goes on
-SETTLING_STEPS = 10  # in which the objects fall onto the table
 
 
 @dataclass(frozen=True)
@@ -107,15 +94,6 @@ TASKS: dict[str, Task] = {
 }
 
 
-def gripper_open(widths_m: Floats) -> NDArray[np.bool_]:
-    """(T,) whether the gripper is open: its fingers are farther apart than in the middle of the recording's extremes.
-
-    Args:
-        widths_m: (T,) between the fingers.
-    """
-    return np.asarray(widths_m > (widths_m.min() + widths_m.max()) / 2)
-
-
 @lru_cache(maxsize=1)
 def _environment(task: str) -> Any:  # noqa: ANN401
     import robosuite
@@ -136,90 +114,22 @@ def _environment(task: str) -> Any:  # noqa: ANN401
     )
 
 
-class Scene:
+class Scene(ControlledScene):
     """The scene of a task and a seed, under way; what happens follows from these and the commands."""
 
     def __init__(self, task: str, seed: int) -> None:
         self.task = TASKS[task]
-        self._env = _environment(task)
+        env = _environment(task)
         random = np.random.default_rng(seed)
-        self._env.rng = random
-        sampler = self._env.placement_initializer
+        env.rng = random
+        sampler = env.placement_initializer
         for each in (sampler, *getattr(sampler, "samplers", {}).values()):
             each.rng = random
-        self._env.reset()
-        self.steps = 0
-        self.done = False
-        self._after = 0
-        for _ in range(SETTLING_STEPS):
-            self._env.step(np.array([0, 0, 0, 0, 0, 0, OPEN]))
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing moves any more."""
-        return self._after >= AFTER_SUCCESS_STEPS or self.steps >= MAX_STEPS
-
-    @property
-    def hand_m(self) -> Floats:
-        """(3,) where the grip site is."""
-        return np.array(self._env.sim.data.site_xpos[self._site])
-
-    @property
-    def hand(self) -> Rotation:
-        """How the grip site is turned."""
-        return Rotation.from_matrix(self._env.sim.data.site_xmat[self._site].reshape(3, 3))
-
-    @property
-    def _site(self) -> int:
-        return int(self._env.robots[0].eef_site_id["right"])
-
-    @property
-    def width_m(self) -> float:
-        """Between the fingers."""
-        qpos = self._env.sim.data.qpos[self._env.robots[0]._ref_gripper_joint_pos_indexes["right"]]
-        return float(qpos[0] - qpos[1])
-
-    @property
-    def joint_velocities_rad_s(self) -> Floats:
-        """(7,)."""
-        return np.array(self._env.sim.data.qvel[self._env.robots[0]._ref_joint_vel_indexes[:7]])
-
-    @property
-    def model(self) -> Any:  # noqa: ANN401
-        """MuJoCo's own model."""
-        return self._env.sim.model._model
-
-    @property
-    def data(self) -> Any:  # noqa: ANN401
-        """MuJoCo's own data."""
-        return self._env.sim.data._data
+        env.reset()
+        robot = env.robots[0]
+        fingers, joints = robot._ref_gripper_joint_pos_indexes["right"], robot._ref_joint_vel_indexes[:7]
+        super().__init__(env, int(robot.eef_site_id["right"]), fingers, joints)
 
     def objects(self) -> tuple[ObjectPose, ...]:
         """The true poses of the task's objects."""
-        return tuple(ObjectPose(item.name, *self._pose(item.body)) for item in self.task.bodies)
-
-    def _pose(self, body: str) -> tuple[Floats, Floats]:
-        data, number = self._env.sim.data, self._env.sim.model.body_name2id(body)
-        wxyz = np.array(data.body_xquat[number])
-        return np.array(data.body_xpos[number]), wxyz[[1, 2, 3, 0]]
-
-    def step(self, target_m: Floats, target: Rotation, gripper: float, fastest: float = 1.0) -> None:
-        """One control step towards a pose; soon after success, or after too many steps, nothing moves.
-
-        Args:
-            target_m: (3,).
-            fastest: the share of the controller's fastest motion.
-        """
-        if self.ended:
-            return
-        way = (target_m - self.hand_m) / STEP_M
-        turn = (target * self.hand.inv()).as_rotvec() / STEP_RAD
-        limited = [part * min(1.0, fastest / max(float(np.abs(part).max()), 1e-9)) for part in (way, turn)]
-        self._env.step(np.concatenate([*limited, [gripper]]))
-        self.steps += 1
-        self.done = self.done or bool(self._env._check_success())
-        self._after += self.done
-
-    def off(self, target_m: Floats, target: Rotation) -> tuple[float, float]:
-        """How far the hand is from a pose, in meters and radians."""
-        return float(np.linalg.norm(target_m - self.hand_m)), float((target * self.hand.inv()).magnitude())
+        return tuple(ObjectPose(item.name, *self.pose_of(item.body)) for item in self.task.bodies)

@@ -11,19 +11,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
+from benchmarks.robosuite.arm import CONTROL_HZ, EXPERT_SPEED, Arm
 from benchmarks.robosuite.people import PEOPLE, recorded_by_people
-from benchmarks.robosuite.scene import CLOSE, CONTROL_HZ, OPEN, TASKS, Floats, Scene, gripper_open
+from benchmarks.robosuite.scene import TASKS, Scene
 from roboprompt_client.types.poses import EndEffectorAction, Pose
-from roboprompt_client.types.trajectory import Trajectory
-
-ARRIVED_M, ARRIVED_RAD = 0.004, 0.03
-PASSED_M, PASSED_RAD = 0.015, 0.1  # where the gripper does not switch
-MOVE_STEPS, GRIP_STEPS, LAST_STEPS = 150, 12, 30
-EXPERT_SPEED = 0.4  # of the fastest, as people go
 
 
 @dataclass(frozen=True)
@@ -67,12 +59,7 @@ class Robosuite:
 
     def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
         """Straight from one pose to the next."""
-        under_way = _scene(scene.task, scene.seed)
-        arm = _Arm(under_way)
-        for number, action in enumerate(actions, start=1):
-            arm.perform(action, is_last=number == len(actions))
-        failure = "" if under_way.done else f"not solved after {under_way.steps} steps"
-        return RolloutResult(len(actions), under_way.done, failure)
+        return Arm(_scene(scene.task, scene.seed)).carry_out(actions)
 
 
 def _folder() -> Path | None:
@@ -101,7 +88,7 @@ def _view(task: str, seed: int, scene: Scene, images: bool = False) -> SceneView
 
     seen = [item for item in scene.task.bodies if item.visible]
     objects = tuple(pose for pose in scene.objects() if pose.name in {item.name for item in seen})
-    mask_ids = {item.name: (number,) for number, item in enumerate(seen, start=1)}
+    mask_ids: dict[str, tuple[int, ...]] = {item.name: (number,) for number, item in enumerate(seen, start=1)}
     return SceneView(task, seed, words, objects, look(scene, [item.body for item in seen], seed), mask_ids, hand)
 
 
@@ -109,50 +96,7 @@ def _solved(task: str, seed: int, images: bool = False) -> RecordedDemonstration
     from benchmarks.robosuite.expert import plan
 
     scene = _scene(task, seed)
-    view, arm = _view(task, seed, scene, images), _Arm(scene, EXPERT_SPEED)
+    view, arm = _view(task, seed, scene, images), Arm(scene, EXPERT_SPEED)
     actions = plan(_simulated(task), scene)
-    for number, action in enumerate(actions, start=1):
-        arm.perform(action, is_last=number == len(actions))
-    failure = "" if scene.done else f"not solved after {scene.steps} steps"
-    trajectory = arm.trajectory()
-    return RecordedDemonstration(view, trajectory, CONTROL_HZ, scene.done, failure, tuple(actions))
-
-
-class _Arm:
-    """The hand under way, and what a recorder sees of it."""
-
-    def __init__(self, scene: Scene, fastest: float = 1.0) -> None:
-        self._scene = scene
-        self._fastest = fastest
-        self._gripper = OPEN
-        self._rows: list[tuple[Floats, Floats, Floats, float]] = []
-        self._note()
-
-    def perform(self, action: EndEffectorAction, *, is_last: bool) -> None:
-        """Go straight to the action's pose, then open or close."""
-        command = OPEN if action.gripper_open else CLOSE
-        switches = command != self._gripper
-        target = Rotation.from_quat(action.quaternion_xyzw)
-        within = (ARRIVED_M, ARRIVED_RAD) if switches or is_last else (PASSED_M, PASSED_RAD)
-        for _ in range(MOVE_STEPS):
-            if all(np.less(self._scene.off(action.position_m, target), within)):
-                break
-            self._step(action.position_m, target)
-        self._gripper = command
-        for _ in range(LAST_STEPS if is_last else GRIP_STEPS if switches else 0):
-            self._step(action.position_m, target)
-
-    def trajectory(self) -> Trajectory:
-        """What was recorded; joints are not known to robots that are driven by poses alone, but here they are."""
-        velocities, places_m, turns, widths_m = (np.array(column) for column in zip(*self._rows, strict=True))
-        return Trajectory(velocities, places_m, turns, gripper_open(widths_m))
-
-    def _step(self, position_m: Floats, target: Rotation) -> None:
-        if not self._scene.ended:
-            self._scene.step(position_m, target, self._gripper, self._fastest)
-            self._note()
-
-    def _note(self) -> None:
-        scene = self._scene
-        row = scene.joint_velocities_rad_s, scene.hand_m, scene.hand.as_quat(), scene.width_m
-        self._rows.append(row)
+    done = arm.carry_out(actions)
+    return RecordedDemonstration(view, arm.trajectory(), CONTROL_HZ, done.succeeded, done.failure, tuple(actions))

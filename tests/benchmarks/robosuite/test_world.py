@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from benchmarks.robosuite import expert, people, world
-from benchmarks.robosuite.scene import OPEN, TASKS, gripper_open
+from benchmarks.robosuite.arm import ARRIVED_M, OPEN, Arm, gripper_open
+from benchmarks.robosuite.scene import TASKS
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 HOME_M, HOME = np.array([-0.1, 0.0, 1.0]), Rotation.from_euler("z", np.pi / 2) * expert.DOWN
@@ -71,12 +72,11 @@ def test_a_cube_is_grasped_square_to_its_sides_with_the_least_turn(yaw_deg):
 
 
 def test_the_arm_records_where_it_was_and_when_its_fingers_had_opened():
-    arm = world._Arm(FreeHand(()))
+    arm = Arm(FreeHand(()))
     there_m = HOME_M + np.array([0.1, 0.0, -0.1])
-    for is_open in (True, False, True):
-        arm.perform(EndEffectorAction(there_m, HOME.as_quat(), is_open), is_last=False)
+    arm.carry_out([EndEffectorAction(there_m, HOME.as_quat(), is_open) for is_open in (True, False, True)])
     trajectory = arm.trajectory()
-    np.testing.assert_allclose(trajectory.positions_m[[0, -1]], [HOME_M, there_m], atol=world.ARRIVED_M)
+    np.testing.assert_allclose(trajectory.positions_m[[0, -1]], [HOME_M, there_m], atol=ARRIVED_M)
     assert np.count_nonzero(np.diff(trajectory.gripper_open)) == 2
     assert trajectory.gripper_open[-1]
 

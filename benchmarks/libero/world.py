@@ -1,0 +1,70 @@
+"""LIBERO as a world of the evaluation: `roboprompt eval --world benchmarks.libero.world`.
+
+A scripted expert demonstrates (`expert`). Predicted actions are carried out by robosuite's controller in LIBERO's own
+initial states and by its own criterion of success. It runs in an environment of its own, as LIBERO needs another
+robosuite.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
+from benchmarks.libero.expert import plan
+from benchmarks.libero.scene import FIRST_TEST_SEED, Scene
+from benchmarks.robosuite.arm import CONTROL_HZ, EXPERT_SPEED, Arm
+from roboprompt_client.types.poses import EndEffectorAction, Pose
+
+# By suite, the numbers of the tasks that the expert can demonstrate: things are taken and put somewhere.
+TASKS = {
+    "object": range(10),
+    "spatial": (0, 1, 2, 3, 6, 7, 8, 9),
+    "goal": (1, 2, 4, 6, 8, 9),
+    "long": (0, 1, 4, 5, 6, 7),
+}
+
+
+@dataclass(frozen=True)
+class Libero:
+    """Tasks of LIBERO's suites Object, Spatial, Goal and Long (LIBERO-10), e.g. ``spatial_3``."""
+
+    tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        f"{suite}_{number}": {} for suite, numbers in TASKS.items() for number in numbers
+    }
+    first_test_seed: ClassVar[int] = FIRST_TEST_SEED
+    has_cameras: ClassVar[bool] = False
+    python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
+
+    def conditions(self) -> Mapping[str, Any]:
+        return {"world": "libero", "control_frequency_hz": CONTROL_HZ}
+
+    def recorded_at(self, frequency_hz: float) -> "Libero":
+        if frequency_hz != CONTROL_HZ:
+            raise ValueError(f"LIBERO is controlled and recorded at {CONTROL_HZ:g} Hz")
+        return replace(self)
+
+    def view(self, task: str, seed: int, images: bool = False) -> SceneView:
+        return _view(seed, Scene(task, seed))
+
+    def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
+        return self.solve(task, seed)
+
+    def solve(self, task: str, seed: int) -> RecordedDemonstration:
+        scene = Scene(task, seed)
+        view, arm = _view(seed, scene), Arm(scene, EXPERT_SPEED)
+        actions = plan(scene)
+        done = arm.carry_out(actions)
+        return RecordedDemonstration(view, arm.trajectory(), CONTROL_HZ, done.succeeded, done.failure, tuple(actions))
+
+    def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
+        """Straight from one pose to the next."""
+        return Arm(Scene(scene.task, scene.seed)).carry_out(actions)
+
+
+WORLD = Libero()
+
+
+def _view(seed: int, scene: Scene) -> SceneView:
+    hand = Pose(scene.hand_m, scene.hand.as_quat())
+    return SceneView(scene.task, seed, scene.instruction, scene.objects(), (), {}, hand)
