@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | pictures | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | fetch | client | franka | realsense | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | pictures | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | fetch | libero | client | franka | realsense | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -13,7 +13,7 @@ DEV_STAMP := .venv/.installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs pictures dist long torture attack fuzz soak growth bench \
-	metaworld robosuite fetch client franka realsense mutations style types lint format openapi lock clean
+	metaworld robosuite fetch libero client franka realsense mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -162,12 +162,13 @@ bench: dev
 	$(BIN)/python -m benchmarks.bench
 
 # Benchmarks of others, each in an environment of its own: they pin another mujoco or numpy than the simulated Panda needs.
-# Options: make metaworld METAWORLD="--task push --method nearest", make robosuite ROBOSUITE=..., make fetch FETCH=...
+# Options: make metaworld METAWORLD="--task push --method nearest", make robosuite ROBOSUITE=..., make fetch FETCH=..., make libero LIBERO=...
 # Recordings of people, if there are: ROBOSUITE_RECORDINGS=folder make robosuite ROBOSUITE="--task lift_by_people --demos 8"
-WORLDS := metaworld robosuite fetch
+WORLDS := metaworld robosuite fetch libero
 metaworld: OPTIONS = $(METAWORLD)
 robosuite: OPTIONS = $(ROBOSUITE)
 fetch: OPTIONS = $(FETCH)
+libero: OPTIONS = $(LIBERO)
 
 benchmarks/%/.venv/.installed: benchmarks/%/requirements.txt
 	$(PYTHON) -m venv benchmarks/$*/.venv

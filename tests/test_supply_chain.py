@@ -56,7 +56,7 @@ def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
     assert {name: tested.get(name, beside[name]) for name in beside} == beside
 
 
-@pytest.mark.parametrize("world", ["fetch", "metaworld", "robosuite"])
+@pytest.mark.parametrize("world", ["fetch", "libero", "metaworld", "robosuite"])
 def test_another_world_s_environment_has_what_the_robot_s_side_needs(world):
     needed = {re.split(r"[^\w.-]", requirement)[0] for requirement in CLIENT["dependencies"]}
     assert needed <= set(versions(f"benchmarks/{world}/requirements.txt"))

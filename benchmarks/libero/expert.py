@@ -44,11 +44,6 @@ def plan(scene: Scene) -> list[EndEffectorAction]:
     return [action for relation, *names in scene.goals for action in _moved(scene, relation, *names)]
 
 
-def can_demonstrate(relations: list[str]) -> bool:
-    """Return whether the goals' relations are all of those that the expert knows."""
-    return all(relation in PUTS for relation in relations)
-
-
 def _moved(scene: Scene, relation: str, *names: str) -> Iterator[EndEffectorAction]:
     if relation not in PUTS:
         raise NotImplementedError(f"{relation} {names}")

@@ -6,7 +6,7 @@
     relation    = ["that is"] ["directly"] (nearness | beside | side) | "that is" {modifier} | "of" ["the"] noun
     nearness    = ["nearest"] "to" landmark | "nearest" landmark | ["farthest"] ["away"] "from" landmark
                 | "farthest" ["away"] ["to the" edge]
-    beside      = "next to", "left of", ... noun phrase | "between" noun phrase "and" noun phrase
+    beside      = "next to", "left of", "on", ... noun phrase | "between" noun phrase "and" noun phrase
     side        = "on", "at", "in" ["the"] ["far"] place ["side"] | "from" ["the"] place ["side"]
     landmark    = ["the"] "robot", "you", ... | noun phrase
 
@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.descriptions import MEANS, Description, NounPhrase, Unmatched
 from app.pipeline.order.lexicon import Lexicon, Text
-from app.pipeline.order.space import Layout, between, beyond, extreme, in_the_middle, next_to, on_side
+from app.pipeline.order.space import Layout, between, extreme, in_the_middle, on_side, related
 from app.pipeline.order.vocabulary import COLORS
 
 
@@ -202,9 +202,9 @@ class NounPhrases:
     def _beside(self, at: int, said: Description) -> Iterator[Description]:
         """Parse beside."""
         if (relation := next(vocabulary.RELATIONS.all_at(self.text.texts, at), None)) is not None:
-            side = vocabulary.RELATIONS[relation]
             for name, after in self._named(at + len(relation)):
-                yield said.with_pick(beyond(side, name) if side else next_to(name), after, nested=True)
+                pick = related(vocabulary.RELATIONS[relation], name)
+                yield said.with_pick(pick, after, nested=True)
         for one, middle in self._named(at + 1) if self.text.at(at) == "between" else ():
             for other, after in self._named(middle + 1) if self.text.at(middle) == "and" else ():
                 yield said.with_pick(between(one, other), after, nested=True)

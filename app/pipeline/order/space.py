@@ -12,6 +12,7 @@ import numpy as np
 from roboprompt_client.types.arrays import Array
 
 MARGIN_M = 0.02  # the uncertainty of poses from images; smaller differences count as equal
+SAME_PLACE_M = 0.03  # horizontal distance of what rests on an object whose height is not known
 CLEARLY_NEARER = 1.5  # ratio of the second nearest distance to the nearest
 MOSTLY = 0.5  # share of the distance along the direction: within 60 degrees of it
 ALONGSIDE = 0.35  # greatest offset from the line between two objects, as a share of its length, to be between them
@@ -33,6 +34,11 @@ class Layout:
         """Return how far (m) an object lies from the robot toward a side, a key of `AXES`."""
         axis, sign = AXES[side]
         return float(sign * (self.positions_m[name][axis] - self.robot_m[axis]))
+
+    def is_at(self, name: str, other: str) -> bool:
+        """Return whether an object is at the place of another on the table, and not below it."""
+        x_m, y_m, above_m = self.positions_m[name] - self.positions_m[other]
+        return float(np.hypot(x_m, y_m)) < SAME_PLACE_M and bool(above_m > -MARGIN_M)
 
     def distance_m(self, name: str, other: str | None) -> float:
         """Return the distance of an object from another, or from the robot (None)."""
@@ -68,6 +74,23 @@ def beyond(side: str, other: str) -> Pick:
         return _clearly_nearest(layout, tuple(filter(is_there, _without(names, other))), other)
 
     return pick
+
+
+def resting_on(other: str) -> Pick:
+    """The candidate on top of an object: above it, or at its place, as a bowl that stands on a flat box."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        above = set(beyond("top", other)(layout, names))
+        others = _without(names, other)
+        return tuple(name for name in others if name in above or layout.is_at(name, other))
+
+    return pick
+
+
+def related(relation: str, other: str) -> Pick:
+    """The candidate in a relation to an object, a value of `vocabulary.RELATIONS`."""
+    picks = {"next to": next_to, "on": resting_on}
+    return picks[relation](other) if relation in picks else beyond(relation, other)
 
 
 def between(one: str, other: str) -> Pick:

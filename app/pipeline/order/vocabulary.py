@@ -175,7 +175,8 @@ BEING = _phrases(", ".join((
 EXACTLY = _phrases("directly, immediately, just, right")
 SIDES = _phrases("side, end, edge, hand side, hand edge")
 RELATIONS = PhraseTable({phrase: side for side, listed in _rows("""
-: next to, beside, near, close to, adjacent to, alongside
+on: on, on top of
+next to: next to, beside, near, close to, adjacent to, alongside
 far: behind
 near: in front of
 top: above, over

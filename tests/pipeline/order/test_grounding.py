@@ -215,3 +215,42 @@ def test_a_relation_that_no_object_needs_may_be_a_destination():
     for said in ("put mug 1 next to mug 2 on the tray", "put mug 2 on the tray next to mug 1"):
         with pytest.raises((UngroundedInstructionError, UnfamiliarInstructionError)):
             read(said, words, layout)
+
+
+BOWLS_M = {
+    "bowl 1": [0.5, 0.3, 0.02],
+    "bowl 2": [0.5, -0.3, 0.05],
+    "box": [0.51, -0.3, 0.03],
+    "plate": [0.7, 0.0, 0.01],
+}
+
+
+def bowls(**moved_m):
+    places_m = BOWLS_M | {name.replace("_", " "): place_m for name, place_m in moved_m.items()}
+    return Layout({name: np.array(place_m) for name, place_m in places_m.items()}, np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"),
+    [
+        ("pick up the bowl on the box and place it on the plate", "bowl 2"),
+        ("pick up the bowl that stands on the box and place it on the plate", "bowl 2"),
+        ("pick up the bowl on top of the box and place it on the plate", "bowl 2"),
+        ("put the bowl on the box on the plate", "bowl 2"),
+    ],
+)
+def test_an_object_is_told_by_what_it_rests_on(said, meant):
+    words = taught(tuple(BOWLS_M), ["pick up bowl 1 and place it on the plate", "put bowl 1 on the plate"])
+    assert read(said, words, bowls()).objects == (meant, "plate")
+
+
+@pytest.mark.parametrize("said", ["put the bowl on the plate", "put bowl 1 on the box on the plate"])
+def test_words_that_may_say_where_to_put_an_object_do_not_choose_it(said):
+    words = taught(tuple(BOWLS_M), ["put bowl 1 on the plate"])
+    with pytest.raises((UngroundedInstructionError, UnfamiliarInstructionError)):
+        read(said, words, bowls(bowl_1=[0.7, 0.0, 0.02]))
+
+
+def test_an_object_that_is_already_there_may_be_put_there():
+    words = taught(tuple(BOWLS_M), ["put bowl 1 on the plate"])
+    assert read("put bowl 1 on the plate", words, bowls(bowl_1=[0.7, 0.0, 0.02])).objects == ("bowl 1", "plate")

@@ -30,6 +30,7 @@ def layout(**moved):
         (space.beyond("left", "c"), ALL, ("b",)),
         (space.beyond("left", "a"), ALL, ()),
         (space.beyond("far", "a"), ALL, ()),  # d is farther away, but mostly to the right
+        (space.resting_on("a"), ALL, ()),
         (space.between("a", "c"), ALL, ("b",)),
         (space.between("a", "a"), ALL, ()),
         (space.on_side("left"), ("b", "c"), ("b",)),
@@ -45,6 +46,19 @@ def test_relations_in_the_robots_frame(pick, names, found):
 
 def test_objects_closer_together_than_poses_are_certain_are_not_distinguished():
     assert space.extreme("left")(layout(b=(0.3, 0.29, 0.8)), ALL) == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("place_m", "found"),
+    [
+        ((0.31, 0.29, 0.81), ("b",)),  # a bowl on a flat box
+        ((0.3, 0.22, 1.0), ("b",)),  # on the other end of a cabinet
+        ((0.3, 0.22, 0.82), ()),  # beside it
+        ((0.3, 0.3, 0.7), ()),  # below it
+    ],
+)
+def test_what_rests_on_an_object_is_above_it_or_at_its_place(place_m, found):
+    assert space.resting_on("a")(layout(b=place_m), ALL) == found
 
 
 def test_distances_are_measured_from_where_the_robot_stands():
