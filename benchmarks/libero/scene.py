@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -81,15 +81,9 @@ class Scene(ControlledScene):
         goals: Sequence[Sequence[str]] = self.env.parsed_problem["goal_state"]
         return goals
 
-    @cached_property
-    def names(self) -> dict[str, str]:
-        """By LIBERO's name of each object, what people call it."""
-        ids = list(self.env.obj_body_id)
-        return {id_: called(id_) for id_ in ids}
-
-    def objects(self) -> tuple[ObjectPose, ...]:
-        """The true poses of all objects; of several alike, the instruction's is the first."""
-        return tuple(ObjectPose(name, *self.pose_of(self.body_of(id_))) for id_, name in self.names.items())
+    def objects(self) -> dict[str, ObjectPose]:
+        """Return the true poses of all objects, by LIBERO's names."""
+        return {id_: ObjectPose(called(id_), *self.pose_of(self.body_of(id_))) for id_ in self.env.obj_body_id}
 
     def body_of(self, id_: str) -> str:
         """Return the name of an object's body."""

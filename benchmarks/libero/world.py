@@ -33,7 +33,7 @@ class Libero:
         f"{suite}_{number}": {} for suite, numbers in TASKS.items() for number in numbers
     }
     first_test_seed: ClassVar[int] = FIRST_TEST_SEED
-    has_cameras: ClassVar[bool] = False
+    has_cameras: ClassVar[bool] = True
     python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
 
     def conditions(self) -> Mapping[str, Any]:
@@ -45,17 +45,17 @@ class Libero:
         return replace(self)
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
-        return _view(seed, Scene(task, seed))
+        return _view(seed, Scene(task, seed), images)
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
-        return self.solve(task, seed)
-
-    def solve(self, task: str, seed: int) -> RecordedDemonstration:
         scene = Scene(task, seed)
-        view, arm = _view(seed, scene), Arm(scene, EXPERT_SPEED)
+        view, arm = _view(seed, scene, images), Arm(scene, EXPERT_SPEED)
         actions = plan(scene)
         done = arm.carry_out(actions)
         return RecordedDemonstration(view, arm.trajectory(), CONTROL_HZ, done.succeeded, done.failure, tuple(actions))
+
+    def solve(self, task: str, seed: int) -> RecordedDemonstration:
+        return self.demonstrate(task, seed)
 
     def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
         """Straight from one pose to the next."""
@@ -65,6 +65,14 @@ class Libero:
 WORLD = Libero()
 
 
-def _view(seed: int, scene: Scene) -> SceneView:
-    hand = Pose(scene.hand_m, scene.hand.as_quat())
-    return SceneView(scene.task, seed, scene.instruction, scene.objects(), (), {}, hand)
+def _view(seed: int, scene: Scene, images: bool) -> SceneView:
+    """Return the scene as the poses of all objects, or as images, in which those of the task are to be found."""
+    hand, objects = Pose(scene.hand_m, scene.hand.as_quat()), scene.objects()
+    if not images:
+        return SceneView(scene.task, seed, scene.instruction, tuple(objects.values()), (), {}, hand)
+    from benchmarks.robosuite.cameras import look
+
+    wanted = [id_ for id_ in objects if id_ in scene.env.obj_of_interest]
+    frames = look(scene, scene.env.workspace_offset, [scene.body_of(id_) for id_ in wanted], seed)
+    mask_ids: dict[str, tuple[int, ...]] = {objects[id_].name: (k,) for k, id_ in enumerate(wanted, start=1)}
+    return SceneView(scene.task, seed, scene.instruction, tuple(objects[id_] for id_ in wanted), frames, mask_ids, hand)

@@ -1,11 +1,10 @@
-"""Three depth cameras around robosuite's table: what they see of a scene, and which pixels show which object.
+"""Three depth cameras around a table of robosuite or LIBERO: what they see, and which pixels show which object.
 
 Rendered by OpenGL with robosuite's own textures, lights and shadows, then with a D435's noise and miscalibrated.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import app.sim  # noqa: F401 - chooses OpenGL, which MuJoCo reads when it is imported
@@ -15,8 +14,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.camera_noise import as_d435, miscalibrated
-from benchmarks.robosuite.arm import Floats
-from benchmarks.robosuite.scene import Scene
+from benchmarks.robosuite.arm import ControlledScene, Floats
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
 WIDTH_PX, HEIGHT_PX = 640, 480
@@ -28,20 +26,24 @@ VISUAL_GROUPS = (1, 2)  # robosuite's others are shapes for collisions
 GHOST = "Visual"  # the beginning of the name of what only marks a place
 
 
-def look(scene: Scene, bodies: Sequence[str], seed: int) -> tuple[RgbdFrame, ...]:
+def look(
+    scene: ControlledScene, looked_at_m: Sequence[float], bodies: Sequence[str], seed: int
+) -> tuple[RgbdFrame, ...]:
     """Return what the cameras see, with masks: 1 + the index in `bodies` of what a pixel shows, 0 for anything else.
 
     Args:
+        looked_at_m: (3,) a point of the table.
         seed: of the noise; errors of calibration are the same in every scene.
     """
     fixed, noise = np.random.default_rng(CALIBRATION_SEED), np.random.default_rng(seed)
     _hide_ghosts(scene.model)
     ids = mask_ids(scene.model, bodies)
     frames = []
-    for name, azimuth_deg in AZIMUTHS_DEG.items():
-        view = view_from(azimuth_deg, scene.task.looked_at_m)
-        frame = as_d435(_rendered(scene, camera_of(name, view), view, ids), noise)
-        frames.append(replace(frame, camera=miscalibrated(frame.camera, fixed)))
+    with mujoco.Renderer(scene.model, HEIGHT_PX, WIDTH_PX) as renderer:
+        for name, azimuth_deg in AZIMUTHS_DEG.items():
+            view = view_from(azimuth_deg, looked_at_m)
+            frame = as_d435(_rendered(renderer, scene.data, camera_of(name, view), view, ids), noise)
+            frames.append(replace(frame, camera=miscalibrated(frame.camera, fixed)))
     return tuple(frames)
 
 
@@ -75,12 +77,12 @@ def mask_ids(model: Any, bodies: Sequence[str]) -> Floats:  # noqa: ANN401
     return ids
 
 
-def _rendered(scene: Scene, camera: Camera, view: Any, ids: Floats) -> RgbdFrame:  # noqa: ANN401
-    renderer, options = _renderer(scene.model), mujoco.MjvOption()
+def _rendered(renderer: Any, data: Any, camera: Camera, view: Any, ids: Floats) -> RgbdFrame:  # noqa: ANN401
+    options = mujoco.MjvOption()
     options.geomgroup[:] = 0
     options.geomgroup[list(VISUAL_GROUPS)] = 1
     options.sitegroup[:] = 0
-    renderer.update_scene(scene.data, view, options)
+    renderer.update_scene(data, view, options)
     rgb = renderer.render().copy()
     renderer.enable_depth_rendering()
     depth_m = renderer.render().copy()
@@ -97,8 +99,3 @@ def _hide_ghosts(model: Any) -> None:  # noqa: ANN401
         body = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, model.geom_bodyid[geom]) or ""
         if body.startswith(GHOST):
             model.geom_rgba[geom, 3] = 0
-
-
-@lru_cache(maxsize=1)
-def _renderer(model: Any) -> Any:  # noqa: ANN401
-    return mujoco.Renderer(model, HEIGHT_PX, WIDTH_PX)

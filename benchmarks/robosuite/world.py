@@ -89,7 +89,8 @@ def _view(task: str, seed: int, scene: Scene, images: bool = False) -> SceneView
     seen = [item for item in scene.task.bodies if item.visible]
     objects = tuple(pose for pose in scene.objects() if pose.name in {item.name for item in seen})
     mask_ids: dict[str, tuple[int, ...]] = {item.name: (number,) for number, item in enumerate(seen, start=1)}
-    return SceneView(task, seed, words, objects, look(scene, [item.body for item in seen], seed), mask_ids, hand)
+    frames = look(scene, scene.task.looked_at_m, [item.body for item in seen], seed)
+    return SceneView(task, seed, words, objects, frames, mask_ids, hand)
 
 
 def _solved(task: str, seed: int, images: bool = False) -> RecordedDemonstration:

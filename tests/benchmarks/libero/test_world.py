@@ -84,4 +84,3 @@ def test_objects_are_called_as_instructions_call_them(id_, name):
 
 def test_its_tasks_are_named_by_suite_and_number():
     assert {name.partition("_")[0] for name in WORLD.tasks} == {"object", "spatial", "goal", "long"}
-    assert not WORLD.has_cameras
