@@ -1,7 +1,7 @@
 """Several objects of one name in a scene, numbered by their positions.
 
-The first stands farthest left as the robot sees it (world frame: the greatest y), then nearest (the least x), then
-lowest. Objects of one name that stand almost equally far left may change their numbers from one look to the next: words
+The first has the greatest y in the world frame, which is farthest left for a robot that looks along +x; then the least
+x, then the least z. Objects of one name with almost equal y may change their numbers from one look to the next: words
 of place tell them apart, their numbers do not.
 """
 

@@ -1,10 +1,12 @@
 """The settings of a task. Each has a default; a first upload creates the task with the defaults."""
 
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -14,6 +16,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from scipy.spatial.transform import Rotation
 from sqlalchemy import Connection
 
 from app.perception.base import ESTIMATOR_NAMES
@@ -22,6 +25,7 @@ from app.perception.object_model import WHOLE, Number, ObjectModelError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_aliases_of, checked_aliases, spelling_variants
+from app.pipeline.order.space import Layout
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation.base import check_style
 from app.services.setting_parts import (
@@ -33,10 +37,12 @@ from app.services.setting_parts import (
     WorkspaceSettings,
 )
 from app.store import tasks
+from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.arms.named import named_geometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, Trajectory
@@ -123,9 +129,20 @@ class TaskSettings(BaseModel):
             " scene decide are all right"
         ),
     ] = "one"
-    robot_base: Annotated[
-        Point, Field(description="where the robot's base stands, meters, world frame; it looks along +x, left is +y")
-    ] = (0.0, 0.0, 0.0)
+    robot_base: Annotated[Point, Field(description="where the robot's base stands, meters, world frame")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    robot_base_yaw_deg: Annotated[
+        Number,
+        Field(
+            ge=-180,
+            le=180,
+            description="where the robot looks, degrees from the world's +x toward +y: `left` and `behind` are as it"
+            " sees them; at 0 left is +y",
+        ),
+    ] = 0.0
     arm: Annotated[
         Arm | None,
         Field(
@@ -179,6 +196,15 @@ class TaskSettings(BaseModel):
                 return self.arm.geometry()
             case _:
                 return named_geometry(self.arm)
+
+    def base(self) -> Calibration:
+        """Return the pose of the robot's base."""
+        turn = Rotation.from_euler("z", self.robot_base_yaw_deg, degrees=True)
+        return Calibration(np.array(self.robot_base), turn.as_quat())
+
+    def layout(self, positions_m: Mapping[str, Array]) -> Layout:
+        """Return where objects (3,) are as the robot sees them."""
+        return Layout(positions_m, np.array(self.robot_base), math.radians(self.robot_base_yaw_deg))
 
     def limits_of_motion(self) -> MotionLimits:
         bounds, box = self.motion_limits, self.workspace

@@ -16,6 +16,7 @@ from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject
+from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types.arrays import Array
@@ -62,12 +63,12 @@ def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObje
         return None
     poses = [(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"]) for item in actions]
     geometry = settings.geometry()
-    base_m = np.array(settings.robot_base)
     if (hand := record.request.get("end_effector")) is not None:
         poses.insert(0, (np.array(hand["position"]), np.array(hand["quaternion_xyzw"]), True))
     elif geometry is not None:
         ready = geometry.hand(geometry.ready_rad)
-        poses.insert(0, (ready[:3, 3] + base_m, Rotation.from_matrix(ready[:3, :3]).as_quat(), True))
+        turn = Rotation.from_matrix(ready[:3, :3]).as_quat()
+        poses.insert(0, (*settings.base().to_world(ready[:3, 3], turn), True))
     times_s = _arrivals_s(poses)
     moments_s = np.unique(np.concatenate([np.arange(0, times_s[-1], STEP_S), times_s]))
     places = np.array([position for position, _, _ in poses])
@@ -77,7 +78,7 @@ def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObje
     # The gripper acts where it arrives.
     reached = np.searchsorted(times_s, moments_s + 1e-9, side="right") - 1
     is_open = [bool(poses[index][2]) for index in reached]
-    joints = None if geometry is None else _joints(geometry, positions - base_m, quaternions)
+    joints = None if geometry is None else _joints(geometry, *_in_base(settings.base(), positions, quaternions))
     document = _document(moments_s, positions, quaternions, is_open, joints, settings)
     return {**document, "marks_s": times_s[len(poses) - len(actions) :].round(3).tolist()}
 
@@ -123,13 +124,20 @@ def _document(
     }
 
 
+def _in_base(base: Calibration, positions_m: Array, quaternions: Array) -> tuple[Array, Array]:
+    """Return poses (T, 3), (T, 4) of the world frame in that of the base."""
+    turn = Rotation.from_quat(base.quaternion_xyzw).inv()
+    return turn.apply(positions_m - base.position_m), (turn * Rotation.from_quat(quaternions)).as_quat()
+
+
 def skeletons(joints_rad: Array, settings: TaskSettings) -> list[list[list[float]]] | None:
     """Return for each moment of (T, J) joints the arm's points, world frame; None if no arm with J joints is known."""
     geometry = settings.geometry()
     if geometry is None or joints_rad.shape[1] != geometry.num_joints:
         return None
-    points_m = np.array([geometry.skeleton(each) for each in joints_rad]) + settings.robot_base
-    points: list[list[list[float]]] = points_m.round(3).tolist()
+    points_m, base = np.array([geometry.skeleton(each) for each in joints_rad]), settings.base()
+    turned_m = Rotation.from_quat(base.quaternion_xyzw).apply(points_m.reshape(-1, 3)).reshape(points_m.shape)
+    points: list[list[list[float]]] = (turned_m + base.position_m).round(3).tolist()
     return points
 
 

@@ -99,6 +99,19 @@ def test_where_the_robot_stands_decides_what_is_near_to_it(services):
     assert "red" in asked(question(services, instruction="push the button closest to you")).split(";")[0]
 
 
+def test_where_the_robot_looks_decides_what_is_left(services):
+    asked_for = []
+    for yaw_deg in (0, 180):
+        services.configure_task("push", {"robot_base_yaw_deg": yaw_deg})
+        left, right = (
+            asked(question(services, instruction=f"push the {side} button")).split(";")[0]
+            for side in ("leftmost", "rightmost")
+        )
+        assert left != right
+        asked_for.append((left, right))
+    assert asked_for[0] == asked_for[1][::-1]
+
+
 def test_aliases_hold_as_soon_as_they_are_set(services):
     with pytest.raises(InvalidInputError):
         question(services, instruction="push the emergency stop")

@@ -15,7 +15,7 @@ from roboprompt_client.types.trajectory import Trajectory
 from tests.episodes import ur5e
 
 PANDA = TaskSettings(arm="panda", robot_base=BASE_POSITION_M)
-UR5E = TaskSettings(arm=ur5e(), robot_base=(0.1, 0.2, 0.3))
+UR5E = TaskSettings(arm=ur5e(), robot_base=(0.1, 0.2, 0.3), robot_base_yaw_deg=70)
 DOWN = [1.0, 0.0, 0.0, 0.0]
 
 
@@ -70,8 +70,9 @@ def test_the_arm_is_shown_as_far_as_it_gets():
 def test_an_arm_by_its_urdf_is_drawn_to_its_hand():
     joints = np.linspace(UR5E.arm.ready, np.add(UR5E.arm.ready, 0.3), 5)
     poses = np.array([UR5E.geometry().hand(each) for each in joints])
-    hands = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    positions_m = poses[:, :3, 3] + UR5E.robot_base
+    turn = Rotation.from_euler("z", 70, degrees=True)
+    hands = (turn * Rotation.from_matrix(poses[:, :3, :3])).as_quat()
+    positions_m = turn.apply(poses[:, :3, 3]) + UR5E.robot_base
     recorded = Trajectory(np.zeros((5, 6)), positions_m, hands, np.ones(5, bool), joint_positions_rad=joints)
     motion = recorded_motion(recorded, np.arange(5) / 10, UR5E)
     assert np.shape(motion["arm"]) == (5, 8, 3)

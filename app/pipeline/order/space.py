@@ -1,7 +1,7 @@
 """Spatial relations between objects, in the robot's frame: x forward, y left, z up.
 
 Every relation selects from candidates, and returns several where the positions do not decide clearly. Distances are in
-meters, those to the robot horizontal; its base is at `robot_m` in the world frame and faces along +x.
+meters, those to the robot horizontal.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,15 +25,22 @@ AXES: Mapping[str, tuple[int, int]] = {
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Positions (3,) of the objects by name and of the robot's base, in meters, world frame."""
+    """Positions (3,) of the objects by name and of the robot's base, in meters, world frame.
+
+    Attributes:
+        robot_yaw_rad: the direction in which the robot looks, from +x toward +y.
+    """
 
     positions_m: Mapping[str, Array]
     robot_m: Array
+    robot_yaw_rad: float = 0.0
 
     def along(self, name: str, side: str) -> float:
         """Return how far (m) an object lies from the robot toward a side, a key of `AXES`."""
         axis, sign = AXES[side]
-        return float(sign * (self.positions_m[name][axis] - self.robot_m[axis]))
+        x_m, y_m, z_m = self.positions_m[name] - self.robot_m
+        cos, sin = np.cos(self.robot_yaw_rad), np.sin(self.robot_yaw_rad)
+        return float(sign * (cos * x_m + sin * y_m, cos * y_m - sin * x_m, z_m)[axis])
 
     def is_at(self, name: str, other: str) -> bool:
         """Return whether an object is at the place of another on the table, and not below it."""

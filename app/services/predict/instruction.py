@@ -8,12 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-import numpy as np
-
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
-from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.prompt import Prompt
 from app.services.english import is_english
@@ -52,7 +49,7 @@ def parsed(
         order = read(request.meaning, known)
         phrases = tuple(Grounding(request.instruction, phrase.object_name, "llm") for phrase in order.phrases)
         return replace(order, phrases=phrases)
-    layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
+    layout = settings.layout({pose.name: pose.position_m for pose in objects})
     return read(request.instruction, known, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 

@@ -26,7 +26,6 @@ from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, USUAL_ACTIONS, MotionLimits
-from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
@@ -159,7 +158,7 @@ def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand
     Args:
         hand: its pose before the first action; None if unknown.
     """
-    base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
+    base = settings.base()
     geometry = settings.geometry()
     joints = None if geometry is None else _joints_rad(geometry, base, hand)
     start_m, limits = None if hand is None else hand.position_m, settings.limits_of_motion()

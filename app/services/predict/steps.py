@@ -1,5 +1,6 @@
 """Parse a sentence over several tasks against all tasks that the present key may use."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -28,10 +29,10 @@ MAX_SCENES = 16  # whose vocabularies over all tasks are kept
 
 @dataclass(frozen=True, eq=False)
 class _PlacedSkill:
-    """A task with demonstrations, and the position of its robot's base (m, world frame)."""
+    """A task with demonstrations, and its robot's base: x, y, z (m, world frame) and yaw (rad)."""
 
     skill: Skill
-    robot_base_m: tuple[float, ...]
+    robot_base: tuple[float, ...]
 
     def unlike(self, names: set[str], *, exactly: bool) -> str:
         """Return why the task does not fit a scene of these objects; empty if it does."""
@@ -100,7 +101,7 @@ class ReadSteps:
             taught = dict.fromkeys(record.instruction for record in shown)
             aliases = tuple(sorted(settings.aliases.items()))
             skill = Skill(task.name, taught_of(tuple(task.object_names or ()), aliases, tuple(taught)))
-            return _PlacedSkill(skill, tuple(settings.robot_base))
+            return _PlacedSkill(skill, (*settings.robot_base, math.radians(settings.robot_base_yaw_deg)))
 
         return self._known.get_or_make(task.state, make)
 
@@ -112,5 +113,8 @@ def _scene(names: Sequence[str], skills: Sequence[Skill]) -> TasksOfScene:
 def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_PlacedSkill]) -> Layout | None:
     """Return the objects' positions from the robot's base; None if a position or the base is not known."""
     places_m = {item.name: np.array(item.position_m) for item in objects if item.position_m is not None}
-    bases_m = {item.robot_base_m for item in usable}
-    return Layout(places_m, np.array(bases_m.pop())) if len(places_m) == len(objects) and len(bases_m) == 1 else None
+    bases = {item.robot_base for item in usable}
+    if len(places_m) < len(objects) or len(bases) != 1:
+        return None
+    *base_m, yaw_rad = bases.pop()
+    return Layout(places_m, np.array(base_m), yaw_rad)

@@ -11,7 +11,6 @@ from sqlalchemy import Connection
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.findings import Finding
 from app.pipeline.order.reading import read
-from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.services.english import is_english
 from app.services.setting_parts import WorkspaceSettings
@@ -119,4 +118,4 @@ def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettin
     words = TaughtWords(names, settings.aliases, (*taught, record.instruction), is_english)
     places_m = {item.name: np.array(item.position_m) for item in record.objects}
     with suppress(UnfamiliarInstructionError):  # other words than before are why it is corrected
-        read(instruction, words, Layout(places_m, np.array(settings.robot_base)))
+        read(instruction, words, settings.layout(places_m))

@@ -23,7 +23,6 @@ from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_object_names
 from app.pipeline.order.numbered import with_numbers
 from app.pipeline.order.order import Order
-from app.pipeline.order.space import Layout
 from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
 from app.services.english import is_english
@@ -183,7 +182,7 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
     check_recording(motion, given, upload.cameras)
     acts_m, instruction = _acts_at_m(motion), episode.instruction
     if upload.alike:
-        layout = Layout({pose.name: pose.position_m for pose in given}, np.array(settings.robot_base))
+        layout = settings.layout({pose.name: pose.position_m for pose in given})
         instruction = with_numbers(instruction, layout, acts_m, upload.alike, is_english)
     findings = _check_objects(task, instruction, upload.object_names, given, acts_m)
     names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))

@@ -88,7 +88,7 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
     workspace = settings.workspace
     shown = [item for record in newer for item in record.objects]
     own = {"min": workspace.min, "max": workspace.max}
-    stored = settings.model_dump(mode="json", include={"arm", "robot_base", "num_demonstrations"})
+    stored = settings.model_dump(mode="json", include={"arm", "robot_base", "robot_base_yaw_deg", "num_demonstrations"})
     stored["aliases"] = {each: settings.aliases[each] for each in task.object_names or () if each in settings.aliases}
     stored["workspace"] = {"preset": workspace.preset} if workspace.preset else own
     stored["motion_limits"] = {"keep_out": task.settings["motion_limits"]["keep_out"]}

@@ -64,13 +64,14 @@ function wantedArm({ arm, frame, base, ready }) {
 
 /** The settings that the form says, in the API's words. Throws ProblemError for what cannot be read. */
 function wanted() {
-  const { robot_base, preset, num_demonstrations } = form.elements;
+  const { robot_base, robot_base_yaw_deg, preset, num_demonstrations } = form.elements;
   const boxes = groups().map(boxOf);
   const words = (input) => input.value.split(",").map((word) => word.trim()).filter(Boolean);
   const named = [...form.querySelectorAll("[name=alias]")].map((input) => [input.dataset.object, words(input)]);
   return {
     arm: wantedArm(form.elements),
     robot_base: point(robot_base, "robot_base"),
+    robot_base_yaw_deg: robot_base_yaw_deg.valueAsNumber,
     workspace: preset.value ? { preset: preset.value } : ownWorkspace(),
     motion_limits: { keep_out: boxes },
     aliases: Object.fromEntries(named.filter(([, others]) => others.length)),

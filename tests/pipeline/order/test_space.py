@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.order import space
 from app.pipeline.order.space import Layout
@@ -64,3 +65,13 @@ def test_what_rests_on_an_object_is_above_it_or_at_its_place(place_m, found):
 def test_distances_are_measured_from_where_the_robot_stands():
     beside = Layout(layout().positions_m, np.array([0.5, -0.5, 0.0]))
     assert space.by_distance(None)(beside, ALL) == ("d",)
+
+
+@pytest.mark.parametrize("yaw_deg", [-170, -90, 37, 90, 180])
+@pytest.mark.parametrize("pick", [space.extreme("left"), space.beyond("far", "a"), space.on_side("right")])
+def test_sides_turn_with_the_robot(yaw_deg, pick):
+    turn = Rotation.from_euler("z", yaw_deg, degrees=True)
+    base_m = np.array([0.2, -0.4, 0.1])
+    turned = {name: turn.apply(place) + base_m for name, place in ROW.items()}
+    seen = Layout(turned, base_m, np.radians(yaw_deg))
+    assert pick(seen, ALL) == pick(layout(), ALL)
