@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -60,7 +60,12 @@ class Extent:
 
 
 class Scene(ControlledScene):
-    """The scene of a task and a seed, under way."""
+    """The scene of a task and a seed, under way.
+
+    The arm goes on after success: something may be on a plate before the hand has let go of it.
+    """
+
+    after_success_steps: ClassVar[int] = MAX_STEPS
 
     def __init__(self, task: str, seed: int) -> None:
         self.task = task

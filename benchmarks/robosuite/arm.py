@@ -5,7 +5,7 @@ points out of the fingers, which close along x.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ CONTROL_HZ = 20.0
 STEP_M, STEP_RAD = 0.05, 0.5  # the motions that OSC_POSE makes of a command of 1
 OPEN, CLOSE = -1.0, 1.0  # the gripper's command
 MAX_STEPS = 1500
-AFTER_SUCCESS_STEPS = 12  # so long the arm goes on
 SETTLING_STEPS = 10  # in which the objects fall onto the table
 ARRIVED_M, ARRIVED_RAD = 0.004, 0.03
 PASSED_M, PASSED_RAD = 0.015, 0.1  # where the gripper does not switch
@@ -36,7 +35,12 @@ class ControlledScene:
         site: the grip site.
         fingers: the indices of the two fingers' positions.
         joints: those of the arm's velocities.
+
+    Attributes:
+        after_success_steps: so long the arm goes on.
     """
+
+    after_success_steps: ClassVar[int] = 12
 
     def __init__(self, env: Any, site: int, fingers: Sequence[int], joints: Sequence[int]) -> None:  # noqa: ANN401
         self.env, self._site, self._fingers, self._joints = env, site, list(fingers), list(joints)
@@ -49,7 +53,7 @@ class ControlledScene:
     @property
     def ended(self) -> bool:
         """Whether nothing moves any more."""
-        return self._after >= AFTER_SUCCESS_STEPS or self.steps >= MAX_STEPS
+        return self._after >= self.after_success_steps or self.steps >= MAX_STEPS
 
     @property
     def hand_m(self) -> Floats:
