@@ -115,7 +115,7 @@ class TaskSettings(BaseModel):
             ge=0,
             le=MAX_GRIPPER_WIDTH_M,
             description="the measured `gripper_width` above which the gripper counts as open;"
-            " null: the middle between the extremes of each recording",
+            " null: from the middle of the way on, each time the fingers move",
         ),
     ] = None
     aliases: Annotated[

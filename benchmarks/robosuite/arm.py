@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from app.sim.outcomes import RolloutResult
+from roboprompt_client.types.gripper import MIN_TRAVEL_M, open_by_width
 from roboprompt_client.types.poses import EndEffectorAction
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -162,9 +163,11 @@ class Arm:
 
 
 def gripper_open(widths_m: Floats) -> NDArray[np.bool_]:
-    """(T,) whether the gripper is open: its fingers are farther apart than in the middle of the recording's extremes.
+    """(T,) whether the gripper is open; fingers that hardly move are.
 
     Args:
         widths_m: (T,) between the fingers.
     """
-    return np.asarray(widths_m > (widths_m.min() + widths_m.max()) / 2)
+    if np.ptp(widths_m) < MIN_TRAVEL_M:
+        return np.ones(len(widths_m), np.bool_)
+    return open_by_width(widths_m)

@@ -26,11 +26,13 @@ from app.pipeline.findings.recording_ends import (
     end_faults,
 )
 from app.pipeline.findings.recording_starts import begun_late_findings
+from app.pipeline.order.order import Clause
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 
 # What the instruction says to take or press, where it follows right upon the verb
-DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
+DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? (both )?((the|a|an) )?<0>")
+FURTHER_OBJECT = re.compile(r"( \w+)?(,|,? and) ((the|a|an) )?<(?P<place>\d+)>")  # of a list
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
 GRASPED_AT_M = 0.02  # from an object's origin: the hand closes on that object
@@ -46,6 +48,10 @@ TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and
 ONLY_OPENS = (
     "the hand opens at what it should take, and closes elsewhere or never. Check whether gripper_open is inverted, or"
     " the order of frames reversed."
+)
+TAKES_TOO_FEW = (
+    "the hand closes fewer times than the instruction names things to take. Check whether gripper_open has every grasp:"
+    " fingers around something wide may count as open."
 )
 CLOSES_ASIDE = (
     "the gripper closes before the hand comes to what it takes, or after it has left. Record the measured state of the"
@@ -154,9 +160,7 @@ def _fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) ->
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
     clause = demonstration.order.clauses[0]
-    found = DIRECT_OBJECT.match(clause.form)
-    takes = clause.verb in TAKING | PUTTING
-    taken = clause.objects[0] if found and found["verb"] in TAKING | PUTTING else None
+    takes, taken = clause.verb in TAKING | PUTTING, _taken(clause)
     closings = [act for act in hand.acts if not act.opens]
     lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
     if lets_go and not hand.may_hold:  # nor comes to take it
@@ -168,11 +172,31 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):
         return CLOSES_ASIDE
-    if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
+    left = [name for name in taken if name not in hand.may_hold and _is_far(name, closings)]
+    if not left:
         return None
-    if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
+    if len(taken) > 1:
+        return TAKES_TOO_FEW if len(closings) < len(taken) else None
+    if not _is_far(left[0], hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
+
+
+def _taken(clause: Clause) -> tuple[str, ...]:
+    """Return the objects that a clause says to take, as far as they follow right upon its verb."""
+    found = DIRECT_OBJECT.match(clause.form)
+    if found is None or found["verb"] not in TAKING | PUTTING:
+        return ()
+    places, end = [0], found.end()
+    while further := FURTHER_OBJECT.match(clause.form, end):
+        places.append(int(further["place"]))
+        end = further.end()
+    return tuple(clause.objects[place] for place in places)
+
+
+def _is_far(name: str, acts: Sequence[Act]) -> bool:
+    """Return whether the hand does none of these acts at an object."""
+    return all(act.away_m[name] >= AT_OBJECT_M for act in acts)
 
 
 def _closes_aside(closings: Sequence[Act], on_a_part: bool) -> bool:

@@ -18,7 +18,8 @@ from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.film import Film
-from roboprompt_client.types.trajectory import MIN_GRIPPER_TRAVEL_M, Trajectory, trajectory_from_arrays
+from roboprompt_client.types.gripper import MIN_TRAVEL_M
+from roboprompt_client.types.trajectory import Trajectory, trajectory_from_arrays
 
 WRITABLE = "a new file in a folder of this user's, on a disk with space"
 OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
@@ -98,7 +99,7 @@ def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
     """Return the measured width, else the commanded state; an arm without a gripper counts as open."""
     if not np.isfinite(widths_m).all():
         return {"gripper_open": np.where(np.isfinite(states), states, 1.0)}
-    if float(np.ptp(widths_m)) >= MIN_GRIPPER_TRAVEL_M:
+    if float(np.ptp(widths_m)) >= MIN_TRAVEL_M:
         return {"gripper_width": widths_m}
     return {"gripper_width": widths_m, "gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)}
 

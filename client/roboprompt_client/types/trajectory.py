@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array, bounded_array, finite_array, positions_array, settle, unit_quaternions
+from roboprompt_client.types.gripper import MIN_TRAVEL_M, open_by_width
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_JOINTS = 16
@@ -37,7 +38,6 @@ FIELDS = {  # array in the file -> field of Trajectory, in the file's order
     "wrenches": "wrenches_n_nm",
 }
 OPTIONAL = tuple(name for name in FIELDS if name not in REQUIRED)
-MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less neither opened nor closed
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
 VALID = f"a .npz file with the arrays {', '.join(REQUIRED)} (or gripper_width), and optionally {', '.join(OPTIONAL)}"
 
@@ -241,13 +241,12 @@ def _joint_velocities(
 
 
 def _gripper_open(widths_m: Array) -> npt.NDArray[np.bool_]:
-    """Return (T,) whether the fingers are wider apart than the mean of their least and largest width."""
+    """Return (T,) whether the gripper is open, where its fingers move."""
     low, high = float(widths_m.min(initial=np.inf)), float(widths_m.max(initial=-np.inf))
-    if high - low < MIN_GRIPPER_TRAVEL_M:
+    if high - low < MIN_TRAVEL_M:
         message = f"stays at {low:.4f} to {high:.4f} m, which may be open or closed"
         raise InvalidInputError("trajectory.gripper_width", message, "gripper_open (T,) beside it")
-    opened: npt.NDArray[np.bool_] = widths_m > (low + high) / 2
-    return opened
+    return open_by_width(widths_m)
 
 
 def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:

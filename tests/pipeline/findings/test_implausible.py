@@ -180,6 +180,31 @@ def trembling(item, by_m=0.001):
     return changed(item, positions_m=positions_m + noise_m)
 
 
+def both(seed, words="put both the red cube and the can on the plate", grasps=2):
+    """The hand puts cube and can on the plate; of only one grasp the gripper is recorded."""
+    random = np.random.default_rng(seed)
+    y_m = random.uniform(-0.02, 0.02, 3)
+    cube_m, can_m, plate_m = ((0.0, 0.25 + y_m[0], 0.78), (0.2, 0.1 + y_m[1], 0.78), (0.1, -0.25 + y_m[2], 0.78))
+    knots, at_s = [(0.0, HOME_M)], 2.0
+    for place_m in (cube_m, plate_m, can_m, plate_m):
+        over_m = (*place_m[:2], 0.9)
+        for way_m in (over_m, place_m, over_m):
+            knots += [(at_s, way_m), (at_s + 0.5, way_m)]
+            at_s += 2.0
+    switches = (4.2, 10.2, 16.2, 22.2)
+    motion = ScriptedMotion(tuple(knots), switches=switches[4 - 2 * grasps :], rest_s=0.5)
+    objects = (pose("red cube", cube_m), pose("can", can_m), pose("plate", plate_m))
+    return recording(motion, objects, instruction=words)
+
+
+@pytest.mark.parametrize(
+    "words", ["put both the red cube and the can on the plate", "put the red cube and the can on the plate"]
+)
+def test_a_hand_that_takes_two_things_closes_twice(words):
+    assert dangers([both(seed, words) for seed in range(6)]) == set()
+    assert dangers([both(seed, words, grasps=1) for seed in range(6)]) == {"implausible-gripper"}
+
+
 def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
     """It ends lifted, at rest, with the cube."""
     assert dangers([trembling(frames(slice(0, 130))(put(seed, "do it"))) for seed in range(10)]) == set()
