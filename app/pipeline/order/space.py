@@ -42,10 +42,10 @@ class Layout:
         cos, sin = np.cos(self.robot_yaw_rad), np.sin(self.robot_yaw_rad)
         return float(sign * (cos * x_m + sin * y_m, cos * y_m - sin * x_m, z_m)[axis])
 
-    def is_at(self, name: str, other: str) -> bool:
-        """Return whether an object is at the place of another on the table, and not below it."""
+    def is_on(self, name: str, other: str) -> bool:
+        """Return whether an object is above another within 45 degrees, or at its place and not below it."""
         x_m, y_m, above_m = self.positions_m[name] - self.positions_m[other]
-        return float(np.hypot(x_m, y_m)) < SAME_PLACE_M and bool(above_m > -MARGIN_M)
+        return bool(above_m > -MARGIN_M and np.hypot(x_m, y_m) < max(SAME_PLACE_M, above_m))
 
     def distance_m(self, name: str, other: str | None) -> float:
         """Return the distance of an object from another, or from the robot (None)."""
@@ -84,12 +84,11 @@ def beyond(side: str, other: str) -> Pick:
 
 
 def resting_on(other: str) -> Pick:
-    """The candidate on top of an object: above it, or at its place, as a bowl that stands on a flat box."""
+    """The candidate on an object: above it, or at its place as a bowl on a flat box; of several clearly the nearest."""
 
     def pick(layout: Layout, names: Names) -> Names:
-        above = set(beyond("top", other)(layout, names))
-        others = _without(names, other)
-        return tuple(name for name in others if name in above or layout.is_at(name, other))
+        found = tuple(name for name in _without(names, other) if layout.is_on(name, other))
+        return _clearly_nearest(layout, found, other)
 
     return pick
 

@@ -53,13 +53,20 @@ def test_objects_closer_together_than_poses_are_certain_are_not_distinguished():
     ("place_m", "found"),
     [
         ((0.31, 0.29, 0.81), ("b",)),  # a bowl on a flat box
-        ((0.3, 0.22, 1.0), ("b",)),  # on the other end of a cabinet
+        ((0.3, 0.15, 1.0), ("b",)),  # on the other end of a cabinet
         ((0.3, 0.22, 0.82), ()),  # beside it
         ((0.3, 0.3, 0.7), ()),  # below it
     ],
 )
 def test_what_rests_on_an_object_is_above_it_or_at_its_place(place_m, found):
     assert space.resting_on("a")(layout(b=place_m), ALL) == found
+
+
+def test_what_stands_higher_elsewhere_does_not_rest_on_an_object():
+    on_a_cabinet = {"b": (0.3, 0.29, 0.81), "c": (0.3, 0.0, 1.05)}
+    assert space.beyond("top", "a")(layout(**on_a_cabinet), ("c",)) == ("c",)
+    assert space.resting_on("a")(layout(**on_a_cabinet), ("b", "c")) == ("b",)
+    assert space.resting_on("a")(layout(**on_a_cabinet), ("c",)) == ()
 
 
 def test_distances_are_measured_from_where_the_robot_stands():
