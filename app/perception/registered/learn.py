@@ -14,13 +14,12 @@ from app.perception.registered.depth_view import Index, free_views, thinned, uni
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.symmetry import centered, completed, looks_alike_turned
-from app.perception.registered.template import Template
+from app.perception.registered.template import MAX_SPAN_M, Template
 from app.perception.registered.turns import in_words, symmetry_remedy, turns_deg, yaw_rivals
 from roboprompt_client.types.camera import RgbdFrame
 
 FEWEST_POINTS = 40
 FREE_MARGIN_M = 0.06  # margin around the object in the stored free-space images
-MAX_SPAN_M = 0.7
 ARROW_ERROR_DEG = np.array([-10.0, -3, 3, 10])  # starting yaws around an arrow drawn by hand
 MAX_ROOTS = 2  # views that are tried as the start
 HELP_LABEL = "a mask that holds all of it and nothing else, in every camera that sees it"

@@ -10,7 +10,7 @@ from app.perception.registered.depth_view import VOXEL_M, Bools, Index, thinned,
 from app.perception.registered.hypotheses import hypotheses
 from app.perception.registered.icp import COARSE_M, FINAL_M, Poses, about_z, icp
 from app.perception.registered.scene import LitScene
-from app.perception.registered.template import STANDS_WITHIN_M, Template
+from app.perception.registered.template import MAX_SPAN_M, STANDS_WITHIN_M, Template
 from roboprompt_client.types.arrays import Array
 
 NUM_TURNS = 24  # in which a round object is completed
@@ -32,6 +32,9 @@ def completed(name: str, template: Template) -> Template:
     if symmetry_deg is None:
         return template
     axis_m, problem = _round_axis(template) if symmetry_deg == 0 else _turn_axis(template, symmetry_deg)
+    reach_m = float(np.linalg.norm(template.points_m[:, :2] - axis_m, axis=1).max())
+    if not problem and 2 * reach_m > MAX_SPAN_M:  # of a nearly flat side: all around its axis it would fill the memory
+        problem = f"would be {200 * reach_m:.0f} cm wide around its axis, at most {100 * MAX_SPAN_M:.0f}"
     if problem:
         raise ObjectModelError(name, problem, 'views from more sides, or symmetric: "none"')
     template = _moved(template, np.array([*axis_m, 0.0]))

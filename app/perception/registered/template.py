@@ -20,6 +20,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
 
+MAX_SPAN_M = 0.7  # of an object
 MARGIN_M = 0.03  # margin of the voxel grid of nearest points
 DEPTH_UNIT_M = 1e-4  # of depths in the file: up to 6.5 m
 COLOR_CELL = 12.0  # Lab units: finer differences are one color of the object

@@ -7,6 +7,7 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.marks import Marks, masks_from_marks, outlines, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
+from app.perception.registered.symmetry import completed
 from app.perception.registered.template import Template
 from benchmarks.object_scenes import sample
 from roboprompt_client.errors import InvalidInputError
@@ -85,6 +86,15 @@ def test_nothing_is_taught_without_a_mask():
 def test_what_is_not_round_is_not_taught_as_round():
     with pytest.raises(ObjectModelError, match="is not round"):
         learn("brick", [view("brick", 0)], 0.0)
+
+
+def test_a_nearly_flat_side_is_not_completed_around_an_axis_meters_away():
+    angles = np.random.default_rng(0).uniform(-0.02, 0.02, 500)
+    normals = np.column_stack([-np.cos(angles), -np.sin(angles), np.zeros(500)])
+    points_m = 5 * (normals + np.array([1.0, 0.0, 0.0])) + np.linspace(0, 0.2, 500)[:, None] * (0, 0, 1)
+    flat = replace(taught("carton").template, points_m=points_m, normals=normals, rgb=np.full((500, 3), 90.0))
+    with pytest.raises(ObjectModelError, match=r"would be \d+ cm wide around its axis, at most 70"):
+        completed("door", replace(flat, yaw_symmetry_deg=0.0))
 
 
 def test_what_looks_otherwise_when_turned_is_not_taught_as_symmetric():
