@@ -131,6 +131,10 @@ def _missed(phrases: NounPhrases) -> Refusal | None:
     longest = max(missed, key=lambda each: (each.end - each.start, -each.start, each.candidates), default=None)
     if (longest := longest or _unknown_thing(phrases)) is None:
         return None
+    # "The left bowl on the tray" may say where to put the left bowl.
+    within = [each for each in missed if each.start == longest.start and each.candidates]
+    if not longest.candidates and within:
+        longest = max(within, key=lambda each: (each.end, each.candidates))
     said = repr(phrases.text.written(longest.start, longest.end))
     if longest.candidates:
         return Refusal(f"{said} may be {', '.join(longest.candidates)}: say which")
