@@ -53,6 +53,6 @@ def symmetry_remedy(turns: Sequence[float]) -> str:
     """Return what decides such a yaw: another view or, if the turns suggest one, a symmetry."""
     symmetry = suggested_symmetry(turns)
     if symmetry is None:
-        return "a further camera that sees what tells them apart"
+        return "a further camera that tells them apart"
     value = f'"{symmetry}"' if isinstance(symmetry, str) else f"{symmetry:g}"
-    return f"symmetric: {value} if it looks the same so, or a further camera that sees the difference"
+    return f"symmetric: {value} if these sides make no difference, or a further camera that tells them apart"
