@@ -129,11 +129,10 @@ class TaskSettings(BaseModel):
             " scene decide are all right"
         ),
     ] = "one"
-    robot_base: Annotated[Point, Field(description="where the robot's base stands, meters, world frame")] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    robot_base: Annotated[
+        Point,
+        Field(description="where the robot's base stands, meters, world frame; it looks along `robot_base_yaw_deg`"),
+    ] = (0.0, 0.0, 0.0)
     robot_base_yaw_deg: Annotated[
         Number,
         Field(

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from benchmarks.libero.expert import plan
 from benchmarks.libero.scene import FIRST_TEST_SEED, Scene
-from benchmarks.robosuite.arm import CONTROL_HZ, EXPERT_SPEED, Arm
+from benchmarks.robosuite.arm import CONTROL_HZ, Arm, demonstrated
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 # By suite, the numbers of the tasks that the expert can demonstrate: things are taken and put somewhere.
@@ -49,10 +49,7 @@ class Libero:
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
         scene = Scene(task, seed)
-        view, arm = _view(seed, scene, images), Arm(scene, EXPERT_SPEED)
-        actions = plan(scene)
-        done = arm.carry_out(actions)
-        return RecordedDemonstration(view, arm.trajectory(), CONTROL_HZ, done.succeeded, done.failure, tuple(actions))
+        return demonstrated(_view(seed, scene, images), scene, plan(scene))
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
         return self.demonstrate(task, seed)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from app.sim.outcomes import RolloutResult
+from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from roboprompt_client.types.gripper import MIN_TRAVEL_M, open_by_width
 from roboprompt_client.types.poses import EndEffectorAction
 from roboprompt_client.types.trajectory import Trajectory
@@ -160,6 +160,13 @@ class Arm:
         scene = self._scene
         row = scene.joint_velocities_rad_s, scene.hand_m, scene.hand.as_quat(), scene.width_m
         self._rows.append(row)
+
+
+def demonstrated(view: SceneView, scene: ControlledScene, actions: list[EndEffectorAction]) -> RecordedDemonstration:
+    """Carry out an expert's actions in a scene, of which this was seen, and return what was recorded."""
+    arm = Arm(scene, EXPERT_SPEED)
+    done = arm.carry_out(actions)
+    return RecordedDemonstration(view, arm.trajectory(), CONTROL_HZ, done.succeeded, done.failure, tuple(actions))
 
 
 def gripper_open(widths_m: Floats) -> NDArray[np.bool_]:

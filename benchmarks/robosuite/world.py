@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
-from benchmarks.robosuite.arm import CONTROL_HZ, EXPERT_SPEED, Arm
+from benchmarks.robosuite.arm import CONTROL_HZ, Arm, demonstrated
 from benchmarks.robosuite.people import PEOPLE, recorded_by_people
 from benchmarks.robosuite.scene import TASKS, Scene
 from roboprompt_client.types.poses import EndEffectorAction, Pose
@@ -97,7 +97,4 @@ def _solved(task: str, seed: int, images: bool = False) -> RecordedDemonstration
     from benchmarks.robosuite.expert import plan
 
     scene = _scene(task, seed)
-    view, arm = _view(task, seed, scene, images), Arm(scene, EXPERT_SPEED)
-    actions = plan(_simulated(task), scene)
-    done = arm.carry_out(actions)
-    return RecordedDemonstration(view, arm.trajectory(), CONTROL_HZ, done.succeeded, done.failure, tuple(actions))
+    return demonstrated(_view(task, seed, scene, images), scene, plan(_simulated(task), scene))

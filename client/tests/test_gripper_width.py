@@ -51,6 +51,10 @@ def test_fingers_that_tremble_or_slip_do_not_switch(seed):
     assert states(open_by_width(widths_m)) == [True, False, True]
 
 
+def test_fingers_that_give_way_to_what_they_hold_have_not_let_go():
+    assert states(open_by_width(recorded(OPEN_M, 0.06, 0.066, 0.06, OPEN_M))) == [True, False, True]
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_a_recording_may_begin_and_end_in_either_state(first):
     widths_m = recorded(OPEN_M, NARROW_M) if first else recorded(NARROW_M, OPEN_M)

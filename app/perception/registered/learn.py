@@ -117,18 +117,13 @@ def _check_symmetry(name: str, template: Template, views: Sequence[_LabeledPoint
     if symmetry_deg and not _look_alike_turned(views, symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')
-    if not needs_yaw:
+    if not needs_yaw or symmetry_deg == 0:
         return
-    undecided = [turns for view in views if (turns := _turns_deg(template, _in_first_light(template, view)))]
+    undecided = [turns for view in views if (turns := _turns_deg(template, _found(template, view)[1]))]
     if len(undecided) > len(views) / 2:
         turns = max(undecided, key=len)
         message = f"{in_words(turns)} it looks the same in {len(undecided)} of {len(views)} views"
         raise ObjectModelError(name, message, f"{symmetry_remedy(turns)}; yaw_may_be_unknown: true")
-
-
-def _in_first_light(template: Template, view: _LabeledPoints) -> Sequence[Hypothesis]:
-    """Return poses of the template in a view, the best first, from every yaw."""
-    return hypotheses(template, view.scene.in_lights_of(template.table_rgb)[0], view.index)
 
 
 def _turns_deg(template: Template, found: Sequence[Hypothesis]) -> tuple[float, ...]:
@@ -192,12 +187,15 @@ def _first(view: _LabeledPoints, symmetry_deg: float | None) -> Template:
     return Template(local_m, normals, scene.rgb[view.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
 
 
-def _found(template: Template, view: _LabeledPoints, root: _LabeledPoints) -> tuple[LitScene, Sequence[Hypothesis]]:
+def _found(
+    template: Template, view: _LabeledPoints, root: _LabeledPoints | None = None
+) -> tuple[LitScene, Sequence[Hypothesis]]:
     """Return the light that fits best, and poses of the template in a view, the best first.
 
-    Arrows of root and view limit the starting yaws.
+    Args:
+        root: with arrows in it and in the view, the starting yaws are near them; None: every yaw is tried.
     """
-    has_arrows = view.yaw_deg is not None and root.yaw_deg is not None
+    has_arrows = root is not None and view.yaw_deg is not None and root.yaw_deg is not None
     yaws_deg = view.yaw_deg + ARROW_ERROR_DEG if has_arrows else START_YAWS_DEG
     lights = view.scene.in_lights_of(template.table_rgb)
     in_each = [(lit, hypotheses(template, lit, view.index, yaws_deg)) for lit in lights]

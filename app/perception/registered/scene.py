@@ -88,7 +88,7 @@ def _level_planes(points_m: Array, rng: np.random.Generator) -> Array:
     apart_m = np.hypot(offsets_m[..., 0], offsets_m[..., 1])
     may_be_level = (apart_m > LEAST_APART_M) & (np.abs(offsets_m[..., 2]) < MAX_SLOPE * apart_m)
     drawn = np.where(may_be_level, rng.random(may_be_level.shape), 0)
-    seconds, thirds = np.argsort(drawn, axis=1)[:, -2:].T
+    seconds, thirds = np.argpartition(drawn, -2, axis=1)[:, -2:].T
     trials = np.arange(NUM_TRIALS)
     normals = np.cross(offsets_m[trials, seconds], offsets_m[trials, thirds])
     is_level = np.hypot(normals[:, 0], normals[:, 1]) < MAX_SLOPE * np.abs(normals[:, 2])

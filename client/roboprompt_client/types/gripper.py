@@ -8,6 +8,7 @@ import numpy.typing as npt
 from roboprompt_client.types.arrays import Array
 
 MIN_TRAVEL_M = 0.005  # fingers that move less neither opened nor closed
+RELEASED_SHARE = 1 / 3  # of the way on which fingers closed; by less they give way to what they hold
 SWING_SHARE = 0.1  # of the recording's travel: fingers that move less between two turns tremble, or their grasp slips
 
 
@@ -34,17 +35,18 @@ def open_by_width(widths_m: Array) -> npt.NDArray[np.bool_]:
 
 def _turns(widths_m: Array, swing_m: float) -> list[int]:
     """Return the frames between which the widths rise or fall by a swing or more, by turns."""
-    turns, lowest, highest = list[int](), 0, 0
+    widths, turns, lowest, highest = widths_m.tolist(), list[int](), 0, 0
     rises: bool | None = None
-    for frame, width_m in enumerate(widths_m):
-        if width_m > widths_m[highest]:
+    for frame, width_m in enumerate(widths):
+        if width_m > widths[highest]:
             highest = frame
-        if width_m < widths_m[lowest]:
+        if width_m < widths[lowest]:
             lowest = frame
-        if rises is not False and widths_m[highest] - width_m >= swing_m:
+        closed_m = 0.0 if rises is None else widths[turns[-1]] - widths[lowest]
+        if rises is not False and widths[highest] - width_m >= swing_m:
             turns.append(highest)
             rises, lowest = False, frame
-        elif rises is not True and width_m - widths_m[lowest] >= swing_m:
+        elif rises is not True and width_m - widths[lowest] >= max(swing_m, RELEASED_SHARE * closed_m):
             turns.append(lowest)
             rises, highest = True, frame
     return [*turns, lowest if rises is False else highest]
