@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.keyframes import Motion
-from app.pipeline.keyframes.motion import Switch
+from app.pipeline.keyframes.motion import Motion, Switch
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array

@@ -15,18 +15,9 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acts import AT_OBJECT_M, Act
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
-from app.pipeline.findings.recording_ends import (
-    FETCHING,
-    GRIPPING,
-    PRESSING,
-    PUTTING,
-    TAKING,
-    Recorded,
-    backwards_findings,
-    end_faults,
-)
-from app.pipeline.findings.recording_starts import begun_late_findings
+from app.pipeline.findings.recording_ends import Recorded, backwards_findings, begun_late_findings, end_faults
 from app.pipeline.order.order import Clause
+from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.acts import Act, act_of
-from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, Motion
-from app.pipeline.keyframes.motion import BLIP_S
+from app.pipeline.keyframes.motion import BLIP_S, Motion
+from app.pipeline.keyframes.rules import SIMULATION_DELTA_RAD_S
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 

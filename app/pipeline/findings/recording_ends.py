@@ -1,4 +1,4 @@
-"""Ends of recordings: they break off, stop as soon as everything is done, or run backwards in time."""
+"""Both ends of recordings: they begin late, break off, stop as soon as everything is done, or run backwards in time."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -11,19 +11,11 @@ from app.pipeline.findings.acts import AT_OBJECT_M
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
+from app.pipeline.order.verbs import FETCHING, HOLDING, PRESSING, PUTTING, REACHING, TAKING
+from app.pipeline.plans.rows import left_out_m
+from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types.arrays import Array
 
-# The first words of verbs, see `app.pipeline.order.verbs`
-PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
-TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
-FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
-HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed
-PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
-# What cannot be done without a grasp, though the verb does not say so
-GRIPPING = frozenset(
-    {"screw", "unscrew", "plug", "unplug", "pour", "carry", "bring", "transfer", "give", "hand", "pass"}
-)
-REACHING = frozenset({"reach", "approach"})  # done once the hand is near
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
@@ -34,6 +26,8 @@ ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one place, of star
 ENDS_SHARE = 0.4  # of the spread of starts, for ends to be where robots start: that varies, too, by less than PLACES_M
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
 COMPLETE_ALONG_M = 0.008  # the same along x or y alone, where the ends are several places in the world
+SPREAD_M = 0.10  # of starts that are not one place
+EXPLAINED, MIN_LINEAR = 0.7, 6  # starts that depend on an object leave less of their scatter; of so many recordings
 LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an object is not put to it
 
 TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
@@ -148,3 +142,57 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
     away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
     several = (away_m < ONE_PLACE_M).sum() > ODD_SHARE * len(starts_m)
     return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
+
+
+def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
+    """Yield a finding where recordings begin on the way to an object or at it, and do not show how the hand gets there.
+
+    Robots start in one place, or anywhere: where objects are does not explain it, unless one is in the hand. A person
+    may have put the hand to one place at an object before recording: that is a warning.
+    """
+    starts_m = np.array([hand.start.position_m for _, hand in pairs])
+    if len(pairs) < MIN_ENDS or spread_m(starts_m) < SPREAD_M:
+        return
+    near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
+    home = near[near.sum(axis=1).argmax()]
+    away = [pair for pair, at_home in zip(pairs, home, strict=True) if not at_home]
+    if home.mean() > WAY_SHARE:
+        number = len(away) if _most_move(away) or _in_one_place(away) else 0
+        found, chosen = number > WAY_SHARE * len(pairs), False
+    else:
+        number, chosen = len(pairs), _in_one_place(pairs)
+        found = not _most_hold(pairs) and (chosen or _on_the_way(pairs))
+    if found:
+        message = (
+            f"{number} of {len(pairs)} recordings begin on the way to an object or at it, and do not show how the"
+            " hand gets there. Begin to record where the robot starts, before it moves."
+        )
+        yield rules.BEGUN_LATE.finding(message, "demonstrations", value=float(not chosen))
+
+
+def _in_one_place(pairs: Sequence[Recorded]) -> bool:
+    """Return whether hands start at one place seen from an object."""
+    starts_m = np.array([hand.start.position_m for _, hand in pairs])
+    spreads_m = map(spread_m, places_by_object([shown for shown, _ in pairs], starts_m).values())
+    return len(pairs) >= MIN_ENDS and min(spreads_m, default=np.inf) < min(ONE_PLACE_M, ENDS_SHARE * spread_m(starts_m))
+
+
+def _on_the_way(pairs: Sequence[Recorded]) -> bool:
+    """Return whether most hands move in the first moments, at places that are linear in those of an object."""
+    if len(pairs) < MIN_LINEAR or not _most_move(pairs):
+        return False
+    starts_m = np.array([hand.start.position_m for _, hand in pairs])
+    seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
+    usual_m = left_out_m(np.zeros((len(starts_m), 0)), starts_m)
+    places_m = (starts_m - m for (_, axes), m in seen_m.items() if axes == "w")
+    return any(left_out_m(place_m, starts_m) < EXPLAINED * usual_m for place_m in places_m)
+
+
+def _most_move(pairs: Sequence[Recorded]) -> bool:
+    """Return whether most hands move in the first moments."""
+    return 2 * sum(hand.start_speed_m_s > MOVES_M_S for _, hand in pairs) > len(pairs)
+
+
+def _most_hold(pairs: Sequence[Recorded]) -> bool:
+    """Return whether most hands start closed, with an object in them."""
+    return 2 * sum(not hand.starts_open and bool(hand.may_hold) for _, hand in pairs) > len(pairs)

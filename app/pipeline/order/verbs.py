@@ -35,14 +35,14 @@ def _family(verbs: str, roles: Collection[str] | None = None, *, one_destination
 
 
 _NO_ROLE: tuple[str, ...] = ()
-_PRESSING = (
+_PRESSES = (
     "push, press, tap, hit, poke, click, depress, push down, press down, push in, press in, push on, press on, tap on, "
     "click on, push down on, press down on"
 )
-_PICKING = "pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of"
+_PICKS = "pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of"
 FAMILIES = (
-    _family(_PRESSING, _NO_ROLE),
-    _family(_PICKING, _NO_ROLE),
+    _family(_PRESSES, _NO_ROLE),
+    _family(_PICKS, _NO_ROLE),
     _family("take, remove, lift, lift up, pick, pick up, get, grab, destack, unstack, de stack, un stack", ["off"]),
     _family("put, put down, place, set, set down, lay, lay down, position"),
     _family("stack, stack up, pile, put, put down, place, set, set down, lay, lay down, move", ["on", "in"]),
@@ -67,7 +67,7 @@ FAMILIES = (
     _family("flip, toggle"),
     _family("hang, hang up"),
 )
-PICKING = frozenset(_PICKING.split(", "))
+PICKING = frozenset(_PICKS.split(", "))
 PHRASES = frozenset(phrase for family in FAMILIES for phrase in family.verbs)
 TABLE = PhraseTable({tuple(phrase.split()): None for phrase in PHRASES})
 PARTICLES = frozenset(word for phrase in PHRASES for word in phrase.split()[1:])
@@ -84,3 +84,14 @@ STAYING = frozenset({
 GOING = frozenset({"put", "put down", "place", "set", "set down", "lay", "lay down", "position", "stack", "insert"})
 CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
+# First words of verbs, by what recorded hands do
+PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
+TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
+FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
+HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed
+PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
+# What cannot be done without a grasp, though the verb does not say so
+GRIPPING = frozenset(
+    {"screw", "unscrew", "plug", "unplug", "pour", "carry", "bring", "transfer", "give", "hand", "pass"}
+)
+REACHING = frozenset({"reach", "approach"})  # done once the hand is near
