@@ -14,12 +14,12 @@ from app.pipeline.order import vocabulary
 from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.descriptions import NounPhrase
+from app.pipeline.order.frames import taught_verbs
 from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, Order
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import taught_verbs
 from app.pipeline.order.verbs import GOING, STAYING
 from app.pipeline.order.vocabulary import DESTINATIONS
 from app.pipeline.order.words import IsWord

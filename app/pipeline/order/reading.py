@@ -9,13 +9,14 @@ from itertools import islice, product
 
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_free_hand, uses_moved_object
 from app.pipeline.order.descriptions import MEANS, NounPhrase
+from app.pipeline.order.frames import Frame
 from app.pipeline.order.lexicon import TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.refusals import Refusal, refusal, unfamiliar_text, valid_instructions
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Frame, TaughtWords
+from app.pipeline.order.taught import TaughtWords
 
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "
@@ -44,7 +45,7 @@ def read(
     def is_clear(text: str) -> bool:
         return bool(taught.literal(text)) or len(_meanings(taught, NounPhrases(text, taught.lexicon, layout))) == 1
 
-    why = refusal(taught, phrases, [order.text for order in found], is_clear)
+    why = refusal(taught, phrases, [order.text for order in found], _part_of(taught, phrases), is_clear)
     if not (allow_unfamiliar and why.is_unfamiliar):
         raise why.error(valid_instructions(taught), taught.choices)
     passed_on = unfamiliar_text(taught, phrases)
@@ -68,19 +69,35 @@ class FilledFrame:
     objects: Mapping[str, str]
     clause: ParsedClause
 
+    @property
+    def kind(self) -> object:
+        """The frame's verb and roles, and the instruments and sources that the clause leaves out."""
+        return self.frame.clause.signature, frozenset(self.objects.values()) - {p.name for p in self.clause.phrases}
+
+    @property
+    def unlike(self) -> tuple[bool, ...]:
+        """Whether instrument, verb, fixed words and objects differ from the taught ones."""
+        taught, asked = self.frame.clause, self.clause
+        return (
+            len(taught.objects_in(INSTRUMENT)) != len(asked.objects_in(INSTRUMENT)),
+            taught.verb != asked.verb,
+            taught.fixed_phrases != asked.fixed_phrases,
+            any(a != b for a, b in self.objects.items()),
+        )
+
 
 def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
     sentences = Sentences(phrases, taught.accepted)
     found: dict[str, Order] = {}
     try:
         for forms in islice(sentences.readings(), MAX_READINGS):
-            for plan in next(filter(None, (list(_plans(taught, form)) for form in forms)), []):
-                if text := _canonical(taught, plan):
-                    named = {phrase for filled in plan for phrase in filled.clause.phrases}
-                    groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
-                    said = Order(phrases.text.instruction, taught.names)
-                    order = Order(text, taught.names, groundings or taught.named_in(said))
-                    found[text] = min(found.get(text, order), order, key=_uncertainty)
+            plans = (_compounds(taught, form) or dict(_sequences(taught, form)) for form in forms)
+            for text, plan in next(filter(None, plans), {}).items():
+                named = {phrase for filled in plan for phrase in filled.clause.phrases}
+                groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
+                said = Order(phrases.text.instruction, taught.names)
+                order = Order(text, taught.names, groundings or taught.named_in(said))
+                found[text] = min(found.get(text, order), order, key=_uncertainty)
     except TooInvolvedError:
         return []
     return list(found.values())
@@ -90,17 +107,40 @@ def _uncertainty(order: Order) -> tuple[int, int]:
     return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
 
 
-def _plans(taught: TaughtWords, reading: Sequence[ParsedClause]) -> Iterator[tuple[FilledFrame, ...]]:
-    """Yield the reading's clauses matched to frames that were taught in this sequence, or that may each stand alone."""
+def _compounds(taught: TaughtWords, reading: Sequence[ParsedClause]) -> dict[str, tuple[FilledFrame, ...]]:
+    """Return the reading's clauses matched to compounds, by the canonical text; of alike compounds the closest one."""
+    every = [
+        (compound, tuple(map(FilledFrame, compound.frames, filled, reading)))
+        for compound in taught.compounds
+        if (filled := compound.filled(reading, taught.names))
+    ]
+    alike: dict[object, tuple[str, tuple[FilledFrame, ...]]] = {}
+    for compound, plan in sorted(every, key=lambda each: [filled.unlike for filled in each[1]]):
+        objects = {mine: other for filled in plan for mine, other in filled.objects.items()}
+        if text := compound.text_for(objects, taught.names):
+            alike.setdefault(tuple(filled.kind for filled in plan), (text, plan))
+    return dict(alike.values())
+
+
+def _part_of(taught: TaughtWords, phrases: NounPhrases) -> str:
+    """Return the compound of which the instruction asks for a part only; empty if there is none."""
+    try:
+        readings = [form for forms in Sentences(phrases, taught.accepted).readings() for form in forms]
+    except TooInvolvedError:
+        return ""
+    return next((each.text for each in taught.compounds for form in readings if each.has(form, taught.names)), "")
+
+
+def _sequences(taught: TaughtWords, reading: Sequence[ParsedClause]) -> Iterator[tuple[str, tuple[FilledFrame, ...]]]:
+    """Yield the reading's clauses matched to frames that may each stand alone, and the canonical text."""
     per_clause = [_choices(taught, clause) for clause in reading]
     for choice in islice(product(*per_clause), MAX_READINGS):
         plan = tuple(filled for part in choice for filled in part)
-        signatures = tuple(filled.frame.clause.signature for filled in plan)
-        alone = all(filled.frame.may_stand_alone for filled in plan)
         clauses = [filled.clause for filled in plan]
-        possible = alone and not uses_moved_object(clauses) and not needs_free_hand(clauses)
-        if possible or any(signatures == frame.plan for frame in taught.frames):
-            yield plan
+        if uses_moved_object(clauses) or needs_free_hand(clauses):
+            continue
+        if text := _canonical(taught, plan):
+            yield text, plan
 
 
 def _choices(taught: TaughtWords, clause: ParsedClause) -> list[tuple[FilledFrame, ...]]:
@@ -115,18 +155,16 @@ def _choices(taught: TaughtWords, clause: ParsedClause) -> list[tuple[FilledFram
 
 
 def _best(taught: TaughtWords, clause: ParsedClause) -> list[FilledFrame]:
-    """Return the closest matching frame of each signature, preferring frames taught with the clause's own objects."""
+    """Return the closest matching frame of each kind, preferring frames taught with the clause's own objects."""
     every = [
         FilledFrame(frame, objects, clause)
         for frame in taught.frames
-        if (objects := frame.filled(clause, taught.names)) is not None
+        if frame.may_stand_alone and (objects := frame.filled(clause, taught.names)) is not None
     ]
-    by_signature: dict[object, FilledFrame] = {}
-    said = {phrase.name for phrase in clause.phrases}
+    by_kind: dict[object, FilledFrame] = {}
     for filled in sorted(closest(every), key=lambda filled: any(a != b for a, b in filled.objects.items())):
-        added = frozenset(filled.objects.values()) - said  # instruments and sources that the clause leaves out
-        by_signature.setdefault((filled.frame.clause.signature, added), filled)
-    return list(by_signature.values())
+        by_kind.setdefault(filled.kind, filled)
+    return list(by_kind.values())
 
 
 def closest(every: list[FilledFrame]) -> list[FilledFrame]:

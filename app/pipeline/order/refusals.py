@@ -39,17 +39,25 @@ class Refusal(NamedTuple):
 
 
 def refusal(
-    taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str], is_clear: Callable[[str], bool] | None = None
+    taught: TaughtWords,
+    phrases: NounPhrases,
+    meanings: Sequence[str],
+    part_of: str = "",
+    is_clear: Callable[[str], bool] | None = None,
 ) -> Refusal:
     """Return why an instruction with no reading, or with several, is refused.
 
     Args:
         meanings: the canonical instructions that it may mean.
+        part_of: the taught instruction of which it asks for a part only.
         is_clear: whether a text would be understood; None: the refusal suggests none.
     """
     said, words = repr(phrases.text.instruction), phrases.text.words
     if meanings:
         return Refusal(f"{said} may mean {' or '.join(map(repr, meanings[:3]))}: say which")
+    if part_of:
+        message = f"{said} was taught as a part of {part_of!r} only: ask for all of it"
+        return Refusal(message, UnfamiliarInstructionError)
     if (verb := _untaught_verb(taught, phrases)) is not None:
         return Refusal(f"{verb!r} in {said} is no action that was taught", UnfamiliarInstructionError)
     if (missed := _missed(phrases)) is not None:

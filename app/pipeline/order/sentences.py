@@ -19,7 +19,7 @@ from app.pipeline.order import vocabulary
 from app.pipeline.order.clause_parser import Accepted, ClauseParser
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause
 from app.pipeline.order.noun_phrases import NounPhrases
-from app.pipeline.order.verbs import PICKING
+from app.pipeline.order.verbs import CONTAINING, PICKING
 from app.pipeline.order.vocabulary import PhraseTable
 
 Mood = Literal["do", "not", "skip", "rather", "except"]
@@ -231,15 +231,34 @@ def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedCl
     resolved: list[ParsedClause] = []
     merged: list[ParsedClause] = []
     for clause in clauses:
-        direct = clause.objects_in(DIRECT)
-        antecedent = resolved[-1].objects_in(DIRECT) if resolved else ()
-        if (direct and direct[0].name) or not clause.verb or len(antecedent) != 1 or not antecedent[0].name:
+        whole = _without_pronoun(clause, resolved[-1]) if resolved else clause
+        if whole is clause:
             resolved.append(clause)
             merged.append(clause)
             continue
-        whole = clause.with_role(DIRECT, antecedent)
-        picked = merged[-1].verb in PICKING and len(merged[-1].roles) == 1
-        announced = resolved[-1].verb is None  # "the red button, push it"
+        same = whole.objects_in(DIRECT) == resolved[-1].objects_in(DIRECT)
+        picked = same and merged[-1].verb in PICKING and len(merged[-1].roles) == 1
+        announced = same and resolved[-1].verb is None  # "the red button, push it"
         merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]
         resolved = [*resolved[:-1], whole] if announced else [*resolved, whole]
     return (tuple(merged), tuple(resolved)) if len(merged) < len(resolved) else (tuple(resolved),)
+
+
+def _without_pronoun(clause: ParsedClause, before: ParsedClause) -> ParsedClause:
+    """Return the clause with the object that "it" stands for; itself without a pronoun, or where that is not clear.
+
+    "It" is what the clause before acts on. After "put the mug in the drawer" one closes the drawer, after "turn on the
+    stove" a pot is put on the stove, and after "put the soup in the box" the sauce is put in the box.
+    """
+    direct = clause.objects_in(DIRECT)
+    if not clause.verb:
+        return clause
+    at, of = DIRECT, before.objects_in(DIRECT)
+    if direct and direct[0].name:
+        at = next((role for role, phrases in clause.roles if any(each.name is None for each in phrases)), DIRECT)
+        of = before.phrases if len(before.roles) == 1 else before.objects_in(at)
+        if at == DIRECT:
+            return clause
+    elif clause.verb in CONTAINING and before.objects_in("in"):
+        of = before.objects_in("in")
+    return clause.with_role(at, of) if len(of) == 1 and of[0].name else clause

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 from app.pipeline.findings.roles import strangers
 from app.pipeline.order.clauses import ParsedClause
+from app.pipeline.order.frames import Frame
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import FilledFrame
-from app.pipeline.order.taught import Frame, TaughtWords
+from app.pipeline.order.taught import TaughtWords
 from app.pipeline.order.words import IsWord
 
 MAX_TASKS_LISTED = 10  # in a refusal

@@ -207,6 +207,53 @@ def test_no_instruction_takes_long(said):  # fmt: skip
     assert time.process_time() - started_s < 0.5
 
 
+MUGS = ("red mug", "white mug", "plate 1", "plate 2")
+TWO_MUGS = "put the white mug on plate 1 and put the red mug on plate 2"
+CLOSE = "put the bowl in the drawer and close it"
+COOK = "turn on the stove and put the pot on it"
+
+
+@pytest.mark.parametrize(
+    ("names", "instruction", "said", "canonical"),
+    [
+        (MUGS, TWO_MUGS, "place the white mug on plate 1, then place the red mug on plate 2", TWO_MUGS),
+        (MUGS, TWO_MUGS, "put the white mug on plate 1 and the red mug on plate 2", TWO_MUGS),
+        (MUGS, TWO_MUGS, "put the white mug on the right plate and put the red mug on the left plate", TWO_MUGS),
+        (
+            MUGS,
+            TWO_MUGS,
+            "set the red mug on plate 2 and set the white mug on plate 1",
+            "put the red mug on plate 2 and put the white mug on plate 1",
+        ),
+        (("bowl", "cup", "drawer"), CLOSE, "place the bowl in the drawer, then shut the drawer", CLOSE),
+        (("bowl", "cup", "drawer"), CLOSE, "place the cup in the drawer and shut it", CLOSE.replace("bowl", "cup")),
+        (("stove", "pot"), COOK, "switch on the stove, then place the pot on the stove", COOK),
+        (("stove", "pot"), COOK, "Switch on the stove and place the pot on it.", COOK),
+    ],
+)
+def test_an_instruction_of_several_clauses_is_understood_in_other_words(names, instruction, said, canonical):
+    places_m = {"plate 1": [0.6, -0.2, 0.0], "plate 2": [0.6, 0.2, 0.0]}
+    layout = Layout({name: np.array(places_m.get(name, [0.5, 0.0, 0.0])) for name in names}, np.zeros(3))
+    assert read(said, taught(names, [instruction]), layout).text == canonical
+
+
+@pytest.mark.parametrize(
+    ("names", "instruction", "said", "why"),
+    [
+        (("bowl", "drawer"), CLOSE, "put the bowl in the drawer", "taught as a part of"),
+        (("bowl", "drawer"), CLOSE, "close the drawer", "taught as a part of"),
+        (("stove", "pot"), COOK, "put the pot on the stove", "taught as a part of"),
+        (("bowl", "drawer"), CLOSE, "close the drawer and put the bowl in it", "another place, direction"),
+        (("bowl", "cup", "drawer"), CLOSE, "put the bowl in the drawer and close the cup", "another place, direction"),
+        (MUGS, TWO_MUGS, "put the white mug on plate 1 and put the red mug on plate 1", "on plate 1"),
+        (("stove", "pot"), COOK, "turn off the stove and put the pot on it", "turn off"),
+    ],
+)
+def test_of_several_clauses_neither_a_part_nor_another_sequence_is_understood(names, instruction, said, why):
+    with pytest.raises((UnfamiliarInstructionError, UngroundedInstructionError), match=why):
+        read(said, taught(names, [instruction]))
+
+
 def test_a_relation_that_no_object_needs_may_be_a_destination():
     places_m = {"mug 1": [0.5, 0.2, 0.0], "mug 2": [0.5, -0.2, 0.0], "tray": [0.9, 0.0, 0.0]}
     layout = Layout({name: np.array(place_m) for name, place_m in places_m.items()}, np.zeros(3))
