@@ -119,6 +119,11 @@ class ParsedClause:
         return any(role in DESTINATIONS for role, _ in self.roles)
 
     @property
+    def names_a_thing(self) -> bool:
+        """Whether it says nothing but an object: "the red button"."""
+        return self.verb is None and [role for role, _ in self.roles] == [DIRECT] and not self.fixed
+
+    @property
     def has_two_destinations(self) -> bool:
         """Whether a relation that no object needs may be a destination beside another one."""
         somewhere = self.has_destination or any(phrase.role in DESTINATIONS for phrase in self.fixed)

@@ -238,7 +238,7 @@ def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedCl
             continue
         same = whole.objects_in(DIRECT) == resolved[-1].objects_in(DIRECT)
         picked = same and merged[-1].verb in PICKING and len(merged[-1].roles) == 1
-        announced = same and resolved[-1].verb is None  # "the red button, push it"
+        announced = same and resolved[-1].names_a_thing  # "the red button, push it"
         merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]
         resolved = [*resolved[:-1], whole] if announced else [*resolved, whole]
     return (tuple(merged), tuple(resolved)) if len(merged) < len(resolved) else (tuple(resolved),)

@@ -243,6 +243,7 @@ def test_an_instruction_of_several_clauses_is_understood_in_other_words(names, i
         (("bowl", "drawer"), CLOSE, "put the bowl in the drawer", "taught as a part of"),
         (("bowl", "drawer"), CLOSE, "close the drawer", "taught as a part of"),
         (("stove", "pot"), COOK, "put the pot on the stove", "taught as a part of"),
+        (("bowl", "box"), "put the bowl in the bottom drawer of the box and close it", "close the bowl", "a part of"),
         (("bowl", "drawer"), CLOSE, "close the drawer and put the bowl in it", "another place, direction"),
         (("bowl", "cup", "drawer"), CLOSE, "put the bowl in the drawer and close the cup", "another place, direction"),
         (MUGS, TWO_MUGS, "put the white mug on plate 1 and put the red mug on plate 1", "on plate 1"),
