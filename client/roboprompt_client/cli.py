@@ -17,7 +17,15 @@ from roboprompt_client.commands.check import add_check
 from roboprompt_client.commands.init import run_init
 from roboprompt_client.commands.look import add_look
 from roboprompt_client.commands.record import add_record, offer_correction
-from roboprompt_client.commands.shared import ROBOT, SEEN, Command, add_find, asking_robot, find_in_pictures
+from roboprompt_client.commands.shared import (
+    ROBOT,
+    SEEN,
+    Command,
+    add_find,
+    asking_robot,
+    find_in_pictures,
+    require_same_base,
+)
 from roboprompt_client.commands.terminal import Person, recovered
 from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
 from roboprompt_client.http import KEY_VARIABLE
@@ -149,6 +157,8 @@ def _run(client: RoboPromptClient, arguments: Namespace) -> int:
 def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | None, arguments: Namespace) -> int:
     person = Person(robot, client.url.rstrip("/"))
     find_in_pictures(robot, client, arguments.task, arguments.find)
+    if arguments.task is not None:
+        require_same_base(client, robot, arguments.task)
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))

@@ -16,6 +16,7 @@ from makers import Body, open_xarm, xarm
 
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.cell import open_robot
 from roboprompt_client.commands.record import offer_correction
 from roboprompt_client.commands.record_live import record_live
@@ -23,6 +24,7 @@ from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.quaternions import about_z
 
 OBJECTS = [{"name": "cube", "position": [0.3, 0, 0.1]}]
 STORED = {
@@ -305,3 +307,54 @@ def test_an_error_of_the_arm_stays_until_a_person_has_looked(monkeypatch, tmp_pa
     assert type_command(monkeypatch, *command, answers=["y"])[0] == 0
     with open_robot(str(tmp_path / "cell.json")) as arm:
         arm.execute(action)
+
+
+TURNED = Calibration(np.array([0.4, -0.2, 0.6]), about_z(np.pi))
+
+
+@pytest.fixture
+def with_base(service, monkeypatch):
+    """A service whose tasks are `documents`, and an arm whose base is `TURNED`."""
+    documents, put = {"healthz": {"checks": {}}}, []
+
+    def answer(request):
+        name = request.url.path.rpartition("/")[2]
+        if request.method == "PUT":
+            put.append(json.loads(request.content))
+            return httpx.Response(200, json={})
+        if request.method == "GET" and name in documents:
+            return httpx.Response(200, json=documents[name])
+        return httpx.Response(404 if request.method == "GET" else 201, json=STORED)
+
+    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
+    opened = "roboprompt_client.commands.shared.open_robot"
+    monkeypatch.setattr(opened, lambda name: Arm(open_xarm(Body(), monkeypatch), calibration=TURNED))
+    return SimpleNamespace(documents=documents, put=put)
+
+
+def test_a_new_task_gets_the_base_of_the_cell(with_base, monkeypatch, tmp_path):
+    assert run(monkeypatch, tmp_path, answers=["q"]) == 0
+    assert with_base.put == [{"robot_base": [0.4, -0.2, 0.6], "robot_base_yaw_deg": 180.0}]
+
+
+@pytest.mark.parametrize(
+    ("base_m", "yaw_deg", "status"),
+    [([0.4, -0.2, 0.0], 180, 0), ([0.41, -0.2, 0.6], -175, 0), ([0.4, -0.2, 0.6], 0, 1), ([0, 0, 0], 180, 1)],
+)
+@pytest.mark.parametrize("command", ["record", "run"])
+def test_a_task_with_another_base_is_refused(
+    with_base, command, base_m, yaw_deg, status, monkeypatch, tmp_path, capsys
+):
+    with_base.documents["pick"] = {"robot_base": base_m, "robot_base_yaw_deg": yaw_deg}
+    if command == "record":
+        assert run(monkeypatch, tmp_path, answers=["q"]) == status
+    else:
+        words = ["run", "--robot", "cell.json", "--task", "pick", "--instruction", "pick it up"]
+        assert type_command(monkeypatch, *words)[0] == 1  # the rest of the task's document is missing
+    assert ("base_to_world" in capsys.readouterr().err) == bool(status)
+    assert with_base.put == []
+
+
+def test_a_run_of_an_unknown_task_makes_none(with_base, monkeypatch):
+    type_command(monkeypatch, "run", "--robot", "cell.json", "--task", "pick", "--instruction", "pick it up")
+    assert with_base.put == []

@@ -69,7 +69,7 @@ class Arm:
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
-        self._calibration = calibration or Calibration.none()
+        self.calibration = calibration or Calibration.none()
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
         self._observe_scene, self._tolerance = observe_scene, tolerance
         self._interlock = Interlock(driver)
@@ -102,7 +102,7 @@ class Arm:
 
     def state(self) -> ArmState:
         """Return the arm's present state in the world frame; safe to call from another thread."""
-        return self._calibration.state_to_world(self.driver.state())
+        return self.calibration.state_to_world(self.driver.state())
 
     def look_around(self) -> tuple[RgbdFrame, ...]:
         """Move the hand to the viewpoints, and return the frames of all cameras (`Rig.look_around`).
@@ -147,7 +147,7 @@ class Arm:
         boxes = (*self._limits.keep_out, *limits.keep_out)
         return preview_plan(
             actions,
-            self._calibration,
+            self.calibration,
             MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m)),
             geometry=geometry,
             reach_m=self._reach_m,
@@ -157,7 +157,7 @@ class Arm:
 
     def _check_reach(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """Return the action's pose in the base frame; raises MotionError if it is out of reach."""
-        pose = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
+        pose = self.calibration.to_base(action.position_m, action.quaternion_xyzw)
         self.driver.check(*pose)
         return pose
 
@@ -220,7 +220,7 @@ class Arm:
             raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
 
         def steer(velocity_m_s: Array, turning_rad_s: Array) -> str:
-            now, back = self.state(), rotations.inverse(self._calibration.quaternion_xyzw)
+            now, back = self.state(), rotations.inverse(self.calibration.quaternion_xyzw)
             problem = self._tolerance.contact(now, velocity_m_s)
             problem = problem or problem_ahead(now, velocity_m_s, turning_rad_s, self._limits, self._check_reach)
             wanted = (np.zeros(3), np.zeros(3)) if problem else (velocity_m_s, turning_rad_s)

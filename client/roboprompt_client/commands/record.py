@@ -16,6 +16,7 @@ from roboprompt_client.commands.shared import (
     add_find,
     asking_robot,
     find_in_pictures,
+    require_same_base,
     task_document,
 )
 from roboprompt_client.commands.terminal import ask, ask_yes, recovered, say
@@ -106,7 +107,7 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
         raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
     require_movable(robot, guide=arguments.guide, teleop=arguments.teleop)
     find_in_pictures(robot, client, arguments.task, arguments.find)
-    _announce(client, arguments)
+    _announce(client, robot, arguments)
     failed = 0
     while ask("Enter to record, q to end: ") not in ("q", None):
         try:
@@ -120,11 +121,12 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
     return failed
 
 
-def _announce(client: RoboPromptClient, arguments: Namespace) -> None:
+def _announce(client: RoboPromptClient, robot: Robot, arguments: Namespace) -> None:
     """Say before the first recording what would surprise a person after it; raises ServiceProblemError for a key."""
     try:
         if task_document(client, arguments.task) is None:
             say(f"{arguments.task!r} is a new task: the first recording makes it")
+        require_same_base(client, robot, arguments.task, makes_task=True)
     except ServiceUnreachableError as error:
         say(f"{error} Recordings wait in {arguments.spool}.")
 

@@ -1,5 +1,6 @@
 """What the commands share: their options, the robot that they open, and what it looks for in pictures."""
 
+import math
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands.terminal import Person
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.robot import OBJECTS, Robot
+from roboprompt_client.types import quaternions
 
 Command = Callable[[RoboPromptClient, Namespace], int]
 AddCommand = Callable[[str, str, Command], ArgumentParser]
@@ -21,6 +23,9 @@ ROBOT = (
 SEEN = f"the objects' poses, {OBJECTS}"
 FIND = "an object to find in the pictures (may be repeated; default: all that the task knows)"
 NOT_FOUND = 404
+SAME_BASE_M, SAME_BASE_RAD = 0.05, math.radians(10.0)  # between the arm's base in the cell's file and in a task
+DEFAULT_BASE: Mapping[str, Any] = {"robot_base": (0.0, 0.0, 0.0), "robot_base_yaw_deg": 0.0}  # of a new task
+MAX_TILT_RAD = math.radians(45.0)  # an arm that hangs from a wall has no direction in which it looks
 
 
 def add_find(parser: ArgumentParser) -> None:
@@ -66,6 +71,37 @@ def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, f
         robot.to_find = tuple(models_of(client, task))
     except ServiceUnreachableError as error:
         raise InvalidInputError("--find", f"is missing, and {error}", "the names of the objects in view") from error
+
+
+def require_same_base(client: RoboPromptClient, robot: Robot, task: str, *, makes_task: bool = False) -> None:
+    """Make sure that a task has the arm's base where the cell has it: "left" and "nearest" depend on it.
+
+    Args:
+        makes_task: whether a task that does not exist is made, if its base would be elsewhere by default.
+
+    Raises:
+        InvalidInputError: if the task has the base elsewhere, or turned otherwise.
+        ServiceProblemError: if the service refuses.
+    """
+    if not isinstance(robot, Arm) or quaternions.tilt_rad(robot.calibration.quaternion_xyzw) > MAX_TILT_RAD:
+        return
+    known = task_document(client, task)
+    settings = DEFAULT_BASE if known is None else known
+    position_m, yaw_rad = robot.calibration.position_m, quaternions.yaw_rad(robot.calibration.quaternion_xyzw)
+    away_m = math.dist(position_m[:2], settings["robot_base"][:2])
+    turned_rad = abs(math.remainder(yaw_rad - math.radians(settings["robot_base_yaw_deg"]), math.tau))
+    if away_m <= SAME_BASE_M and turned_rad <= SAME_BASE_RAD:
+        return
+    base_m, base_yaw_deg = position_m.round(4).tolist(), round(math.degrees(yaw_rad), 1)
+    if known is not None:
+        raise InvalidInputError(
+            "base_to_world",
+            f"is at {base_m} m and {base_yaw_deg:g} degrees, but task {task!r} has robot_base {settings['robot_base']}"
+            f" and robot_base_yaw_deg {settings['robot_base_yaw_deg']:g}",
+            "the same in both: correct the cell's file, or the task on its page",
+        )
+    if makes_task:
+        client.configure_task(task, robot_base=base_m, robot_base_yaw_deg=base_yaw_deg)
 
 
 def models_of(client: RoboPromptClient, task: str) -> Mapping[str, Any]:
