@@ -47,6 +47,11 @@ class FixedPhrase(NamedTuple):
         decides = any(word in deciding or word.isdigit() for word in self.words)
         return decides and not (self.describes and ADJECTIVES.issuperset(self.words))
 
+    @property
+    def is_loose(self) -> bool:
+        """Whether they stand without a preposition and may be left out."""
+        return not self.role and not self.decides
+
 
 Signature = tuple[str | None, tuple[tuple[str, int], ...], tuple[FixedPhrase, ...]]
 

@@ -15,6 +15,11 @@ from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Clause, Mention, Order
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.verbs import PICKING
+from app.pipeline.order.vocabulary import DETERMINERS, PREPOSITIONS
+
+JOINTS = frozenset({"and", ",", "then"})
+THING_FOLLOWS = DETERMINERS | {"it", "them"}
+SHORT_PREPOSITIONS = frozenset(words[0] for words in PREPOSITIONS if len(words) == 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +129,8 @@ class Compound(Pattern):
 
     def filled(self, clauses: Sequence[ParsedClause], names: Sequence[str]) -> list[Mapping[str, str]]:
         """Return for each clause the objects for those of its frame; none if the clauses ask for something else."""
-        if len(clauses) != len(self.frames):
-            return []
+        if len(clauses) != len(self.frames) or any(clause.verb is None for clause in clauses):
+            return []  # "the mug and the box" does not say what to do
         each = [frame.filled(clause, names) for frame, clause in zip(self.frames, clauses, strict=True)]
         found = [filled for filled in each if filled is not None]
         pairs = {pair for filled in found for pair in filled.items()}
@@ -151,29 +156,39 @@ def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool)
 
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
     """Return the frames of a taught instruction's clauses; empty if the grammar does not parse one of them."""
-    said = Order(instruction, lexicon.names).clauses
-    parsed = [_parsed(each, lexicon) for each in said]
-    if not all(parsed):
+    whole = Order(instruction, lexicon.names)
+    parts = [(part, _parsed(part, lexicon)) for part in whole.clauses]
+    if any(phrase.name is None for _, clauses in parts for clause in clauses for phrase in clause.phrases):
+        text = Clause(instruction, whole.form, whole.objects)
+        parts = [(text, _parsed(text, lexicon))]  # "put the mug in the drawer, then close it"
+    if not all(clauses for _, clauses in parts):
         return ()
-    alone = len({clause.signature for clauses in parsed for clause in clauses}) == 1 and len(parsed[0]) == 1
-    alone = alone and all(len(clauses) == 1 for clauses in parsed)
+    signatures = {clause.signature for _, clauses in parts for clause in clauses}
+    alone = len(signatures) == 1 and all(len(clauses) == 1 for _, clauses in parts)
     return tuple(
-        Frame(each.text, Order(each.text, lexicon.names).mentions, clause, alone)
-        for each, clauses in zip(said, parsed, strict=True)
+        Frame(part.text, Order(part.text, lexicon.names).mentions, clause, alone)
+        for part, clauses in parts
         for clause in clauses
     )
 
 
 def taught_verbs(texts: Iterable[str], lexicon: Lexicon) -> frozenset[str]:
-    """Return the first words of taught clauses, verbs even if no table lists them, unless they are words of objects."""
-    read = ([word.text for word in lexicon.read(text) if word.text != "please"] for text in texts)
-    return frozenset(words[0] for words in read if words) - lexicon.objects_of.keys()
+    """Return the words that begin taught clauses, verbs even if no table lists them, unless they are words of objects.
+
+    After "and" and the like, only a word before "the" or "it" certainly begins a clause: "put it down and wring it".
+    """
+    found = set[str]()
+    for text in texts:
+        words = [word.text for word in lexicon.read(text) if word.text != "please"]
+        later = zip(words, words[1:], words[2:], strict=False)
+        found |= {*words[:1], *(word for before, word, after in later if before in JOINTS and after in THING_FOLLOWS)}
+    return frozenset(found) - lexicon.objects_of.keys() - SHORT_PREPOSITIONS
 
 
 def _parsed(said: Clause, lexicon: Lexicon) -> tuple[ParsedClause, ...]:
     """Return the parse of a taught part with the fewest clauses and fixed words; none without one that has its objects.
 
-    Several clauses are joined by "and" or a comma.
+    Several clauses are joined by "and" or a comma. A word without a role in one of them may be an unknown verb.
     """
     accepted = Accepted(taught_verbs([said.text], lexicon), fixed=None)
     sentences = Sentences(NounPhrases(said.text, lexicon, None), accepted)
@@ -182,7 +197,12 @@ def _parsed(said: Clause, lexicon: Lexicon) -> tuple[ParsedClause, ...]:
     except TooInvolvedError:
         return ()
     objects = set(said.objects)
-    fitting = [form for form in read if objects <= {phrase.name for clause in form for phrase in clause.phrases}]
+    fitting = [
+        form
+        for form in read
+        if objects <= {phrase.name for clause in form for phrase in clause.phrases}
+        and (len(form) == 1 or not any(phrase.is_loose for clause in form for phrase in clause.fixed))
+    ]
     return min(fitting, key=lambda form: (len(form), [_unlikelihood(clause) for clause in form]), default=())
 
 

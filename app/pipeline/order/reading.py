@@ -91,7 +91,7 @@ def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
     found: dict[str, Order] = {}
     try:
         for forms in islice(sentences.readings(), MAX_READINGS):
-            plans = (_compounds(taught, form) or dict(_sequences(taught, form)) for form in forms)
+            plans = (compounds(taught, form) or dict(_sequences(taught, form)) for form in forms)
             for text, plan in next(filter(None, plans), {}).items():
                 named = {phrase for filled in plan for phrase in filled.clause.phrases}
                 groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
@@ -107,7 +107,7 @@ def _uncertainty(order: Order) -> tuple[int, int]:
     return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
 
 
-def _compounds(taught: TaughtWords, reading: Sequence[ParsedClause]) -> dict[str, tuple[FilledFrame, ...]]:
+def compounds(taught: TaughtWords, reading: Sequence[ParsedClause]) -> dict[str, tuple[FilledFrame, ...]]:
     """Return the reading's clauses matched to compounds, by the canonical text; of alike compounds the closest one."""
     every = [
         (compound, tuple(map(FilledFrame, compound.frames, filled, reading)))

@@ -71,8 +71,15 @@ class _Reader:
         accepted = Accepted(verbs, (fixed or frozenset()) | several.TIMES_WORDS, of_steps=True)
         sentences = Sentences(self._phrases, accepted)
         found: dict[tuple[PlanStep, ...], None] = {}
+        wholes = (
+            (step,)
+            for forms in sentences.readings()
+            for clauses in forms
+            for skill in self._scene.skills
+            for step in skill.whole(clauses)
+        )
         try:
-            for steps in (steps for units in sentences.units() for steps in self._of_units(units)):
+            for steps in chain(wholes, (steps for units in sentences.units() for steps in self._of_units(units))):
                 found[steps] = None
                 if len(found) == MAX_LISTED:
                     break

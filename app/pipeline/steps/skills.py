@@ -10,7 +10,7 @@ from app.pipeline.findings.roles import strangers
 from app.pipeline.order.clauses import ParsedClause
 from app.pipeline.order.frames import Frame
 from app.pipeline.order.order import Order
-from app.pipeline.order.reading import FilledFrame
+from app.pipeline.order.reading import FilledFrame, compounds
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.order.words import IsWord
 
@@ -45,8 +45,19 @@ class Skill:
             named = asked or not frame.clause.phrases
             filled = frame.filled(clause, names) if frame.may_stand_alone and named else None
             text = frame.text_for(filled, names) if filled is not None else ""
-            if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
+            if text and filled and not self._has_strangers(text):
                 yield FilledFrame(frame, filled, clause), PlanStep(self.task, text.rstrip(". "))
+
+    def whole(self, clauses: Sequence[ParsedClause]) -> Iterator[PlanStep]:
+        """Yield the taught instructions of several clauses that these clauses ask for, with objects as in `steps`."""
+        if {phrase.name for clause in clauses for phrase in clause.phrases} <= set(self.taught.names):
+            for text in compounds(self.taught, clauses):
+                if not self._has_strangers(text):
+                    yield PlanStep(self.task, text.rstrip(". "))
+
+    def _has_strangers(self, text: str) -> bool:
+        """Return whether an object of the text has a role in which another kind was taught."""
+        return any(strangers(Order(text, self.taught.names), self.taught.instructions))
 
 
 class TasksOfScene(TaughtWords):

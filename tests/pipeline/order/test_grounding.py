@@ -229,6 +229,12 @@ COOK = "turn on the stove and put the pot on it"
         (("bowl", "cup", "drawer"), CLOSE, "place the cup in the drawer and shut it", CLOSE.replace("bowl", "cup")),
         (("stove", "pot"), COOK, "switch on the stove, then place the pot on the stove", COOK),
         (("stove", "pot"), COOK, "Switch on the stove and place the pot on it.", COOK),
+        (
+            ("cloth",),
+            "rinse the cloth, then wring it",
+            "rinse the cloth and wring it",
+            "rinse the cloth, then wring it",
+        ),
     ],
 )
 def test_an_instruction_of_several_clauses_is_understood_in_other_words(names, instruction, said, canonical):
@@ -248,6 +254,10 @@ def test_an_instruction_of_several_clauses_is_understood_in_other_words(names, i
         (("bowl", "cup", "drawer"), CLOSE, "put the bowl in the drawer and close the cup", "another place, direction"),
         (MUGS, TWO_MUGS, "put the white mug on plate 1 and put the red mug on plate 1", "on plate 1"),
         (("stove", "pot"), COOK, "turn off the stove and put the pot on it", "turn off"),
+        (("mug", "box"), "lift the mug and polish the box", "lift the mug and lift the box", "another place"),
+        (("mug", "box"), "lift the mug and polish the box", "the mug and the box", "another place"),
+        (("cloth",), "rinse the cloth, then wring it", "rinse the cloth, then rinse it", "another place"),
+        (("cloth",), "rinse the cloth, then wring it", "wring the cloth", "taught as a part of"),
     ],
 )
 def test_of_several_clauses_neither_a_part_nor_another_sequence_is_understood(names, instruction, said, why):

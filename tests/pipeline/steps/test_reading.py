@@ -228,3 +228,24 @@ def test_a_text_that_one_task_knows_as_a_whole_is_that_of_every_task_with_it():
     scene = TasksOfScene(names, shared_aliases([each.taught.aliases for each in skills], names), skills, is_english)
     with pytest.raises(InstructionError, match=r"aliased.*picks"):
         read_steps(text, scene, None)
+
+
+STORED = "put the pear in the box and close it"
+
+
+@pytest.mark.parametrize(
+    "said", [STORED, "place the pear in the box, then shut the box", "put the pear in the box, close it"]
+)
+def test_what_one_task_was_taught_as_a_whole_is_one_step(said):
+    found = plan(said, (skill("store", ("pear", "box"), [STORED]),), ("pear", "box"))
+    assert found == (PlanStep("store", STORED),)
+
+
+def test_what_one_task_was_taught_as_a_whole_and_others_do_in_steps_is_refused():
+    apart = [skill("put", ("pear", "box"), ["put the pear in the box"]), skill("close", ("box",), ["close the box"])]
+    with pytest.raises(InstructionError, match="may mean"):
+        plan(
+            "place the pear in the box, then shut it",
+            (skill("store", ("pear", "box"), [STORED]), *apart),
+            ("pear", "box"),
+        )
