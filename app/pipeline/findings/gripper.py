@@ -16,13 +16,15 @@ from app.pipeline.findings.acts import AT_OBJECT_M, Act
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
 from app.pipeline.findings.recording_ends import Recorded, backwards_findings, begun_late_findings, end_faults
-from app.pipeline.order.order import Clause
+from app.pipeline.order.order import Order
 from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 
-# What the instruction says to take or press, where it follows right upon the verb
-DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? (both )?((the|a|an) )?<0>")
+# What an instruction says to take, where it follows right upon a verb
+DIRECT_OBJECT = re.compile(
+    r"(?:^|, |(?:, | )and )(?P<verb>\w+)(?: up| down| off| away)? (?:both )?(?:(?:the|a|an) )?<(?P<place>\d+)>"
+)
 FURTHER_OBJECT = re.compile(r"( \w+)?(,|,? and) ((the|a|an) )?<(?P<place>\d+)>")  # of a list
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
@@ -151,7 +153,7 @@ def _fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) ->
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
     clause = demonstration.order.clauses[0]
-    takes, taken = clause.verb in TAKING | PUTTING, _taken(clause)
+    takes, taken = clause.verb in TAKING | PUTTING, _taken(demonstration.order)
     closings = [act for act in hand.acts if not act.opens]
     lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
     if lets_go and not hand.may_hold:  # nor comes to take it
@@ -173,16 +175,22 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
 
 
-def _taken(clause: Clause) -> tuple[str, ...]:
-    """Return the objects that a clause says to take, as far as they follow right upon its verb."""
-    found = DIRECT_OBJECT.match(clause.form)
-    if found is None or found["verb"] not in TAKING | PUTTING:
-        return ()
-    places, end = [0], found.end()
-    while further := FURTHER_OBJECT.match(clause.form, end):
-        places.append(int(further["place"]))
-        end = further.end()
-    return tuple(clause.objects[place] for place in places)
+def _taken(order: Order) -> tuple[str, ...]:
+    """Return the objects that an instruction says to take, as far as they follow right upon a verb.
+
+    Empty where the first verb says something else.
+    """
+    taken: list[str] = []
+    for clause in order.clauses:
+        for found in DIRECT_OBJECT.finditer(clause.form):
+            if found["verb"] not in TAKING | PUTTING:
+                continue
+            places, end = [int(found["place"])], found.end()
+            while further := FURTHER_OBJECT.match(clause.form, end):
+                places.append(int(further["place"]))
+                end = further.end()
+            taken += [clause.objects[place] for place in places]
+    return tuple(dict.fromkeys(taken)) if order.clauses[0].verb in TAKING | PUTTING else ()
 
 
 def _is_far(name: str, acts: Sequence[Act]) -> bool:

@@ -198,7 +198,13 @@ def both(seed, words="put both the red cube and the can on the plate", grasps=2)
 
 
 @pytest.mark.parametrize(
-    "words", ["put both the red cube and the can on the plate", "put the red cube and the can on the plate"]
+    "words",
+    [
+        "put both the red cube and the can on the plate",
+        "put the red cube and the can on the plate",
+        "put the red cube on the plate and put the can on it",
+        "put the red cube on the plate, then place the can on the plate",
+    ],
 )
 def test_a_hand_that_takes_two_things_closes_twice(words):
     assert dangers([both(seed, words) for seed in range(6)]) == set()
