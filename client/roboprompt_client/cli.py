@@ -5,11 +5,12 @@ import json
 import signal
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from roboprompt_client.answers import OnDanger
+from roboprompt_client.answers import OnDanger, PlannedStep
 from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
@@ -174,7 +175,13 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
             return 0
         offer_correction(client, robot, arguments.task, arguments.instruction, predicted.id)
         return 1
-    confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
+
+    def confirm_steps(steps: Sequence[PlannedStep]) -> bool:
+        for task in dict.fromkeys(step.task for step in steps):
+            require_same_base(client, robot, task)
+        return not arguments.confirm or person.confirm_steps(steps)
+
+    on_outcome = person.outcome if arguments.confirm else None
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})
 

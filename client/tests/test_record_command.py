@@ -315,10 +315,12 @@ TURNED = Calibration(np.array([0.4, -0.2, 0.6]), about_z(np.pi))
 @pytest.fixture
 def with_base(service, monkeypatch):
     """A service whose tasks are `documents`, and an arm whose base is `TURNED`."""
-    documents, put = {"healthz": {"checks": {}}}, []
+    documents, put, plan = {"healthz": {"checks": {}}}, [], []
 
     def answer(request):
         name = request.url.path.rpartition("/")[2]
+        if name == "plans":
+            return httpx.Response(200, json={"steps": plan})
         if request.method == "PUT":
             put.append(json.loads(request.content))
             return httpx.Response(200, json={})
@@ -329,7 +331,7 @@ def with_base(service, monkeypatch):
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
     opened = "roboprompt_client.commands.shared.open_robot"
     monkeypatch.setattr(opened, lambda name: Arm(open_xarm(Body(), monkeypatch), calibration=TURNED))
-    return SimpleNamespace(documents=documents, put=put)
+    return SimpleNamespace(documents=documents, put=put, plan=plan)
 
 
 def test_a_new_task_gets_the_base_of_the_cell(with_base, monkeypatch, tmp_path):
@@ -353,6 +355,14 @@ def test_a_task_with_another_base_is_refused(
         assert type_command(monkeypatch, *words)[0] == 1  # the rest of the task's document is missing
     assert ("base_to_world" in capsys.readouterr().err) == bool(status)
     assert with_base.put == []
+
+
+def test_a_plan_with_a_task_with_another_base_is_refused(with_base, monkeypatch, capsys):
+    with_base.documents["pick"] = {"robot_base": [0, 0, 0], "robot_base_yaw_deg": 0}
+    with_base.plan.append({"task": "pick", "instruction": "pick it up"})
+    words = ["run", "--robot", "cell.json", "--instruction", "pick it up", "--find", "cube"]
+    assert type_command(monkeypatch, *words)[0] == 1
+    assert "base_to_world" in capsys.readouterr().err
 
 
 def test_a_run_of_an_unknown_task_makes_none(with_base, monkeypatch):
