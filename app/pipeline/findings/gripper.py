@@ -160,7 +160,8 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
         return UNHELD
     if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    grips, slides = takes or clause.verb in GRIPPING, clause.verb in FETCHING and hand.slides
+    grips = not (TAKING | PUTTING | GRIPPING).isdisjoint(demonstration.order.verbs)
+    slides = clause.verb in FETCHING and hand.slides
     if grips and not closings and not slides and not (hand.acts and hand.may_hold):
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):

@@ -59,12 +59,12 @@ def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
 
 
 def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
-    verb = demonstration.order.clauses[0].verb
-    if verb in PUTTING and hand.ends_holding and not any(act.opens for act in hand.acts):
+    verb, puts = demonstration.order.clauses[0].verb, not PUTTING.isdisjoint(demonstration.order.verbs)
+    if puts and hand.ends_holding and not any(act.opens for act in hand.acts):
         return KEEPS_HOLD
     if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
         return TAKES_NOWHERE
-    carries = hand.ends_holding and verb not in TAKING
+    carries = hand.ends_holding and (puts or verb not in TAKING)
     comes = (hand.nearest_m > ACTED_M and len(hand.acts) < DONE_ACTS) or (hand.still_comes and not hand.acts)
     has_acted = verb in FETCHING and hand.slides
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or (comes and not has_acted)) else None

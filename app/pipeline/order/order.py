@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
+_BEGINS_CLAUSE = re.compile(r"(?:^|,\s*(?:and\s+)?|\band\s+)(\w+)")
 _WORD = re.compile(r"\w+")
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 
@@ -84,6 +85,11 @@ class Order:
     def form(self) -> str:
         """The form of the whole text, independent of the objects: see `Clause.form`."""
         return _clause_of(self.text, self.names).form
+
+    @cached_property
+    def verbs(self) -> tuple[str, ...]:
+        """The words that may be verbs, as they begin a clause: also after "and" or a comma within `Clause.form`."""
+        return tuple(word for clause in self.clauses for word in _BEGINS_CLAUSE.findall(clause.form))
 
     @cached_property
     def objects(self) -> tuple[str, ...]:

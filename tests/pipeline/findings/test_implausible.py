@@ -22,6 +22,7 @@ from tests.pipeline.scenes import pose, rotated
 RATE_HZ = 20
 HOME_M = (0.1, 0.0, 1.1)
 PUT = "put the red cube on the plate"
+PICK_AND_PLACE = "pick up the red cube and place it on the plate"
 
 
 def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True, home_m=HOME_M, given_plate_m=None, rises_m=0.12):
@@ -239,6 +240,10 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(None, None, -1)), "do it", 10, "backwards-in-time"),
         (frames(slice(None, None, -1)), PUT, 2, "implausible-gripper"),
         (frames(slice(0, 170)), PUT, 10, "broken-off"),
+        (frames(slice(0, 170)), PICK_AND_PLACE, 10, "broken-off"),  # over the plate
+        (frames(slice(0, 130)), PICK_AND_PLACE, 10, "broken-off"),  # on its way to the plate
+        (frames(slice(0, 110)), PICK_AND_PLACE, 10, "broken-off"),  # lifted
+        (frames(slice(0, 170)), "grab the red cube, then put it on the plate", 10, "broken-off"),
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
         (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
         (w_first, PUT, 10, "w-first"),
