@@ -1,5 +1,6 @@
 """Both ends of recordings: they begin late, break off, stop as soon as everything is done, or run backwards in time."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -16,6 +17,7 @@ from app.pipeline.plans.rows import left_out_m
 from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types.arrays import Array
 
+SOMEWHERE = re.compile(r"\b(?:to|into|onto)(?: \w+)* <\d+>")  # "take the cube to the plate"
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
@@ -64,7 +66,7 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
         return KEEPS_HOLD
     if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
         return TAKES_NOWHERE
-    carries = hand.ends_holding and (puts or verb not in TAKING)
+    carries = hand.ends_holding and (puts or verb not in TAKING or bool(SOMEWHERE.search(demonstration.order.form)))
     comes = (hand.nearest_m > ACTED_M and len(hand.acts) < DONE_ACTS) or (hand.still_comes and not hand.acts)
     has_acted = verb in FETCHING and hand.slides
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or (comes and not has_acted)) else None

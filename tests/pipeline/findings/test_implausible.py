@@ -243,6 +243,7 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(0, 170)), PICK_AND_PLACE, 10, "broken-off"),  # over the plate
         (frames(slice(0, 130)), PICK_AND_PLACE, 10, "broken-off"),  # on its way to the plate
         (frames(slice(0, 110)), PICK_AND_PLACE, 10, "broken-off"),  # lifted
+        (frames(slice(0, 150)), "take the red cube to the plate", 10, "broken-off"),
         (frames(slice(0, 170)), "grab the red cube, then put it on the plate", 10, "broken-off"),
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
         (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
