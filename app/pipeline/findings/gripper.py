@@ -22,9 +22,7 @@ from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 
 # What an instruction says to take, where it follows right upon a verb
-DIRECT_OBJECT = re.compile(
-    r"(?:^|, |(?:, | )and )(?P<verb>\w+)(?: up| down| off| away)? (?:both )?(?:(?:the|a|an) )?<(?P<place>\d+)>"
-)
+DIRECT_OBJECT = re.compile(r"\b(?P<verb>\w+)(?: up| down| off| away)? (?:both )?(?:(?:the|a|an) )?<(?P<place>\d+)>")
 FURTHER_OBJECT = re.compile(r"( \w+)?(,|,? and) ((the|a|an) )?<(?P<place>\d+)>")  # of a list
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it

@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
+from app.pipeline.order.verbs import FIRST_WORDS, HOLDING, REACHING
+
 FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
-_BEGINS_CLAUSE = re.compile(r"(?:^|,\s*(?:and\s+)?|\band\s+)(\w+)")
+_PARTS = re.compile(r"\s*(?:,\s*(?:and\s+)?|\band\s+)")
 _WORD = re.compile(r"\w+")
+VERBS = FIRST_WORDS | HOLDING | REACHING
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 
 
@@ -39,8 +42,13 @@ class Clause(NamedTuple):
 
     @property
     def verb(self) -> str:
-        """The first word."""
-        return self.form.partition(" ")[0]
+        """The first verb before the first object, as "put" in "please put the <0> ..."; the first word without one."""
+        return _verb_of(self.form)
+
+    @property
+    def verbs(self) -> tuple[str, ...]:
+        """The same of each part that "and" or a comma separates."""
+        return tuple(_verb_of(part) for part in _PARTS.split(self.form))
 
 
 @dataclass(frozen=True)
@@ -88,8 +96,8 @@ class Order:
 
     @cached_property
     def verbs(self) -> tuple[str, ...]:
-        """The words that may be verbs, as they begin a clause: also after "and" or a comma within `Clause.form`."""
-        return tuple(word for clause in self.clauses for word in _BEGINS_CLAUSE.findall(clause.form))
+        """The verbs of its clauses, and of their parts."""
+        return tuple(verb for clause in self.clauses for verb in clause.verbs)
 
     @cached_property
     def objects(self) -> tuple[str, ...]:
@@ -139,6 +147,11 @@ def _clause_of(text: str, names: tuple[str, ...]) -> Clause:
     for start, end, name in reversed(mentions):
         form = f"{form[:start]}<{objects.index(name)}>{form[end:]}"
     return Clause(text, form, objects)
+
+
+def _verb_of(form: str) -> str:
+    words = _WORD.findall(form.partition("<")[0])
+    return next((word for word in words if word in VERBS), words[0] if words else "")
 
 
 def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:

@@ -205,6 +205,7 @@ def both(seed, words="put both the red cube and the can on the plate", grasps=2)
         "put the red cube and the can on the plate",
         "put the red cube on the plate and put the can on it",
         "put the red cube on the plate, then place the can on the plate",
+        "please put the red cube and the can on the plate",
     ],
 )
 def test_a_hand_that_takes_two_things_closes_twice(words):
@@ -245,6 +246,9 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(0, 110)), PICK_AND_PLACE, 10, "broken-off"),  # lifted
         (frames(slice(0, 150)), "take the red cube to the plate", 10, "broken-off"),
         (frames(slice(0, 170)), "grab the red cube, then put it on the plate", 10, "broken-off"),
+        (frames(slice(0, 130)), "Please put the red cube on the plate", 10, "broken-off"),
+        (frames(slice(0, 130)), "Robot, pick up the red cube and gently place it on the plate", 10, "broken-off"),
+        (always(True), "could you take the red cube, please", 10, "implausible-gripper"),
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
         (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
         (w_first, PUT, 10, "w-first"),
