@@ -124,6 +124,8 @@ def compounds(taught: TaughtWords, reading: Sequence[ParsedClause]) -> dict[str,
 
 def _part_of(taught: TaughtWords, phrases: NounPhrases) -> str:
     """Return the compound of which the instruction asks for a part only; empty if there is none."""
+    if not taught.compounds:
+        return ""
     try:
         readings = [form for forms in Sentences(phrases, taught.accepted).readings() for form in forms]
     except TooInvolvedError:

@@ -65,16 +65,12 @@ class Sentences:
         return filter(self._is_order, self._units(0, (), frozenset()))
 
     def readings(self) -> Iterator[tuple[tuple[ParsedClause, ...], ...]]:
-        """Yield, for every parse of the whole text, the clauses to carry out, in their order.
-
-        A parse may have several equivalent forms, of which the first that was taught counts: they are yielded together.
+        """Yield the forms of every parse of the whole text, see `forms_of`; the first that was taught counts.
 
         Raises:
             TooInvolvedError: if parsing takes too many steps.
         """
-        for units in self.units():
-            if done := wanted(units):
-                yield _without_pronouns(tuple(unit.clause for unit in done))
+        return filter(None, map(forms_of, self.units()))
 
     def _is_order(self, units: Sequence[Unit]) -> bool:
         """Return whether the text asks for an action: "the red button?" and "it" alone do not."""
@@ -223,11 +219,15 @@ def _may_follow(clause: ParsedClause, units: Sequence[Unit], joined: frozenset[s
     return "," in joined and len(units) == 1 and before.clause.verb is None
 
 
-def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedClause, ...], ...]:
-    """Return the clauses with "it" resolved, preceded by the form in which "pick up X and put it on Y" is "put X on Y".
+def forms_of(units: Sequence[Unit]) -> tuple[tuple[ParsedClause, ...], ...]:
+    """Return the clauses to carry out in equivalent forms, the preferred one first; none where the order is unclear.
 
-    Demonstrations begin with an empty gripper, so that putting an object somewhere includes picking it up.
+    "It" is resolved. "Pick up X and put it on Y" is "put X on Y" at first: demonstrations begin with an empty gripper,
+    so that putting an object somewhere includes picking it up.
     """
+    clauses = [unit.clause for unit in wanted(units)]
+    if not clauses:
+        return ()
     resolved: list[ParsedClause] = []
     merged: list[ParsedClause] = []
     for clause in clauses:
@@ -250,15 +250,15 @@ def _without_pronoun(clause: ParsedClause, before: ParsedClause) -> ParsedClause
     "It" is what the clause before acts on. After "put the mug in the drawer" one closes the drawer, after "turn on the
     stove" a pot is put on the stove, and after "put the soup in the box" the sauce is put in the box.
     """
-    direct = clause.objects_in(DIRECT)
     if not clause.verb:
         return clause
-    at, of = DIRECT, before.objects_in(DIRECT)
+    direct = clause.objects_in(DIRECT)
     if direct and direct[0].name:
-        at = next((role for role, phrases in clause.roles if any(each.name is None for each in phrases)), DIRECT)
-        of = before.phrases if len(before.roles) == 1 else before.objects_in(at)
-        if at == DIRECT:
+        at = next((role for role, phrases in clause.roles if any(each.name is None for each in phrases)), None)
+        if at is None:
             return clause
-    elif clause.verb in CONTAINING and before.objects_in("in"):
-        of = before.objects_in("in")
-    return clause.with_role(at, of) if len(of) == 1 and of[0].name else clause
+        meant = before.phrases if len(before.roles) == 1 else before.objects_in(at)
+    else:
+        at, container = DIRECT, before.objects_in("in") if clause.verb in CONTAINING else ()
+        meant = container or before.objects_in(DIRECT)
+    return clause.with_role(at, meant) if len(meant) == 1 and meant[0].name else clause

@@ -16,7 +16,7 @@ from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import closest
 from app.pipeline.order.refusals import Refusal, refusal
-from app.pipeline.order.sentences import Sentences, Unit, wanted
+from app.pipeline.order.sentences import Sentences, Unit, forms_of, wanted
 from app.pipeline.order.space import Layout
 from app.pipeline.order.verbs import CONTAINING, TOGETHER
 from app.pipeline.steps import several
@@ -71,15 +71,9 @@ class _Reader:
         accepted = Accepted(verbs, (fixed or frozenset()) | several.TIMES_WORDS, of_steps=True)
         sentences = Sentences(self._phrases, accepted)
         found: dict[tuple[PlanStep, ...], None] = {}
-        wholes = (
-            (step,)
-            for forms in sentences.readings()
-            for clauses in forms
-            for skill in self._scene.skills
-            for step in skill.whole(clauses)
-        )
+        every = (chain(self._wholes(units), self._of_units(units)) for units in sentences.units())
         try:
-            for steps in chain(wholes, (steps for units in sentences.units() for steps in self._of_units(units))):
+            for steps in chain.from_iterable(every):
                 found[steps] = None
                 if len(found) == MAX_LISTED:
                     break
@@ -102,6 +96,12 @@ class _Reader:
     def _miss(self, place: int, unit: Unit, why: str) -> None:
         part = self._phrases.text.written(unit.start, unit.end)
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
+
+    def _wholes(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:
+        """Yield what one task was taught as a whole, as the only step."""
+        for clauses in forms_of(units):
+            for skill in self._scene.skills:
+                yield from ((step,) for step in skill.whole(clauses))
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:
         """Yield the sequences of steps that one parse of the sentence may mean."""
