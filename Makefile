@@ -56,11 +56,12 @@ test: dev
 	@$(MAKE) --no-print-directory --jobs 2 style types pytest
 
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, several workers and LLM processes, everyday objects
-# in pictures, downloads of models, benchmarks, container and supply chain checks. The longest files first, so that none is left at the end.
+# in pictures, files of models, benchmarks, container and supply chain checks. The longest files first, so that none is left at the end.
 ROBUSTNESS := tests/perception/registered/test_find.py tests/attack tests/llm/test_one_answer.py \
 	tests/llm/test_embedded.py tests/llm/test_anthropic.py client/tests/test_filming.py tests/sim/test_cameras.py \
 	tests/evaluation/test_composition.py tests/test_wheels.py tests/evaluation/test_vision.py tests/evaluation/test_sweep_run.py \
-	tests/e2e/test_workers.py tests/llm/test_add_weights.py tests/e2e/test_labels.py tests/perception/registered/test_learn.py \
+	tests/e2e/test_workers.py tests/llm/test_add_weights.py tests/llm/test_weights.py tests/llm/test_vocabulary.py \
+	tests/e2e/test_labels.py tests/perception/registered/test_learn.py \
 	tests/benchmarks tests/reliability tests/e2e/test_extremes.py tests/test_docker.py tests/test_no_pickles.py \
 	tests/test_supply_chain.py tests/e2e/test_bounded_protocol.py tests/e2e/test_secrets.py
 # One process more than cores, as some tests wait; each takes up to 1.5 GB of memory.
