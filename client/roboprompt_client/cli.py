@@ -26,6 +26,7 @@ from roboprompt_client.commands.shared import (
     asking_robot,
     find_in_pictures,
     require_same_base,
+    task_document,
 )
 from roboprompt_client.commands.terminal import Person, recovered
 from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
@@ -159,7 +160,7 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
     person = Person(robot, client.url.rstrip("/"))
     find_in_pictures(robot, client, arguments.task, arguments.find)
     if arguments.task is not None:
-        require_same_base(client, robot, arguments.task)
+        require_same_base(robot, arguments.task, task_document(client, arguments.task))
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
@@ -178,7 +179,7 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
 
     def confirm_steps(steps: Sequence[PlannedStep]) -> bool:
         for task in dict.fromkeys(step.task for step in steps):
-            require_same_base(client, robot, task)
+            require_same_base(robot, task, task_document(client, task))
         return not arguments.confirm or person.confirm_steps(steps)
 
     on_outcome = person.outcome if arguments.confirm else None

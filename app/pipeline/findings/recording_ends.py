@@ -17,7 +17,10 @@ from app.pipeline.plans.rows import left_out_m
 from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types.arrays import Array
 
-SOMEWHERE = re.compile(r"\b(?:to|into|onto)(?: \w+)* <\d+>")  # "take the cube to the plate"
+# "Take the cube to the plate", not "the cube next to the plate"
+SOMEWHERE = re.compile(
+    r"(?<!next )(?<!close )(?<!closest )(?<!nearest )(?<!adjacent )\b(?:to|into|onto)(?: \w+)* <\d+>"
+)
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet

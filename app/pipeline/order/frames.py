@@ -15,11 +15,10 @@ from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Clause, Mention, Order
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.verbs import PICKING
-from app.pipeline.order.vocabulary import DETERMINERS, PREPOSITIONS
+from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
 
 JOINTS = frozenset({"and", ",", "then"})
 THING_FOLLOWS = DETERMINERS | {"it", "them"}
-SHORT_PREPOSITIONS = frozenset(words[0] for words in PREPOSITIONS if len(words) == 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,15 +7,18 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from app.pipeline.order.verbs import FIRST_WORDS, HOLDING, REACHING
+from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
 
 FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _PARTS = re.compile(r"\s*(?:,\s*(?:and\s+)?|\band\s+)")
 _WORD = re.compile(r"\w+")
 VERBS = FIRST_WORDS | HOLDING | REACHING
+BEFORE_NOUNS = (DETERMINERS | SHORT_PREPOSITIONS | {"its"}) - {"to"}  # "in place" is no verb, "to place" is one
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 
 
@@ -151,7 +154,8 @@ def _clause_of(text: str, names: tuple[str, ...]) -> Clause:
 
 def _verb_of(form: str) -> str:
     words = _WORD.findall(form.partition("<")[0])
-    return next((word for word in words if word in VERBS), words[0] if words else "")
+    verbs = (word for before, word in pairwise(("", *words)) if word in VERBS and before not in BEFORE_NOUNS)
+    return next(verbs, words[0] if words else "")
 
 
 def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:

@@ -76,7 +76,7 @@ class FilledFrame:
 
     @property
     def unlike(self) -> tuple[bool, ...]:
-        """Whether instrument, verb, fixed words and objects differ from the taught ones."""
+        """Whether instrument, verb, fixed words and objects differ from the taught ones, the weightiest first."""
         taught, asked = self.frame.clause, self.clause
         return (
             len(taught.objects_in(INSTRUMENT)) != len(asked.objects_in(INSTRUMENT)),
@@ -164,21 +164,15 @@ def _best(taught: TaughtWords, clause: ParsedClause) -> list[FilledFrame]:
         if frame.may_stand_alone and (objects := frame.filled(clause, taught.names)) is not None
     ]
     by_kind: dict[object, FilledFrame] = {}
-    for filled in sorted(closest(every), key=lambda filled: any(a != b for a, b in filled.objects.items())):
+    for filled in sorted(closest(every), key=lambda filled: filled.unlike):
         by_kind.setdefault(filled.kind, filled)
     return list(by_kind.values())
 
 
 def closest(every: list[FilledFrame]) -> list[FilledFrame]:
-    """Keep the matches with the clause's instrument, then verb, then fixed words, each as far as there are any."""
-    with_instrument = [
-        each
-        for each in every
-        if len(each.frame.clause.objects_in(INSTRUMENT)) == len(each.clause.objects_in(INSTRUMENT))
-    ]
-    every = with_instrument or every
-    every = [each for each in every if each.frame.clause.verb == each.clause.verb] or every
-    return [each for each in every if each.frame.clause.fixed_phrases == each.clause.fixed_phrases] or every
+    """Keep the matches that differ least, see `FilledFrame.unlike`, whatever their objects."""
+    least = min((filled.unlike[:-1] for filled in every), default=())
+    return [filled for filled in every if filled.unlike[:-1] == least]
 
 
 def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str:

@@ -77,7 +77,7 @@ class TaughtWords:
         """The verbs and fixed words of taught clauses."""
         said = [phrase for frame in self.frames for phrase in frame.clause.fixed]
         fixed = frozenset(word for phrase in said for word in (f"{phrase.role}:", *phrase.words))
-        return Accepted(taught_verbs((frame.text for frame in self.frames), self.lexicon), fixed)
+        return Accepted(taught_verbs({frame.text for frame in self.frames}, self.lexicon), fixed)
 
     def _about_others(self) -> Iterator[str]:
         for frame in self.frames:

@@ -131,6 +131,7 @@ through: through
 across: across
 between: between
 """) for phrase in listed})  # fmt: skip
+SHORT_PREPOSITIONS = frozenset(words[0] for words in PREPOSITIONS if len(words) == 1)
 DESTINATIONS = frozenset({
     "to", "on", "in", "against", "next to", "left of", "right of", "behind", "in front of", "under", "above", "between",
 })  # fmt: skip

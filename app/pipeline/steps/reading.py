@@ -19,6 +19,7 @@ from app.pipeline.order.refusals import Refusal, refusal
 from app.pipeline.order.sentences import Sentences, Unit, forms_of, wanted
 from app.pipeline.order.space import Layout
 from app.pipeline.order.verbs import CONTAINING, TOGETHER
+from app.pipeline.order.vocabulary import ORDERING
 from app.pipeline.steps import several
 from app.pipeline.steps.skills import MAX_LISTED, PlanStep, Skill, TasksOfScene, tasks_nearest_to
 
@@ -98,8 +99,10 @@ class _Reader:
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
     def _wholes(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:
-        """Yield what one task was taught as a whole, as the only step."""
-        for clauses in forms_of(units):
+        """Yield what one task was taught as a whole, as the only step; "before" or "except" would change it."""
+        for clauses in (
+            forms_of(units) if all(unit.mood == "do" and not unit.joined & ORDERING for unit in units) else ()
+        ):
             for skill in self._scene.skills:
                 yield from ((step,) for step in skill.whole(clauses))
 

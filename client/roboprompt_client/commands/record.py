@@ -16,6 +16,7 @@ from roboprompt_client.commands.shared import (
     add_find,
     asking_robot,
     find_in_pictures,
+    other_base,
     require_same_base,
     task_document,
 )
@@ -124,9 +125,12 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
 def _announce(client: RoboPromptClient, robot: Robot, arguments: Namespace) -> None:
     """Say before the first recording what would surprise a person after it; raises ServiceProblemError for a key."""
     try:
-        if task_document(client, arguments.task) is None:
-            say(f"{arguments.task!r} is a new task: the first recording makes it")
-        require_same_base(client, robot, arguments.task, makes_task=True)
+        settings = task_document(client, arguments.task)
+        require_same_base(robot, arguments.task, settings)
+        if settings is None:
+            say(f"{arguments.task!r} is a new task")
+            if base := other_base(robot, {}):
+                client.configure_task(arguments.task, **base)
     except ServiceUnreachableError as error:
         say(f"{error} Recordings wait in {arguments.spool}.")
 

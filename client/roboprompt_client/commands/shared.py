@@ -73,35 +73,36 @@ def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, f
         raise InvalidInputError("--find", f"is missing, and {error}", "the names of the objects in view") from error
 
 
-def require_same_base(client: RoboPromptClient, robot: Robot, task: str, *, makes_task: bool = False) -> None:
-    """Make sure that a task has the arm's base where the cell has it: "left" and "nearest" depend on it.
+def other_base(robot: Robot, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the base of the cell's arm as a task's settings; empty if the settings have it there, or it is not known.
 
     Args:
-        makes_task: whether a task that does not exist is made, if its base would be elsewhere by default.
-
-    Raises:
-        InvalidInputError: if the task has the base elsewhere, or turned otherwise.
-        ServiceProblemError: if the service refuses.
+        settings: of a task; what they lack is as for a new task.
     """
     if not isinstance(robot, Arm) or quaternions.tilt_rad(robot.calibration.quaternion_xyzw) > MAX_TILT_RAD:
-        return
-    known = task_document(client, task)
-    settings = DEFAULT_BASE if known is None else known
+        return {}
+    known = {**DEFAULT_BASE, **settings}
     position_m, yaw_rad = robot.calibration.position_m, quaternions.yaw_rad(robot.calibration.quaternion_xyzw)
-    away_m = math.dist(position_m[:2], settings["robot_base"][:2])
-    turned_rad = abs(math.remainder(yaw_rad - math.radians(settings["robot_base_yaw_deg"]), math.tau))
+    away_m = math.dist(position_m[:2], known["robot_base"][:2])
+    turned_rad = abs(math.remainder(yaw_rad - math.radians(known["robot_base_yaw_deg"]), math.tau))
     if away_m <= SAME_BASE_M and turned_rad <= SAME_BASE_RAD:
-        return
-    base_m, base_yaw_deg = position_m.round(4).tolist(), round(math.degrees(yaw_rad), 1)
-    if known is not None:
-        raise InvalidInputError(
-            "base_to_world",
-            f"is at {base_m} m and {base_yaw_deg:g} degrees, but task {task!r} has robot_base {settings['robot_base']}"
-            f" and robot_base_yaw_deg {settings['robot_base_yaw_deg']:g}",
-            "the same in both: correct the cell's file, or the task on its page",
-        )
-    if makes_task:
-        client.configure_task(task, robot_base=base_m, robot_base_yaw_deg=base_yaw_deg)
+        return {}
+    return {"robot_base": position_m.round(4).tolist(), "robot_base_yaw_deg": round(math.degrees(yaw_rad), 1)}
+
+
+def require_same_base(robot: Robot, task: str, settings: Mapping[str, Any] | None) -> None:
+    """Refuse a task that has the arm's base elsewhere than the cell, as "left" and "nearest" depend on it.
+
+    Args:
+        settings: the task's document; None: there is no such task.
+
+    Raises:
+        InvalidInputError: if the base is elsewhere, or turned otherwise.
+    """
+    if settings is not None and (base := other_base(robot, settings)):
+        has = {name: settings.get(name, DEFAULT_BASE[name]) for name in base}
+        valid = "the same in both: correct the cell's file, or the task on its page"
+        raise InvalidInputError("base_to_world", f"says {base}, but task {task!r} has {has}", valid)
 
 
 def models_of(client: RoboPromptClient, task: str) -> Mapping[str, Any]:

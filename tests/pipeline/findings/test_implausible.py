@@ -213,6 +213,11 @@ def test_a_hand_that_takes_two_things_closes_twice(words):
     assert dangers([both(seed, words, grasps=1) for seed in range(6)]) == {"implausible-gripper"}
 
 
+@pytest.mark.parametrize("words", ["pick up the red cube next to the plate", "take the red cube nearest to the plate"])
+def test_a_lift_may_end_in_motion(words):
+    assert "broken-off" not in dangers([frames(slice(0, 109))(put(seed, words)) for seed in range(10)])
+
+
 def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
     """It ends lifted, at rest, with the cube."""
     assert dangers([trembling(frames(slice(0, 130))(put(seed, "do it"))) for seed in range(10)]) == set()

@@ -241,6 +241,19 @@ def test_what_one_task_was_taught_as_a_whole_is_one_step(said):
     assert found == (PlanStep("store", STORED),)
 
 
+@pytest.mark.parametrize(
+    "said",
+    [
+        "put the pear in the box after you close it",
+        "close the box before you put the pear in it",
+        "put the pear in the box and don't close it",
+    ],
+)
+def test_what_one_task_was_taught_as_a_whole_has_its_order(said):
+    with pytest.raises(InstructionError):
+        plan(said, (skill("store", ("pear", "box"), [STORED]),), ("pear", "box"))
+
+
 def test_what_one_task_was_taught_as_a_whole_and_others_do_in_steps_is_refused():
     apart = [skill("put", ("pear", "box"), ["put the pear in the box"]), skill("close", ("box",), ["close the box"])]
     with pytest.raises(InstructionError, match="may mean"):
