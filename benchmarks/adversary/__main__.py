@@ -24,6 +24,7 @@ from benchmarks.adversary.kinds import KINDS
 from benchmarks.adversary.measure import Outcome
 from benchmarks.adversary.run import DEMONSTRATIONS, Run
 from benchmarks.adversary.table import shown, summary, tables
+from benchmarks.adversary.words import WORDINGS
 from roboprompt_client.client import RoboPromptClient
 
 PANDA = "app.evaluation.world"
@@ -61,7 +62,8 @@ def _run(asked: argparse.Namespace, folder: Path) -> list[Outcome]:
         closing(executor),
     ):
         kinds = asked.kind or list(KINDS)
-        run = Run(client, executor, world, tasks, kinds, seeds, asked.every, asked.demos, folder / "outcomes.jsonl")
+        wording, results = WORDINGS.get(asked.words), folder / "outcomes.jsonl"
+        run = Run(client, executor, world, tasks, kinds, seeds, asked.every, asked.demos, results, wording)
         return _followed(run(), show=asked.show)
 
 
@@ -89,6 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=1, help="how many follow each other")
     parser.add_argument("--every", type=int, default=1, help="a task and seed has one wrong kind in so many, in turn")
     parser.add_argument("--demos", type=int, default=DEMONSTRATIONS, help="recordings of each case")
+    parser.add_argument("--words", choices=list(WORDINGS), help="instructions in other words; default: as they are")
     parser.add_argument("--world", default=PANDA, help="module with a WORLD, e.g. benchmarks.metaworld.world")
     parser.add_argument("--data", type=Path, help="folder of the results; default: none are kept")
     parser.add_argument("--report", type=Path, help="write the tables to this file, too")

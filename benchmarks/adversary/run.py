@@ -15,6 +15,7 @@ from benchmarks.adversary.case import Case, unchanged_case
 from benchmarks.adversary.kinds import KINDS
 from benchmarks.adversary.measure import Bench, Outcome, mutated
 from benchmarks.adversary.undetectable import undetectable
+from benchmarks.adversary.words import Wording, worded
 from roboprompt_client.client import RoboPromptClient
 
 DEMONSTRATIONS = 10
@@ -36,6 +37,7 @@ class Run:
         demonstrations: recordings of each case.
         every: of the wrong kinds each task and seed has one in so many, in turn, so that over as many seeds it has all.
         results: a line for each outcome; those that are there are not run again. None: nothing is kept.
+        wording: of all instructions; None: as the world has them.
     """
 
     client: RoboPromptClient
@@ -47,6 +49,7 @@ class Run:
     every: int = 1
     demonstrations: int = DEMONSTRATIONS
     results: Path | None = None
+    wording: Wording | None = None
     recorded: dict[tuple[str, int], tuple[RecordedDemonstration, ...]] = field(default_factory=dict)
 
     def __call__(self) -> Iterator[tuple[Outcome, Mapping[str, Any]]]:
@@ -91,7 +94,8 @@ class Run:
     def _case(self, task: str, seed: int, scene: SceneView) -> Case:
         others = self.tasks if len(self.tasks) > 1 else list(self.world.tasks)
         other = others[(list(others).index(task) + 1) % len(others)]
-        return unchanged_case(self.world, self._record(task, seed), self._record(other, seed), scene)
+        case = unchanged_case(self.world, self._record(task, seed), self._record(other, seed), scene)
+        return case if self.wording is None else worded(case, self.wording)
 
     def _record(self, task: str, seed: int) -> tuple[RecordedDemonstration, ...]:
         """At rest at the expert's poses with even seeds, continuous with odd ones."""
