@@ -8,7 +8,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.order import vocabulary
-from app.pipeline.order.words import folded_characters, phrase_of, plurals_of, singulars_of
+from app.pipeline.order.forms import plurals_of, singulars_of
+from app.pipeline.order.words import folded_characters, phrase_of
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.names import checked_name
 

@@ -16,14 +16,18 @@ from app.pipeline.findings.acts import AT_OBJECT_M, Act
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
 from app.pipeline.findings.recording_ends import Recorded, backwards_findings, begun_late_findings, end_faults
+from app.pipeline.order.forms import BASE_VERBS
 from app.pipeline.order.order import Order
 from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
+from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 
-# What an instruction says to take, where it follows right upon a verb
-DIRECT_OBJECT = re.compile(r"\b(?P<verb>\w+)(?: up| down| off| away)? (?:both )?(?:(?:the|a|an) )?<(?P<place>\d+)>")
-FURTHER_OBJECT = re.compile(r"( \w+)?(,|,? and) ((the|a|an) )?<(?P<place>\d+)>")  # of a list
+# What an instruction says to take, where it follows right upon a verb: "the small <0>", not "the lid of <0>"
+_ADJECTIVE = rf"(?!(?:{'|'.join(SHORT_PREPOSITIONS)})\b)\w+ "
+_OBJECT = rf"(?:(?:{'|'.join(DETERMINERS)}) (?:{_ADJECTIVE}){{0,2}})?<(?P<place>\d+)>"
+DIRECT_OBJECT = re.compile(rf"\b(?P<verb>\w+)(?: up| down| off| away)? (?:both )?{_OBJECT}")
+FURTHER_OBJECT = re.compile(rf"( \w+)?(,|,? and) {_OBJECT}")  # of a list
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
 GRASPED_AT_M = 0.02  # from an object's origin: the hand closes on that object
@@ -182,7 +186,7 @@ def _taken(order: Order) -> tuple[str, ...]:
     taken: list[str] = []
     for clause in order.clauses:
         for found in DIRECT_OBJECT.finditer(clause.form):
-            if found["verb"] not in TAKING | PUTTING:
+            if BASE_VERBS.get(found["verb"]) not in TAKING | PUTTING:
                 continue
             places, end = [int(found["place"])], found.end()
             while further := FURTHER_OBJECT.match(clause.form, end):

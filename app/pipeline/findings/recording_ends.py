@@ -12,7 +12,8 @@ from app.pipeline.findings.acts import AT_OBJECT_M
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
-from app.pipeline.order.verbs import FETCHING, HOLDING, PRESSING, PUTTING, REACHING, TAKING
+from app.pipeline.order.order import Order
+from app.pipeline.order.verbs import CARRYING, FETCHING, HOLDING, PRESSING, PUTTING, REACHING, TAKING
 from app.pipeline.plans.rows import left_out_m
 from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types.arrays import Array
@@ -21,6 +22,8 @@ from roboprompt_client.types.arrays import Array
 SOMEWHERE = re.compile(
     r"(?<!next )(?<!close )(?<!closest )(?<!nearest )(?<!adjacent )\b(?:to|into|onto)(?: \w+)* <\d+>"
 )
+INTO = re.compile(r"\b(?:in|into|inside|on|onto)(?: \w+)* <\d+>")
+NO_VERB = re.compile(r"(?:(?:the|a|an) )?<\d+>")  # "the cube into the box"
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
@@ -32,7 +35,9 @@ ENDS_SHARE = 0.4  # of the spread of starts, for ends to be where robots start: 
 COMPLETE_M = 0.035  # spread, seen from an object, of hands that still move in their last frame and have done everything
 COMPLETE_ALONG_M = 0.008  # the same along x or y alone, where the ends are several places in the world
 SPREAD_M = 0.10  # of starts that are not one place
-EXPLAINED, MIN_LINEAR = 0.7, 6  # starts that depend on an object leave less of their scatter; of so many recordings
+# Of at least `MIN_LINEAR` recordings, starts that depend on an object leave less than this share of their scatter: the
+# first where most hands move at first, the second where more than `ODD_SHARE` do
+EXPLAINED, WELL_EXPLAINED, MIN_LINEAR = 0.7, 0.3, 6
 LEVEL_M = 0.08  # what is carried and ends higher or lower than this beside an object is not put to it
 
 TAKES_NOWHERE = "the hand closes on something, and the recording ends there: record what it then does."
@@ -64,7 +69,7 @@ def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
 
 
 def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
-    verb, puts = demonstration.order.clauses[0].verb, not PUTTING.isdisjoint(demonstration.order.verbs)
+    verb, puts = demonstration.order.clauses[0].verb, _puts_down(demonstration.order)
     if puts and hand.ends_holding and not any(act.opens for act in hand.acts):
         return KEEPS_HOLD
     if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
@@ -73,6 +78,12 @@ def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     comes = (hand.nearest_m > ACTED_M and len(hand.acts) < DONE_ACTS) or (hand.still_comes and not hand.acts)
     has_acted = verb in FETCHING and hand.slides
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or (comes and not has_acted)) else None
+
+
+def _puts_down(order: Order) -> bool:
+    """Return whether the instruction says to let something go."""
+    carries = order.clauses[0].verb in CARRYING or NO_VERB.match(order.form)
+    return not PUTTING.isdisjoint(order.verbs) or bool(carries and INTO.search(order.form))
 
 
 def _end_complete(pairs: Sequence[Recorded]) -> bool:
@@ -107,7 +118,7 @@ def _agree(seen_m: Array, ends_m: Array) -> bool:
 
 def _has_acted(demonstration: Demonstration, hand: RecordedHand) -> bool:
     """Return whether a hand that holds nothing came to an object and went on, or the words only ask to come there."""
-    reaches = not REACHING.isdisjoint(demonstration.order.form.split())
+    reaches = not REACHING.isdisjoint(demonstration.order.verbs)
     return hand.nearest_m < AT_OBJECT_M and (reaches or hand.dips or not hand.still_comes)
 
 
@@ -152,9 +163,17 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
 def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     """Yield a finding where recordings begin on the way to an object or at it, and do not show how the hand gets there.
 
-    Robots start in one place, or anywhere: where objects are does not explain it, unless one is in the hand. A person
-    may have put the hand to one place at an object before recording: that is a warning.
+    Robots start in one place, or anywhere: where objects are does not explain it, unless one is in the hand of all. A
+    person may have put the hand to one place at an object before recording: that is a warning.
     """
+    holding, taking = sum(_begins_holding(hand) for _, hand in pairs), sum(_begins_taking(hand) for _, hand in pairs)
+    if holding > WAY_SHARE * len(pairs) and taking > ODD_SHARE * len(pairs):
+        message = (
+            f"{holding} of {len(pairs)} recordings begin with an object in the hand, and {taking} show how the hand"
+            " takes it. Begin all of them where the robot starts, before it moves."
+        )
+        yield rules.BEGUN_LATE.finding(message, "demonstrations", value=1.0)
+        return
     starts_m = np.array([hand.start.position_m for _, hand in pairs])
     if len(pairs) < MIN_ENDS or spread_m(starts_m) < SPREAD_M:
         return
@@ -162,7 +181,7 @@ def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     home = near[near.sum(axis=1).argmax()]
     away = [pair for pair, at_home in zip(pairs, home, strict=True) if not at_home]
     if home.mean() > WAY_SHARE:
-        number = len(away) if _most_move(away) or _in_one_place(away) else 0
+        number = len(away) if _share_moving(away) > 1 / 2 or _in_one_place(away) else 0
         found, chosen = number > WAY_SHARE * len(pairs), False
     else:
         number, chosen = len(pairs), _in_one_place(pairs)
@@ -183,19 +202,31 @@ def _in_one_place(pairs: Sequence[Recorded]) -> bool:
 
 
 def _on_the_way(pairs: Sequence[Recorded]) -> bool:
-    """Return whether most hands move in the first moments, at places that are linear in those of an object."""
-    if len(pairs) < MIN_LINEAR or not _most_move(pairs):
+    """Return whether hands move in the first moments, at places that are linear in those of an object."""
+    moving = _share_moving(pairs)
+    if len(pairs) < MIN_LINEAR or moving <= ODD_SHARE:
         return False
+    most_left = EXPLAINED if moving > 1 / 2 else WELL_EXPLAINED
     starts_m = np.array([hand.start.position_m for _, hand in pairs])
     seen_m = places_by_object([shown for shown, _ in pairs], starts_m)
     usual_m = left_out_m(np.zeros((len(starts_m), 0)), starts_m)
     places_m = (starts_m - m for (_, axes), m in seen_m.items() if axes == "w")
-    return any(left_out_m(place_m, starts_m) < EXPLAINED * usual_m for place_m in places_m)
+    return any(left_out_m(place_m, starts_m) < most_left * usual_m for place_m in places_m)
 
 
-def _most_move(pairs: Sequence[Recorded]) -> bool:
-    """Return whether most hands move in the first moments."""
-    return 2 * sum(hand.start_speed_m_s > MOVES_M_S for _, hand in pairs) > len(pairs)
+def _share_moving(pairs: Sequence[Recorded]) -> float:
+    """Return the share of the hands that move in the first moments."""
+    return sum(hand.start_speed_m_s > MOVES_M_S for _, hand in pairs) / len(pairs)
+
+
+def _begins_holding(hand: RecordedHand) -> bool:
+    """Return whether the hand begins closed at an object, and first lets it go."""
+    return not hand.starts_open and bool(hand.may_hold) and bool(hand.acts) and hand.acts[0].opens
+
+
+def _begins_taking(hand: RecordedHand) -> bool:
+    """Return whether the hand begins open, and first closes on an object."""
+    return hand.starts_open and bool(hand.acts) and not hand.acts[0].opens and hand.acts[0].at_object
 
 
 def _most_hold(pairs: Sequence[Recorded]) -> bool:

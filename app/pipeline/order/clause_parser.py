@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, without
 from app.pipeline.order.descriptions import NounPhrase
+from app.pipeline.order.forms import VERB_FORMS, verb_forms
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.vocabulary import NUMBERS, PhraseTable
-from app.pipeline.order.words import VERB_FORMS, verb_forms
 
 MAX_OBJECTS = 8  # of one role
 Parsed = Iterator[tuple[ParsedClause, int]]  # clauses, and where their words end

@@ -7,18 +7,9 @@ from typing import Any, NamedTuple
 
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
+from app.pipeline.order.forms import VERB_FORMS, plurals_of, singulars_of
 from app.pipeline.order.vocabulary import FUNCTION_WORDS, NUMBERS, Phrase, PhraseTable
-from app.pipeline.order.words import (
-    VERB_FORMS,
-    IsWord,
-    Speller,
-    Token,
-    noun_of,
-    phrase_of,
-    plurals_of,
-    singulars_of,
-    tokens_of,
-)
+from app.pipeline.order.words import IsWord, Speller, Token, noun_of, phrase_of, tokens_of
 
 MAX_STEPS = 4000  # of one parse; an instruction that needs more is refused as too involved
 _NOUNS = vocabulary.GENERIC_NOUNS.union(*vocabulary.NOUN_KINDS)

@@ -10,14 +10,14 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from app.pipeline.order.verbs import FIRST_WORDS, HOLDING, REACHING
+from app.pipeline.order.forms import BASE_VERBS
 from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
 
 FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _PARTS = re.compile(r"\s*(?:,\s*(?:and\s+)?|\band\s+)")
 _WORD = re.compile(r"\w+")
-VERBS = FIRST_WORDS | HOLDING | REACHING
+_PASSIVE = re.compile(r"\b(?:is|are|be|being|been|gets?) (\w+)")
 BEFORE_NOUNS = (DETERMINERS | SHORT_PREPOSITIONS | {"its"}) - {"to"}  # "in place" is no verb, "to place" is one
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 
@@ -45,7 +45,10 @@ class Clause(NamedTuple):
 
     @property
     def verb(self) -> str:
-        """The first verb before the first object, as "put" in "please put the <0> ..."; the first word without one."""
+        """The base form of the first verb, as "put" in "please put the <0> on ..." and "the <0> is put on ...".
+
+        The first word where there is none before the first object, nor a passive after it.
+        """
         return _verb_of(self.form)
 
     @property
@@ -153,9 +156,11 @@ def _clause_of(text: str, names: tuple[str, ...]) -> Clause:
 
 
 def _verb_of(form: str) -> str:
-    words = _WORD.findall(form.partition("<")[0])
-    verbs = (word for before, word in pairwise(("", *words)) if word in VERBS and before not in BEFORE_NOUNS)
-    return next(verbs, words[0] if words else "")
+    first, _, rest = form.partition("<")
+    words = _WORD.findall(first)
+    known = (BASE_VERBS.get(word) for before, word in pairwise(("", *words)) if before not in BEFORE_NOUNS)
+    passive = (BASE_VERBS.get(found[1]) for found in _PASSIVE.finditer(rest))
+    return next(filter(None, (*known, *passive)), words[0] if words else "")
 
 
 def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:

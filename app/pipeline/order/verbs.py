@@ -89,7 +89,10 @@ PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"}
 TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
 FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
 HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed
-PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
+PUTTING = frozenset({
+    "put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang", "drop", "deposit", "store", "stow",
+})  # fmt: skip
+CARRYING = frozenset({"move", "bring", "carry", "transfer", "shift"})  # into or onto something: it is put down there
 # What cannot be done without a grasp, though the verb does not say so
 GRIPPING = frozenset(
     {"screw", "unscrew", "plug", "unplug", "pour", "carry", "bring", "transfer", "give", "hand", "pass"}

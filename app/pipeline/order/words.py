@@ -1,4 +1,4 @@
-"""Tokens of a text, regular forms of words, and the correction of spellings.
+"""Tokens of a text, and the correction of spellings.
 
     text  = {token}
     token = letters and digits, perhaps with an apostrophe | a negative number | a punctuation mark
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
-from app.pipeline.order import verbs, vocabulary
+from app.pipeline.order import vocabulary
 from app.pipeline.order.vocabulary import ADJECTIVES, Phrase
 
 IsWord = Callable[[str], bool]
@@ -59,34 +59,6 @@ def phrase_of(text: str) -> Phrase:
 def noun_of(phrase: Phrase) -> str:
     """Return the last word that is no adjective: "drawer" of `drawer_top`."""
     return next((word for word in reversed(phrase) if word not in ADJECTIVES), phrase[-1])
-
-
-def plurals_of(singular: str) -> set[str]:
-    """The regular plurals of a word."""
-    plurals = {f"{singular}s", f"{singular}es"}
-    for ending, plural in (("y", "ies"), ("f", "ves"), ("fe", "ves")):
-        if singular.endswith(ending):
-            plurals.add(singular.removesuffix(ending) + plural)
-    return plurals
-
-
-def singulars_of(plural: str) -> set[str]:
-    """The words that may have it as a regular plural."""
-    endings = (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("ves", "fe"))
-    return {plural.removesuffix(ending) + singular for ending, singular in endings if plural.endswith(ending)}
-
-
-def verb_forms(verb: str) -> set[str]:
-    """The regular forms of a verb's base form: pushes, pushing, pushed; placing, tapped, carries."""
-    short = verb[:-1] if verb.endswith("e") else verb
-    doubled = verb + verb[-1] if re.fullmatch(r".*[^aeiou][aeiou][bdgmnpt]", verb) else short
-    past = f"{verb[:-1]}ied" if verb.endswith("y") else f"{doubled}ed"
-    return plurals_of(verb) | {f"{short}ing", f"{doubled}ing", past, f"{short}ed"}
-
-
-# The base form of each verb's forms
-VERB_FORMS = {form: verb for verb in verbs.FIRST_WORDS for form in verb_forms(verb)}
-VERB_FORMS |= verbs.IRREGULAR | {verb: verb for verb in verbs.FIRST_WORDS}
 
 
 class Speller:

@@ -206,6 +206,8 @@ def both(seed, words="put both the red cube and the can on the plate", grasps=2)
         "put the red cube on the plate and put the can on it",
         "put the red cube on the plate, then place the can on the plate",
         "please put the red cube and the can on the plate",
+        "put the small red cube and that shiny can on the plate",
+        "the robot puts the red cube and the can on the plate",
     ],
 )
 def test_a_hand_that_takes_two_things_closes_twice(words):
@@ -216,6 +218,11 @@ def test_a_hand_that_takes_two_things_closes_twice(words):
 @pytest.mark.parametrize("words", ["pick up the red cube next to the plate", "take the red cube nearest to the plate"])
 def test_a_lift_may_end_in_motion(words):
     assert "broken-off" not in dangers([frames(slice(0, 109))(put(seed, words)) for seed in range(10)])
+
+
+@pytest.mark.parametrize("words", ["move the red cube next to the plate", "bring the red cube over the plate"])
+def test_what_is_carried_may_stay_in_the_hand(words):
+    assert "broken-off" not in dangers([frames(slice(0, 190))(put(seed, words)) for seed in range(10)])
 
 
 def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
@@ -254,6 +261,13 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(0, 130)), "Please put the red cube on the plate", 10, "broken-off"),
         (frames(slice(0, 130)), "Robot, pick up the red cube and gently place it on the plate", 10, "broken-off"),
         (always(True), "could you take the red cube, please", 10, "implausible-gripper"),
+        (always(True), "the robot takes the red cube", 10, "implausible-gripper"),
+        (always(True), "stacking the red cube on the plate", 10, "implausible-gripper"),
+        (always(True), "the red cube is placed on the plate", 10, "implausible-gripper"),
+        (frames(slice(0, 190)), "putting the red cube on the plate", 10, "broken-off"),  # at rest over the plate
+        (frames(slice(0, 190)), "drop the red cube on the plate", 10, "broken-off"),
+        (frames(slice(0, 190)), "move the red cube onto the plate", 10, "broken-off"),
+        (frames(slice(0, 190)), "the red cube on the plate", 10, "broken-off"),
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
         (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
         (w_first, PUT, 10, "w-first"),
@@ -296,6 +310,14 @@ def test_some_that_begin_at_the_object_where_others_begin_at_home(number, found)
     assert ("begun-late" in dangers(begun)) == found
 
 
+@pytest.mark.parametrize(("moving", "found"), [(0, False), (4, True)])
+def test_some_hands_move_at_first_where_all_begin_near_the_object(moving, found):
+    """At places that vary by more than where a person puts a hand to; it rests in the others."""
+    begins = [62 if seed < moving else 76 for seed in range(10)]
+    begun = [frames(slice(first, None))(put(seed, "do it")) for seed, first in enumerate(begins)]
+    assert ("begun-late" in dangers(begun)) == found
+
+
 def test_recordings_that_all_begin_above_the_object_have_a_warning():
     """A person puts the hand there before recording: how a robot gets there is not shown."""
     known = taught([frames(slice(44, None))(put(seed, "do it")) for seed in range(10)])
@@ -311,9 +333,11 @@ def test_recordings_may_begin_anywhere_at_rest_and_in_motion(begins):
     assert "begun-late" not in codes(recordings)
 
 
-def test_recordings_may_begin_with_the_object_in_the_hand():
-    begun = [frames(slice(88, None))(put(seed, "place the red cube on the plate")) for seed in range(10)]
-    assert "begun-late" not in codes(begun)
+@pytest.mark.parametrize(("holding", "found"), [(0, False), (3, False), (4, True), (7, True), (8, False), (10, False)])
+def test_recordings_may_begin_with_the_object_in_the_hand_of_all(holding, found):
+    begins = [88 if seed < holding else 0 for seed in range(10)]
+    begun = [frames(slice(first, None))(put(seed, PUT)) for seed, first in enumerate(begins)]
+    assert ("begun-late" in dangers(begun)) == found
 
 
 @pytest.mark.parametrize(("gap_s", "found"), [(0.4, False), (2.0, True)])

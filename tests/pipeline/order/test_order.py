@@ -40,6 +40,26 @@ def test_clauses(instruction, expected):
     assert len(Order(instruction, ()).clauses) == expected
 
 
+@pytest.mark.parametrize(
+    ("instruction", "verbs"),
+    [
+        ("please put the cube on the plate", ("put",)),
+        ("Robot, lift the cube and gently place it on the plate", ("robot", "lift", "place")),
+        ("task 3: stack the cube on the plate", ("stack",)),
+        ("the robot puts the cube on the plate", ("put",)),
+        ("Stacking the cube", ("stack",)),
+        ("the cube should be placed on the plate", ("place",)),
+        ("press the plate, then the cube gets picked up", ("press", "pick")),
+        ("pinching the cube", ("pinch",)),
+        ("the cube on the right place", ("the",)),
+        ("dunk the cube", ("dunk",)),
+        ("cube", ("",)),
+    ],
+)
+def test_verbs_in_their_base_form(instruction, verbs):
+    assert Order(instruction, ("cube", "plate")).verbs == verbs
+
+
 DRAWERS = ("drawer_bottom", "drawer_middle", "drawer_top")
 
 

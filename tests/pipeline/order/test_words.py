@@ -1,6 +1,7 @@
 import pytest
 
-from app.pipeline.order.words import Speller, plurals_of, tokens_of, verb_forms
+from app.pipeline.order.forms import plurals_of, verb_forms
+from app.pipeline.order.words import Speller, tokens_of
 
 KNOWN = (("red", "blue", "yellow", "button", "mug", "bowl", "leftmost"), ("below", "push"))
 
