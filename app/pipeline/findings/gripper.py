@@ -18,7 +18,7 @@ from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object
 from app.pipeline.findings.recording_ends import Recorded, backwards_findings, begun_late_findings, end_faults
 from app.pipeline.order.forms import BASE_VERBS
 from app.pipeline.order.order import Order
-from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
+from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, SHIFTING, TAKING
 from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
@@ -162,8 +162,9 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
         return UNHELD
     if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    grips = not (TAKING | PUTTING | GRIPPING).isdisjoint(demonstration.order.verbs)
-    slides = clause.verb in FETCHING and hand.slides
+    shifts = _shifts(demonstration.order)
+    grips = shifts or not (TAKING | PUTTING | GRIPPING).isdisjoint(demonstration.order.verbs)
+    slides = hand.slides and (shifts or clause.verb in FETCHING)
     if grips and not closings and not slides and not (hand.acts and hand.may_hold):
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):
@@ -194,6 +195,13 @@ def _taken(order: Order) -> tuple[str, ...]:
                 end = further.end()
             taken += [clause.objects[place] for place in places]
     return tuple(dict.fromkeys(taken)) if order.clauses[0].verb in TAKING | PUTTING else ()
+
+
+def _shifts(order: Order) -> bool:
+    """Return whether an instruction says to move one object to another."""
+    clause = order.clauses[0]
+    found = DIRECT_OBJECT.search(clause.form)
+    return bool(found and BASE_VERBS.get(found["verb"]) in SHIFTING and len(clause.objects) > 1)
 
 
 def _is_far(name: str, acts: Sequence[Act]) -> bool:

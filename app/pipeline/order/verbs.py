@@ -92,7 +92,8 @@ HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # do
 PUTTING = frozenset({
     "put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang", "drop", "deposit", "store", "stow",
 })  # fmt: skip
-CARRYING = frozenset({"move", "bring", "carry", "transfer", "shift"})  # into or onto something: it is put down there
+SHIFTING = frozenset({"move", "shift"})  # one object to another: the hand carries it or slides it
+CARRYING = SHIFTING | {"bring", "carry", "transfer"}  # into or onto something: it is put down there
 # What cannot be done without a grasp, though the verb does not say so
 GRIPPING = frozenset(
     {"screw", "unscrew", "plug", "unplug", "pour", "carry", "bring", "transfer", "give", "hand", "pass"}

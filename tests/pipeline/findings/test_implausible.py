@@ -262,6 +262,8 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(0, 130)), "Robot, pick up the red cube and gently place it on the plate", 10, "broken-off"),
         (always(True), "could you take the red cube, please", 10, "implausible-gripper"),
         (always(True), "the robot takes the red cube", 10, "implausible-gripper"),
+        (always(True), "move the red cube to the plate", 10, "implausible-gripper"),
+        (always(False), "move the small red cube to the plate", 10, "implausible-gripper"),
         (always(True), "stacking the red cube on the plate", 10, "implausible-gripper"),
         (always(True), "the red cube is placed on the plate", 10, "implausible-gripper"),
         (frames(slice(0, 190)), "putting the red cube on the plate", 10, "broken-off"),  # at rest over the plate
@@ -515,7 +517,8 @@ def moved(way_m, words):
         steps_m = np.linalg.norm(np.diff(places_m, axis=0), axis=1)
         times_s = [0.0, *np.cumsum(steps_m / 0.2)]
         knots = tuple((float(t), tuple(place)) for t, place in zip(times_s, places_m, strict=True))
-        return recording(ScriptedMotion(knots, rest_s=0.0), (pose("button", button_m, 0),), instruction=words)
+        objects = (pose("button", button_m, 0), pose("wall", button_m + (0.25, 0, 0), 0))
+        return recording(ScriptedMotion(knots, rest_s=0.0), objects[: 1 + ("wall" in words)], instruction=words)
 
     return record
 
@@ -560,7 +563,10 @@ def test_a_moving_hand_at_the_height_of_the_plate_may_keep_what_it_puts_there_if
     assert [item.severity for item in found if item.code == "broken-off"] == [severity]
 
 
-@pytest.mark.parametrize(("words", "expected"), [("get it", set()), ("pick it up", {"implausible-gripper"})])
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [("get it", set()), ("move it to the wall", set()), ("pick it up", {"implausible-gripper"})],
+)
 def test_open_hands_may_slide_what_words_do_not_say_to_lift(words, expected):
     way_m = [(0, 0, 0.15), (0, 0, 0.05), (0.2, 0, 0.05)]
     assert dangers([moved(way_m, words.replace("it", "the button"))(seed) for seed in range(4)]) == expected
