@@ -517,7 +517,7 @@ def moved(way_m, words):
         steps_m = np.linalg.norm(np.diff(places_m, axis=0), axis=1)
         times_s = [0.0, *np.cumsum(steps_m / 0.2)]
         knots = tuple((float(t), tuple(place)) for t, place in zip(times_s, places_m, strict=True))
-        objects = (pose("button", button_m, 0), pose("wall", button_m + (0.25, 0, 0), 0))
+        objects = (pose("button", button_m, 0), pose("wall", button_m + np.array((0.25, 0.0, 0.0)), 0))
         return recording(ScriptedMotion(knots, rest_s=0.0), objects[: 1 + ("wall" in words)], instruction=words)
 
     return record
