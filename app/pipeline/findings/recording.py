@@ -17,6 +17,7 @@ from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES
+from app.pipeline.order.order import FIELD, Order
 from roboprompt_client.types.arrays import Array, positions_array
 
 JUMP_M = 0.05
@@ -59,6 +60,7 @@ def upload_findings(
     """
     return (
         *alike_findings(alike, new.instruction),
+        *verb_findings(new.order),
         *unit_findings(motion.trajectory, new.objects),
         *flange_findings(motion),
         *compared_findings(compared),
@@ -66,6 +68,16 @@ def upload_findings(
         *contact_findings(motion, tracked, extra),
         *gripper_outlier_findings(new, others),
     )
+
+
+def verb_findings(order: Order) -> Iterator[Finding]:
+    """Yield a finding for an instruction that no rule about verbs can compare with the recording."""
+    if not order.has_known_verb:
+        message = (
+            f"No verb in {order.text!r} is known, so it is not checked whether the recording does what the words say,"
+            ' as to close the gripper in order to "take" something.'
+        )
+        yield Finding("unknown-verb", "info", message, FIELD)
 
 
 def recording_findings(motion: Motion, keyframes: Sized, rule: KeyframeRule) -> tuple[Finding, ...]:
