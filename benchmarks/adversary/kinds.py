@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from benchmarks.adversary import objects, recorder, recordings, streams, whole
+from benchmarks.adversary import objects, people, recorder, recordings, streams, whole
 from benchmarks.adversary.case import Mutation
 from benchmarks.adversary.objects import in_question, of_recordings
 from benchmarks.adversary.recordings import Fault, in_all, in_half, in_one
@@ -51,6 +51,9 @@ RIGHT: Mapping[str, Kind] = {
     "objects in another order": _right(whole.objects_in_another_order),
     "hand elsewhere": _right(whole.hand_elsewhere),
     "turned within symmetry": _right(whole.turned_within_symmetry),
+    "hand trembles": _right(in_all(people.trembling)),
+    "hand waits on its way": _right(in_all(people.waiting)),
+    "each at its own speed": _right(in_all(people.at_its_own_speed)),
 }
 WRONG: Mapping[str, Kind] = {
     "frame moved in half": Kind(in_half(recordings.frame_moved)),
