@@ -28,8 +28,8 @@ def trembling(case: Case, random: np.random.Generator) -> Change:
         turns = Rotation.from_rotvec(noise(number, TREMBLES_RAD))
         hands = (turns * Rotation.from_quat(given.quaternions_xyzw)).as_quat()
         moved = with_hand(recording, given.positions_m + noise(number, TREMBLES_M), hands)
-        held_by_hand = replace(moved.trajectory, joint_velocities_rad_s=np.zeros((number, 0)))
-        return replace(recording, trajectory=held_by_hand)
+        no_joints = {"joint_velocities_rad_s": np.zeros((number, 0)), "joint_positions_rad": None}
+        return replace(recording, trajectory=replace(moved.trajectory, **no_joints))
 
     return change
 
