@@ -12,8 +12,9 @@ from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, FoundPose, 
 from app.perception.registered.depth_view import Index
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
+from app.perception.registered.symmetry import symmetry_remedy
 from app.perception.registered.template import Template
-from app.perception.registered.turns import in_words, symmetry_remedy
+from app.perception.registered.turns import in_words
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.errors import InvalidInputError
@@ -79,7 +80,7 @@ def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, e
     symmetry_deg = model.yaw_symmetry_deg
     unknown = "" if symmetry_deg == 0 else _why_no_yaw(found)
     if unknown and not model.yaw_may_be_unknown:
-        remedy = symmetry_remedy(found.turns_deg) if found.turns_deg else HELP_ONE_CAMERA
+        remedy = symmetry_remedy(template, found.turns_deg) if found.turns_deg else HELP_ONE_CAMERA
         raise UncertainPoseError(name, f"its yaw is undecided: {unknown}", f"{remedy}; yaw_may_be_unknown: true")
     if unknown and found.spread_m > SAME_PLACE_M:
         message = f"its yaw is undecided, and its place with it by {100 * found.spread_m:.0f} cm: {unknown}"

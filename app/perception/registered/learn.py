@@ -13,9 +13,9 @@ from app.perception.registered.decide import MIN_SCORE
 from app.perception.registered.depth_view import Index, free_views, thinned, unit
 from app.perception.registered.hypotheses import START_YAWS_DEG, Hypothesis, hypotheses
 from app.perception.registered.scene import LitScene, Scene
-from app.perception.registered.symmetry import centered, completed, looks_alike_turned
+from app.perception.registered.symmetry import centered, completed, looks_alike_turned, symmetry_remedy
 from app.perception.registered.template import MAX_SPAN_M, Template
-from app.perception.registered.turns import in_words, symmetry_remedy, turns_deg, yaw_rivals
+from app.perception.registered.turns import in_words, turns_deg, yaw_rivals
 from roboprompt_client.types.camera import RgbdFrame
 
 FEWEST_POINTS = 40
@@ -123,7 +123,7 @@ def _check_symmetry(name: str, template: Template, views: Sequence[_LabeledPoint
     if len(undecided) > len(views) / 2:
         turns = max(undecided, key=len)
         message = f"{in_words(turns)} it looks the same in {len(undecided)} of {len(views)} views"
-        raise ObjectModelError(name, message, f"{symmetry_remedy(turns)}; yaw_may_be_unknown: true")
+        raise ObjectModelError(name, message, f"{symmetry_remedy(template, turns)}; yaw_may_be_unknown: true")
 
 
 def _turns_deg(template: Template, found: Sequence[Hypothesis]) -> tuple[float, ...]:

@@ -1,5 +1,6 @@
 """Objects with a rotation symmetry: their axis, and the completion of sides that no camera saw."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,10 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registered.depth_view import VOXEL_M, Bools, Index, thinned, unit
 from app.perception.registered.hypotheses import hypotheses
 from app.perception.registered.icp import COARSE_M, FINAL_M, Poses, about_z, icp
+from app.perception.registered.model import yaw_symmetry_deg
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import MAX_SPAN_M, STANDS_WITHIN_M, Template
+from app.perception.registered.turns import suggested_symmetry
 from roboprompt_client.types.arrays import Array
 
 NUM_TURNS = 24  # in which a round object is completed
@@ -47,6 +50,21 @@ def completed(name: str, template: Template) -> Template:
         np.concatenate([template.normals @ turn.T for turn in turns]),
     )
     return replace(template, points_m=points_m, rgb=rgb, normals=unit(normals))
+
+
+def has_symmetry(template: Template, symmetry_deg: float) -> bool:
+    """Return whether the template is the same after a turn about the vertical by `symmetry_deg`; 0: by any."""
+    _, problem = _round_axis(template) if symmetry_deg == 0 else _turn_axis(template, symmetry_deg)
+    return not problem
+
+
+def symmetry_remedy(template: Template, turns: Sequence[float]) -> str:
+    """Return what decides a yaw between such turns (degrees): another view or, if the template has one, a symmetry."""
+    symmetry = suggested_symmetry(turns)
+    if symmetry is None or not has_symmetry(template, yaw_symmetry_deg(symmetry) or 0.0):
+        return "a further camera that tells them apart"
+    value = f'"{symmetry}"' if isinstance(symmetry, str) else f"{symmetry:g}"
+    return f"symmetric: {value} if these sides make no difference, or a further camera that tells them apart"
 
 
 def centered(template: Template) -> Template:

@@ -47,12 +47,3 @@ def in_words(turns: Sequence[float]) -> str:
     """Return e.g. ``turned by 90, 180 and 270 degrees``."""
     *most, last = (f"{turn:.0f}" for turn in turns)
     return f"turned by {', '.join(most)} and {last} degrees" if most else f"turned by {last} degrees"
-
-
-def symmetry_remedy(turns: Sequence[float]) -> str:
-    """Return what decides such a yaw: another view or, if the turns suggest one, a symmetry."""
-    symmetry = suggested_symmetry(turns)
-    if symmetry is None:
-        return "a further camera that tells them apart"
-    value = f'"{symmetry}"' if isinstance(symmetry, str) else f"{symmetry:g}"
-    return f"symmetric: {value} if these sides make no difference, or a further camera that tells them apart"

@@ -7,7 +7,7 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.marks import Marks, masks_from_marks, outlines, yaw_of_arrow_deg
 from app.perception.registered.scene import Scene
-from app.perception.registered.symmetry import completed
+from app.perception.registered.symmetry import completed, symmetry_remedy
 from app.perception.registered.template import Template
 from benchmarks.object_scenes import sample
 from roboprompt_client.errors import InvalidInputError
@@ -121,6 +121,15 @@ def test_what_looks_the_same_from_behind_is_taught_as_symmetric_only():
     with pytest.raises(ObjectModelError, match=r"turned by 1[78]\d degrees it looks the same in 2 of") as caught:
         learn("brick", [replace(view("brick", k), yaw_deg=yaw_deg) for k, yaw_deg in enumerate((20.0, 90.0))], None)
     assert "symmetric: 180 if" in caught.value.valid
+
+
+@pytest.mark.parametrize(
+    ("name", "turns", "suggested"),
+    [("brick", (178.0,), "symmetric: 180"), ("carton", (90.0, 180.0, 270.0), "a further")],
+)
+def test_a_symmetry_is_suggested_only_where_it_would_be_accepted(name, turns, suggested):
+    template = replace(taught(name).template, yaw_symmetry_deg=None)
+    assert symmetry_remedy(template, turns).startswith(suggested)
 
 
 def test_a_template_is_the_same_after_its_way_through_a_file():
