@@ -17,7 +17,7 @@ FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _PARTS = re.compile(r"\s*(?:,\s*(?:and\s+)?|\band\s+)")
 _WORD = re.compile(r"\w+")
-_PASSIVE = re.compile(r"\b(?:is|are|be|being|been|gets?) (\w+)")
+_PASSIVE = re.compile(r"(?<!\bthat )(?<!\bwhich )\b(?:is|are|be|being|been|gets?) (\w+)")
 BEFORE_NOUNS = (DETERMINERS | SHORT_PREPOSITIONS | {"its"}) - {"to"}  # "in place" is no verb, "to place" is one
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 

@@ -220,7 +220,15 @@ def test_a_lift_may_end_in_motion(words):
     assert "broken-off" not in dangers([frames(slice(0, 109))(put(seed, words)) for seed in range(10)])
 
 
-@pytest.mark.parametrize("words", ["move the red cube next to the plate", "bring the red cube over the plate"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "move the red cube next to the plate",
+        "bring the red cube over the plate",
+        "carry the red cube that is on the plate",
+        "the red cube that is on the plate",
+    ],
+)
 def test_what_is_carried_may_stay_in_the_hand(words):
     assert "broken-off" not in dangers([frames(slice(0, 190))(put(seed, words)) for seed in range(10)])
 

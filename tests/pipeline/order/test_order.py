@@ -52,6 +52,7 @@ def test_clauses(instruction, expected):
         ("press the plate, then the cube gets picked up", ("press", "pick")),
         ("pinching the cube", ("pinch",)),
         ("the cube on the right place", ("the",)),
+        ("the cube that is stacked on the plate gets removed", ("remove",)),
         ("dunk the cube", ("dunk",)),
         ("cube", ("",)),
     ],
