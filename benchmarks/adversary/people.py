@@ -20,7 +20,8 @@ def trembling(case: Case, random: np.random.Generator) -> Change:
     def noise(number: int, scale: float) -> Array:
         white = random.normal(size=(number, 3))
         colored = gaussian_filter1d(white, FRAMES_OF_NOISE, axis=0)
-        return scale * colored / max(float(colored.std()), 1e-9)
+        noisy: Array = scale * colored / max(float(colored.std()), 1e-9)
+        return noisy
 
     def change(recording: Recording) -> Recording:
         given = recording.trajectory
@@ -28,8 +29,8 @@ def trembling(case: Case, random: np.random.Generator) -> Change:
         turns = Rotation.from_rotvec(noise(number, TREMBLES_RAD))
         hands = (turns * Rotation.from_quat(given.quaternions_xyzw)).as_quat()
         moved = with_hand(recording, given.positions_m + noise(number, TREMBLES_M), hands)
-        no_joints = {"joint_velocities_rad_s": np.zeros((number, 0)), "joint_positions_rad": None}
-        return replace(recording, trajectory=replace(moved.trajectory, **no_joints))
+        no_joints = replace(moved.trajectory, joint_velocities_rad_s=np.zeros((number, 0)), joint_positions_rad=None)
+        return replace(recording, trajectory=no_joints)
 
     return change
 
