@@ -22,9 +22,7 @@ from roboprompt_client.types.arrays import Array
 SOMEWHERE = re.compile(
     r"(?<!next )(?<!close )(?<!closest )(?<!nearest )(?<!adjacent )\b(?:to|into|onto)(?: \w+)* <\d+>"
 )
-INTO = re.compile(
-    r"(?<!is )(?<!are )\b(?:in|into|inside|on|onto)(?: \w+)* <\d+>"
-)  # not "that is on the plate"
+INTO = re.compile(r"(?<!is )(?<!are )\b(?:in|into|inside|on|onto)(?: \w+)* <\d+>")  # not "that is on the plate"
 NO_VERB = re.compile(r"(?:(?:the|a|an) )?<\d+>")  # "the cube into the box"
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
