@@ -74,8 +74,8 @@ def verb_findings(order: Order) -> Iterator[Finding]:
     """Yield a finding for an instruction that no rule about verbs can compare with the recording."""
     if not order.has_known_verb:
         message = (
-            f"No verb in {order.text!r} is known. It is not checked whether the recording fits the words, for example that"
-            ' the gripper closes where they say "take".'
+            f"No verb in {order.text!r} is known. It is not checked whether the recording fits the words, for example"
+            ' that the gripper closes where they say "take".'
         )
         yield Finding("unknown-verb", "info", message, FIELD)
 
