@@ -11,7 +11,7 @@ from benchmarks.adversary.recordings import Change, frames, with_hand
 from roboprompt_client.types.arrays import Array
 
 TREMBLES_M, TREMBLES_RAD = 0.002, 0.02  # a tracker's error, or a person's hand
-FRAMES_OF_NOISE = 2.0
+FRAMES_OF_NOISE = 2.0  # over which it is smooth
 
 
 def trembling(case: Case, random: np.random.Generator) -> Change:
@@ -51,7 +51,7 @@ def waiting(case: Case, random: np.random.Generator) -> Change:
 
 
 def at_its_own_speed(case: Case, random: np.random.Generator) -> Change:
-    """Each recording is up to half as fast, or up to twice."""
+    """Each recording has its own speed, from half to twice the expert's."""
 
     def change(recording: Recording) -> Recording:
         faster = 2.0 ** random.uniform(-1, 1)

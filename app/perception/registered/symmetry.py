@@ -34,10 +34,7 @@ def completed(name: str, template: Template) -> Template:
     symmetry_deg = template.yaw_symmetry_deg
     if symmetry_deg is None:
         return template
-    axis_m, problem = _round_axis(template) if symmetry_deg == 0 else _turn_axis(template, symmetry_deg)
-    reach_m = float(np.linalg.norm(template.points_m[:, :2] - axis_m, axis=1).max())
-    if not problem and 2 * reach_m > MAX_SPAN_M:  # of a nearly flat side: all around its axis it would fill the memory
-        problem = f"would be {200 * reach_m:.0f} cm wide around its axis, at most {100 * MAX_SPAN_M:.0f}"
+    axis_m, problem = _axis(template, symmetry_deg)
     if problem:
         raise ObjectModelError(name, problem, 'views from more sides, or symmetric: "none"')
     template = _moved(template, np.array([*axis_m, 0.0]))
@@ -52,16 +49,10 @@ def completed(name: str, template: Template) -> Template:
     return replace(template, points_m=points_m, rgb=rgb, normals=unit(normals))
 
 
-def has_symmetry(template: Template, symmetry_deg: float) -> bool:
-    """Return whether the template is the same after a turn about the vertical by `symmetry_deg`; 0: by any."""
-    _, problem = _round_axis(template) if symmetry_deg == 0 else _turn_axis(template, symmetry_deg)
-    return not problem
-
-
 def symmetry_remedy(template: Template, turns: Sequence[float]) -> str:
     """Return what decides a yaw between such turns (degrees): another view or, if the template has one, a symmetry."""
     symmetry = suggested_symmetry(turns)
-    if symmetry is None or not has_symmetry(template, yaw_symmetry_deg(symmetry) or 0.0):
+    if symmetry is None or _axis(template, yaw_symmetry_deg(symmetry) or 0.0)[1]:
         return "a further camera that tells them apart"
     value = f'"{symmetry}"' if isinstance(symmetry, str) else f"{symmetry:g}"
     return f"symmetric: {value} if these sides make no difference, or a further camera that tells them apart"
@@ -92,6 +83,15 @@ def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg:
     """Return whether a view, which shows the template at a yaw, fits it turned by `turn_deg` as well."""
     own, turned = (hypotheses(template, lit, index, np.array([yaw]))[0] for yaw in (yaw_deg, yaw_deg + turn_deg))
     return not own.beats(turned)
+
+
+def _axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
+    """Return the axis (2,) of a symmetry, and why the template does not have it (empty if it has)."""
+    axis_m, problem = _round_axis(template) if symmetry_deg == 0 else _turn_axis(template, symmetry_deg)
+    reach_m = float(np.linalg.norm(template.points_m[:, :2] - axis_m, axis=1).max())
+    if not problem and 2 * reach_m > MAX_SPAN_M:  # of a nearly flat side: all around its axis it would fill the memory
+        problem = f"would be {200 * reach_m:.0f} cm wide around its axis, at most {100 * MAX_SPAN_M:.0f}"
+    return axis_m, problem
 
 
 def _round_axis(template: Template) -> tuple[Array, str]:

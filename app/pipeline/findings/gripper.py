@@ -4,7 +4,6 @@ All recordings may agree and be wrong: a gripper that is recorded as open where 
 """
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -15,19 +14,18 @@ from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.acts import AT_OBJECT_M, Act
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import MIN_TURNED, MUCH_LESS, places_by_object, spread_m
-from app.pipeline.findings.recording_ends import Recorded, backwards_findings, begun_late_findings, end_faults
-from app.pipeline.order.forms import BASE_VERBS
-from app.pipeline.order.order import Order
-from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, SHIFTING, TAKING
-from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
+from app.pipeline.findings.recording_ends import (
+    Recorded,
+    backwards_findings,
+    begun_holding_findings,
+    begun_late_findings,
+    end_faults,
+)
+from app.pipeline.order.grasps import shifts_something, taken
+from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
 
-# What an instruction says to take, where it follows right upon a verb: "the small <0>", not "the lid of <0>"
-_ADJECTIVE = rf"(?!(?:{'|'.join(SHORT_PREPOSITIONS)})\b)\w+ "
-_OBJECT = rf"(?:(?:{'|'.join(DETERMINERS)}) (?:{_ADJECTIVE}){{0,2}})?<(?P<place>\d+)>"
-DIRECT_OBJECT = re.compile(rf"\b(?P<verb>\w+)(?: up| down| off| away)? (?:both )?{_OBJECT}")
-FURTHER_OBJECT = re.compile(rf"( \w+)?(,|,? and) {_OBJECT}")  # of a list
 CARRIES_M = 0.05  # a hand that moves farther with closed fingers carries something
 ASIDE_M = 0.05  # from every object: a hand that closes there, and comes to one before or after, cannot hold it
 GRASPED_AT_M = 0.02  # from an object's origin: the hand closes on that object
@@ -89,7 +87,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     yield from rules.ACTS_FAR_FROM_OBJECTS.findings(far_m, message, "demonstrations", nearest_m=far_m)
     yield from _some_far_away(hands)
     yield from backwards_findings(pairs)
-    yield from begun_late_findings(pairs)
+    yield from tuple(begun_holding_findings(pairs)) or begun_late_findings(pairs)
 
 
 def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
@@ -155,53 +153,28 @@ def _fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) ->
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
     clause = demonstration.order.clauses[0]
-    takes, taken = clause.verb in TAKING | PUTTING, _taken(demonstration.order)
+    takes, wanted = clause.verb in TAKING | PUTTING, taken(demonstration.order)
     closings = [act for act in hand.acts if not act.opens]
     lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
     if lets_go and not hand.may_hold:  # nor comes to take it
         return UNHELD
     if clause.verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
-    shifts = _shifts(demonstration.order)
+    shifts = shifts_something(demonstration.order)
     grips = shifts or not (TAKING | PUTTING | GRIPPING).isdisjoint(demonstration.order.verbs)
     slides = hand.slides and (shifts or clause.verb in FETCHING)
     if grips and not closings and not slides and not (hand.acts and hand.may_hold):
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):
         return CLOSES_ASIDE
-    left = [name for name in taken if name not in hand.may_hold and _is_far(name, closings)]
+    left = [name for name in wanted if name not in hand.may_hold and _is_far(name, closings)]
     if not left:
         return None
-    if len(taken) > 1:
-        return TAKES_TOO_FEW if len(closings) < len(taken) else None
+    if len(wanted) > 1:
+        return TAKES_TOO_FEW if len(closings) < len(wanted) else None
     if not _is_far(left[0], hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
-
-
-def _taken(order: Order) -> tuple[str, ...]:
-    """Return the objects that an instruction says to take, as far as they follow right upon a verb.
-
-    Empty where the first verb says something else.
-    """
-    taken: list[str] = []
-    for clause in order.clauses:
-        for found in DIRECT_OBJECT.finditer(clause.form):
-            if BASE_VERBS.get(found["verb"]) not in TAKING | PUTTING:
-                continue
-            places, end = [int(found["place"])], found.end()
-            while further := FURTHER_OBJECT.match(clause.form, end):
-                places.append(int(further["place"]))
-                end = further.end()
-            taken += [clause.objects[place] for place in places]
-    return tuple(dict.fromkeys(taken)) if order.clauses[0].verb in TAKING | PUTTING else ()
-
-
-def _shifts(order: Order) -> bool:
-    """Return whether an instruction says to move one object to another."""
-    clause = order.clauses[0]
-    found = DIRECT_OBJECT.search(clause.form)
-    return bool(found and BASE_VERBS.get(found["verb"]) in SHIFTING and len(clause.objects) > 1)
 
 
 def _is_far(name: str, acts: Sequence[Act]) -> bool:

@@ -1,6 +1,5 @@
 """Both ends of recordings: they begin late, break off, stop as soon as everything is done, or run backwards in time."""
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -12,18 +11,12 @@ from app.pipeline.findings.acts import AT_OBJECT_M
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.places import places_by_object, spread_m
 from app.pipeline.findings.rules import Rule
-from app.pipeline.order.order import Order
-from app.pipeline.order.verbs import CARRYING, FETCHING, HOLDING, PRESSING, PUTTING, REACHING, TAKING
+from app.pipeline.order.grasps import goes_somewhere, puts_down
+from app.pipeline.order.verbs import FETCHING, HOLDING, PRESSING, REACHING, TAKING
 from app.pipeline.plans.rows import left_out_m
 from app.pipeline.thresholds import WAY_SHARE
 from roboprompt_client.types.arrays import Array
 
-# "Take the cube to the plate", not "the cube next to the plate"
-SOMEWHERE = re.compile(
-    r"(?<!next )(?<!close )(?<!closest )(?<!nearest )(?<!adjacent )\b(?:to|into|onto)(?: \w+)* <\d+>"
-)
-INTO = re.compile(r"(?<!is )(?<!are )\b(?:in|into|inside|on|onto)(?: \w+)* <\d+>")  # not "that is on the plate"
-NO_VERB = re.compile(r"(?:(?:the|a|an) )?<\d+>")  # "the cube into the box"
 MOVES_M_S = 0.05
 STILL_M = 0.02  # a hand that moves less after it has closed does nothing with what it holds; 10 degrees are 1 cm
 ACTED_M = 0.08  # a hand that comes no nearer to any object has hardly acted yet
@@ -69,21 +62,15 @@ def end_faults(pairs: Sequence[Recorded]) -> list[Fault | None]:
 
 
 def _end_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
-    verb, puts = demonstration.order.clauses[0].verb, _puts_down(demonstration.order)
+    verb, puts = demonstration.order.clauses[0].verb, puts_down(demonstration.order)
     if puts and hand.ends_holding and not any(act.opens for act in hand.acts):
         return KEEPS_HOLD
     if verb not in HOLDING | PRESSING and hand.ends_holding and len(hand.acts) == 1 and hand.acts[0].moved_m < STILL_M:
         return TAKES_NOWHERE
-    carries = hand.ends_holding and (puts or verb not in TAKING or bool(SOMEWHERE.search(demonstration.order.form)))
+    carries = hand.ends_holding and (puts or verb not in TAKING or goes_somewhere(demonstration.order))
     comes = (hand.nearest_m > ACTED_M and len(hand.acts) < DONE_ACTS) or (hand.still_comes and not hand.acts)
     has_acted = verb in FETCHING and hand.slides
     return CUT_OFF if hand.end_speed_m_s > MOVES_M_S and (carries or (comes and not has_acted)) else None
-
-
-def _puts_down(order: Order) -> bool:
-    """Return whether the instruction says to let something go."""
-    carries = order.clauses[0].verb in CARRYING or NO_VERB.match(order.form)
-    return not PUTTING.isdisjoint(order.verbs) or bool(carries and INTO.search(order.form))
 
 
 def _end_complete(pairs: Sequence[Recorded]) -> bool:
@@ -163,17 +150,9 @@ def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
 def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
     """Yield a finding where recordings begin on the way to an object or at it, and do not show how the hand gets there.
 
-    Robots start in one place, or anywhere: where objects are does not explain it, unless one is in the hand of all. A
-    person may have put the hand to one place at an object before recording: that is a warning.
+    Robots start in one place, or anywhere: where objects are does not explain it, unless one is in the hand. A person
+    may have put the hand to one place at an object before recording: that is a warning.
     """
-    holding, taking = sum(_begins_holding(hand) for _, hand in pairs), sum(_begins_taking(hand) for _, hand in pairs)
-    if holding > WAY_SHARE * len(pairs) and taking > ODD_SHARE * len(pairs):
-        message = (
-            f"{holding} of {len(pairs)} recordings begin with an object in the hand, and {taking} show how the hand"
-            " takes it. Begin all of them where the robot starts, before it moves."
-        )
-        yield rules.BEGUN_LATE.finding(message, "demonstrations", value=1.0)
-        return
     starts_m = np.array([hand.start.position_m for _, hand in pairs])
     if len(pairs) < MIN_ENDS or spread_m(starts_m) < SPREAD_M:
         return
@@ -192,6 +171,17 @@ def begun_late_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
             " hand gets there. Begin to record where the robot starts, before it moves."
         )
         yield rules.BEGUN_LATE.finding(message, "demonstrations", value=float(not chosen))
+
+
+def begun_holding_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
+    """Yield a finding where some recordings begin with an object in the hand, and others show how the hand takes it."""
+    holding, taking = sum(_begins_holding(hand) for _, hand in pairs), sum(_begins_taking(hand) for _, hand in pairs)
+    if holding > WAY_SHARE * len(pairs) and taking > ODD_SHARE * len(pairs):
+        message = (
+            f"{holding} of {len(pairs)} recordings begin with an object in the hand, and {taking} show how the hand"
+            " takes it. Begin all of them where the robot starts, before it moves."
+        )
+        yield rules.BEGUN_LATE.finding(message, "demonstrations", value=1.0)
 
 
 def _in_one_place(pairs: Sequence[Recorded]) -> bool:

@@ -11,14 +11,15 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from app.pipeline.order.forms import BASE_VERBS
-from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
+from app.pipeline.order.vocabulary import DETERMINERS, QUANTIFIERS, SHORT_PREPOSITIONS
 
 FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _PARTS = re.compile(r"\s*(?:,\s*(?:and\s+)?|\band\s+)")
 _WORD = re.compile(r"\w+")
-_PASSIVE = re.compile(r"(?<!\bthat )(?<!\bwhich )\b(?:is|are|be|being|been|gets?) (\w+)")
-BEFORE_NOUNS = (DETERMINERS | SHORT_PREPOSITIONS | {"its"}) - {"to"}  # "in place" is no verb, "to place" is one
+_PASSIVE = re.compile(r"(?<!\bthat )(?<!\bwhich )\b(?:is|are|was|were|be|being|been|gets?) (\w+)")
+# "In place" and "both hands" have no verb, "to place" has one
+BEFORE_NOUNS = (DETERMINERS | QUANTIFIERS | SHORT_PREPOSITIONS | {"its"}) - {"to"}
 MAX_REMEMBERED = 1024  # parsed texts: robots repeat their instructions
 
 
@@ -45,16 +46,13 @@ class Clause(NamedTuple):
 
     @property
     def verb(self) -> str:
-        """The base form of the first verb, as "put" in "please put the <0> on ..." and "the <0> is put on ...".
-
-        The first word where there is none before the first object, nor a passive after it.
-        """
-        return _verb_of(self.form)
+        """Its first verb: see `verb_of`."""
+        return verb_of(self.form)
 
     @property
-    def verbs(self) -> tuple[str, ...]:
-        """The same of each part that "and" or a comma separates."""
-        return tuple(_verb_of(part) for part in _PARTS.split(self.form))
+    def parts(self) -> tuple[str, ...]:
+        """The parts of its form that "and" or a comma separates."""
+        return tuple(_PARTS.split(self.form))
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ class Order:
     @cached_property
     def verbs(self) -> tuple[str, ...]:
         """The verbs of its clauses, and of their parts."""
-        return tuple(verb for clause in self.clauses for verb in clause.verbs)
+        return tuple(verb_of(part) for clause in self.clauses for part in clause.parts)
 
     @property
     def has_known_verb(self) -> bool:
@@ -160,7 +158,12 @@ def _clause_of(text: str, names: tuple[str, ...]) -> Clause:
     return Clause(text, form, objects)
 
 
-def _verb_of(form: str) -> str:
+@lru_cache(MAX_REMEMBERED)
+def verb_of(form: str) -> str:
+    """Return the base form of the first verb, as "put" in "please put the <0> on ..." and "the <0> is put on ...".
+
+    The first word where there is none before the first object, nor a passive after it.
+    """
     first, _, rest = form.partition("<")
     words = _WORD.findall(first)
     known = (BASE_VERBS.get(word) for before, word in pairwise(("", *words)) if before not in BEFORE_NOUNS)

@@ -74,7 +74,10 @@ PARTICLES = frozenset(word for phrase in PHRASES for word in phrase.split()[1:])
 FIRST_WORDS = frozenset(phrase.split()[0] for phrase in PHRASES) | {
     "shake", "fold", "throw", "drop", "drag", "squeeze", "stir", "touch", "release", "cut", "spin", "roll", "shove",
 }  # fmt: skip
-IRREGULAR = {"took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep"}
+IRREGULAR = {
+    "took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep",
+    "brought": "bring", "gave": "give", "given": "give", "slid": "slide", "threw": "throw", "thrown": "throw",
+}  # fmt: skip
 # Verbs without and with a destination: "press the button next to the plate" says which, "put the bowl next to the
 # plate" where to. "Push" and "take" may have one.
 STAYING = frozenset({

@@ -127,7 +127,7 @@ def test_what_looks_the_same_from_behind_is_taught_as_symmetric_only():
     ("name", "turns", "suggested"),
     [("brick", (178.0,), "symmetric: 180"), ("carton", (90.0, 180.0, 270.0), "a further")],
 )
-def test_a_symmetry_is_suggested_only_where_it_would_be_accepted(name, turns, suggested):
+def test_a_symmetry_is_suggested_only_where_the_shape_has_it(name, turns, suggested):
     template = replace(taught(name).template, yaw_symmetry_deg=None)
     assert symmetry_remedy(template, turns).startswith(suggested)
 

@@ -227,6 +227,8 @@ def test_a_lift_may_end_in_motion(words):
         "bring the red cube over the plate",
         "carry the red cube that is on the plate",
         "the red cube that is on the plate",
+        "pick up the red cube on the plate and carry it",
+        "lift the can, the red cube on the plate",
     ],
 )
 def test_what_is_carried_may_stay_in_the_hand(words):
@@ -278,6 +280,7 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (frames(slice(0, 190)), "drop the red cube on the plate", 10, "broken-off"),
         (frames(slice(0, 190)), "move the red cube onto the plate", 10, "broken-off"),
         (frames(slice(0, 190)), "the red cube on the plate", 10, "broken-off"),
+        (frames(slice(0, 190)), "pick up the red cube and move it onto the plate", 10, "broken-off"),
         (frames(slice(0, 105)), "do it", 10, "broken-off"),
         (frames(slice(0, 88)), "take the red cube", 10, "broken-off"),  # just after it has closed
         (w_first, PUT, 10, "w-first"),

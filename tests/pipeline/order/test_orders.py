@@ -173,17 +173,3 @@ def test_what_is_another_order_or_none_is_refused(task, said):
 )
 def test_another_kind_of_thing_in_a_place_is_found(names, said, taught, found):
     assert list(strangers(Order(said, names), taught)) == found
-
-
-@pytest.mark.parametrize(
-    ("text", "verbs"),
-    [
-        ("put the mug on the plate", ("put",)),
-        ("Please pick up the mug and gently place it on the plate.", ("pick", "place")),
-        ("use the gripper to take the mug, then push the plate", ("take", "push")),
-        ("push the mug, in place of the plate, to its place", ("push", "in", "to")),
-        ("polish the mug", ("polish",)),
-    ],
-)
-def test_the_verbs_of_an_order(text, verbs):
-    assert Order(text, ("mug", "plate")).verbs == verbs
