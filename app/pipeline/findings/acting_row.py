@@ -70,6 +70,12 @@ class ActingRow:
         )
 
     @property
+    def ends_slide(self) -> bool:
+        """Whether the plan ends here with a slide: how far the hand pushes varies more than where it grasps."""
+        last = self.index == len(self.rows) - 1
+        return last and self.index > 0 and slides_on(self.rows, self.index - 1)
+
+    @property
     def seen_from(self) -> str:
         """The object or frame that the row is relative to, by its name in the observed scene."""
         anchor = asked_anchor(self.row.anchors[0], self.shown[0].order, self.asked)

@@ -26,6 +26,7 @@ from app.pipeline.findings.quaternion_order import objects_order_findings
 from app.pipeline.findings.rules import SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.several_ways import ways_findings
+from app.pipeline.findings.unmeasured import unmeasured_findings
 from app.pipeline.findings.yaw import Rotations, turning_findings
 from app.pipeline.groups import by_plan, grouped, shown_together, usual_ways
 from app.pipeline.order.order import Order
@@ -131,6 +132,7 @@ class Taught:
                 *turning_findings(self.support, asked, self.yaw_symmetry_deg, self.given_xyzw),
                 *(dropping_findings(self.hands) if number > 1 and not form else ()),
                 *objects_order_findings(self.demonstrations),
+                *unmeasured_findings(self.demonstrations, self.followed(asked) - self.yaw_symmetry_deg.keys()),
             )
             self._known[form, number, asked.objects] = known
         return known

@@ -21,7 +21,7 @@ from app.pipeline.findings.recording_ends import (
     begun_late_findings,
     end_faults,
 )
-from app.pipeline.order.grasps import shifts_something, taken
+from app.pipeline.order.grasps import put_to, shifts_something, taken
 from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
@@ -41,6 +41,10 @@ TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and
 ONLY_OPENS = (
     "the hand opens at what it should take, and closes elsewhere or never. Check whether gripper_open is inverted, or"
     " the order of frames reversed."
+)
+TAKES_FROM_GOAL = (
+    "the hand closes at what the instruction says to put something in or on, and opens elsewhere. Check whether the"
+    " order of frames is reversed, or gripper_open inverted."
 )
 TAKES_TOO_FEW = (
     "the hand closes fewer times than the instruction names things to take. Check whether gripper_open has every grasp:"
@@ -167,6 +171,8 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):
         return CLOSES_ASIDE
+    if _takes_from(put_to(demonstration.order), hand.acts):
+        return TAKES_FROM_GOAL
     left = [name for name in wanted if name not in hand.may_hold and _is_far(name, closings)]
     if not left:
         return None
@@ -175,6 +181,13 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
     if not _is_far(left[0], hand.acts):
         return ONLY_OPENS
     return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
+
+
+def _takes_from(goals: Sequence[str], acts: Sequence[Act]) -> bool:
+    """Return whether the hand closes at goals only, and opens at none."""
+    closed, opened = ([act for act in acts if act.opens == opens] for opens in (False, True))
+    taken_there = all(act.at_object and act.nearest in goals for act in closed)
+    return bool(closed and opened) and taken_there and all(_is_far(name, opened) for name in goals)
 
 
 def _is_far(name: str, acts: Sequence[Act]) -> bool:

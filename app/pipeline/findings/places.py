@@ -142,11 +142,7 @@ class ShownPlaces:
 
         Estimators that see no rotation say so.
         """
-        if (
-            pose.quaternion_xyzw is None
-            or not len(self.up)
-            or quaternions.angle_rad(pose.quaternion_xyzw) > EXACTLY_RAD
-        ):
+        if not (len(self.up) and is_unturned(pose)):
             return False
         apart = (self.up @ self.up.T).min() < math.cos(math.radians(DIFFERS_DEG))
         known_before = ((np.abs(self.yaws_rad) < EXACTLY_RAD) & (self.up[:, 2] > 1 - EXACTLY_RAD)).any()
@@ -176,6 +172,11 @@ class ShownPlaces:
     @property
     def _middle_rad(self) -> float:
         return float(np.angle(np.exp(1j * self.yaws_rad).mean()))
+
+
+def is_unturned(pose: ObjectPose) -> bool:
+    """Return whether its rotation is exactly the identity, as that of an estimator that sees none."""
+    return pose.quaternion_xyzw is not None and quaternions.angle_rad(pose.quaternion_xyzw) < EXACTLY_RAD
 
 
 def _levels(heights_m: Array) -> tuple[Range, ...]:

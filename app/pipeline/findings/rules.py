@@ -104,6 +104,7 @@ OBJECT_TURNED = Rule("object-turned", "yaw outside of its range", "degrees", war
 OBJECT_TURNED_OF_MANY = Rule("object-turned", "yaw outside of its range", "degrees", warning=10.0, danger=20.0)
 OBJECT_TURNED_ALONE = Rule("object-turned", "the same, where the hand need not turn with it", "degrees", warning=10.0)
 NOISY_OBSERVATION = Rule("noisy-observation", "mean error of poses", "m", warning=0.016, danger=0.03)
+SOME_ROTATIONS_NOT_MEASURED = Rule("rotation-not-measured", "share of the demonstrations", warning=0.0, danger=0.15)
 ROTATION_NOT_MEASURED = Rule("rotation-not-measured", danger=ALWAYS, source="no measured one is exactly 0")
 # poses with a mean error of 0.5 cm: at most 1.6 cm in 600 right scenes of three rigid arrangements; along one axis of
 # three others none of 1500 is 2.5 cm off

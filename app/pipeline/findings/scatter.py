@@ -167,7 +167,8 @@ def _turned_otherwise(item: ActingRow) -> Iterator[Cause]:
 
 def _scattered(scattered: Sequence[ActingRow]) -> Finding:
     touching = rules.SCATTER_OF_CENTER_AT_TOUCH
-    missed = [item for item in scattered if not item.loosely and touching.severity(item.row.center_off_m) is not None]
+    exact = [item for item in scattered if not (item.loosely or item.ends_slide)]
+    missed = [item for item in exact if touching.severity(item.row.center_off_m) is not None]
     item = max(missed or scattered, key=lambda item: item.row.center_off_m)
     message = (
         f"Where {item.text}, they scatter by {100 * item.row.scatter_m:.1f} cm, and their center may be"

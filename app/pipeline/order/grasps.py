@@ -13,7 +13,7 @@ _OBJECT = rf"(?:{_DETERMINER}(?:{_ADJECTIVE}){{0,2}})?<(?P<place>\d+)>"  # "the 
 _DIRECT_OBJECT = re.compile(rf"\b(?P<verb>\w+)(?: up| down| off| away)? (?:both )?{_OBJECT}")
 _FURTHER_OBJECT = re.compile(rf"( \w+)?(,|,? and) {_OBJECT}")  # of a list
 _NO_VERB = re.compile(rf"(?:{_DETERMINER})?<\d+>")  # "the cube into the box"
-_INTO = re.compile(r"(?<!is )(?<!are )\b(?:in|into|inside|on|onto)(?: \w+)* <\d+>")  # not "that is on the plate"
+_INTO = re.compile(r"(?<!is )(?<!are )\b(?:in|into|inside|on|onto)(?: \w+)* <(?P<place>\d+)>")  # not "that is on <0>"
 # "Take the cube to the plate", not "the cube next to the plate"
 _SOMEWHERE = re.compile(
     r"(?<!next )(?<!close )(?<!closest )(?<!nearest )(?<!adjacent )\b(?:to|into|onto)(?: \w+)* <\d+>"
@@ -51,6 +51,18 @@ def puts_down(order: Order) -> bool:
     if _NO_VERB.match(order.form):
         carried.append(order.form)
     return not PUTTING.isdisjoint(order.verbs) or any(_INTO.search(part) for part in carried)
+
+
+def put_to(order: Order) -> tuple[str, ...]:
+    """Return the objects that an instruction says to put something in or on."""
+    found: list[str] = []
+    for clause in order.clauses:
+        puts = False
+        for part in clause.parts:
+            if (verb := verb_of(part)) in BASE_VERBS:  # not in "the <1> in the <2>", after "put the <0>"
+                puts = verb in CARRYING | PUTTING
+            found += [clause.objects[int(match["place"])] for match in _INTO.finditer(part) if puts]
+    return tuple(dict.fromkeys(found))
 
 
 def goes_somewhere(order: Order) -> bool:
