@@ -56,8 +56,8 @@ def puts_down(order: Order) -> bool:
 def put_to(order: Order) -> tuple[str, ...]:
     """Return the objects that an instruction says to put something in or on."""
     found: list[str] = []
+    puts = False
     for clause in order.clauses:
-        puts = False
         for part in clause.parts:
             if (verb := verb_of(part)) in BASE_VERBS:  # not in "the <1> in the <2>", after "put the <0>"
                 puts = verb in CARRYING | PUTTING

@@ -136,7 +136,7 @@ def dangers(recordings, asked=None):
 
 
 @pytest.mark.parametrize("number", [1, 4, 10])
-@pytest.mark.parametrize("words", [PUT, "take the red cube", "do it"])
+@pytest.mark.parametrize("words", [PUT, "take the red cube", "put all cubes on the plate", "do it"])
 def test_right_recordings_have_no_danger(words, number):
     assert dangers([put(seed, words) for seed in range(number)]) == set()
 
@@ -262,6 +262,7 @@ def test_a_hand_that_trembles_at_the_end_is_not_on_its_way():
         (always(False), "take the red cube", 10, "implausible-gripper"),
         (frames(slice(None, None, -1)), "do it", 10, "backwards-in-time"),
         (frames(slice(None, None, -1)), PUT, 2, "implausible-gripper"),
+        (frames(slice(None, None, -1)), "put all cubes on the plate", 2, "implausible-gripper"),
         (frames(slice(0, 170)), PUT, 10, "broken-off"),
         (frames(slice(0, 170)), PICK_AND_PLACE, 10, "broken-off"),  # over the plate
         (frames(slice(0, 130)), PICK_AND_PLACE, 10, "broken-off"),  # on its way to the plate

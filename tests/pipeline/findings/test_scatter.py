@@ -323,6 +323,17 @@ def test_a_hand_that_slides_may_come_down_anywhere_along_its_way():
     assert finding.severity == "danger"
 
 
+@pytest.mark.parametrize(("goes_up", "severity"), [(False, "warning"), (True, "danger")])
+def test_a_push_may_end_anywhere_along_its_way_unless_the_hand_goes_up_from_there(goes_up, severity):
+    group = []
+    for x_m, push_m in ((0.0, 0.09), (0.03, 0.21), (-0.05, 0.12), (0.08, 0.19)):
+        handle_m = np.array([x_m, 0.6, 0.8])
+        ways_m = [(0, 0, 0.1), (0, 0, 0), (0, push_m, 0), (0, push_m, 0.1)]
+        rows = [action(handle_m + way_m) for way_m in ways_m[: 3 + goes_up]]
+        group.append(demonstration("close the drawer", (pose("drawer", handle_m, 0),), rows))
+    assert [finding.severity for finding in found(group)] == [severity]
+
+
 @pytest.mark.parametrize(("ends_apart_m", "severities"), [(0.0, []), (0.03, ["danger"])])
 def test_a_hand_that_slides_from_one_object_to_another_is_between_them_on_its_way(ends_apart_m, severities):
     group, random = [], np.random.default_rng(7)
