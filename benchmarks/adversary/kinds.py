@@ -54,6 +54,8 @@ RIGHT: Mapping[str, Kind] = {
     "hand trembles": _right(in_all(people.trembling)),
     "hand waits on its way": _right(in_all(people.waiting)),
     "each at its own speed": _right(in_all(people.at_its_own_speed)),
+    "fingers close again in some": _right(in_all(people.grasping_again)),
+    "hand strays": _right(in_all(people.straying)),
 }
 WRONG: Mapping[str, Kind] = {
     "frame moved in half": Kind(in_half(recordings.frame_moved)),

@@ -12,6 +12,10 @@ from roboprompt_client.types.arrays import Array
 
 TREMBLES_M, TREMBLES_RAD = 0.002, 0.02  # a tracker's error, or a person's hand
 FRAMES_OF_NOISE = 2.0  # over which it is smooth
+HOLDS_S = 0.6  # fingers that have missed stay closed, and then open, so long
+AGAIN_SHARE = 0.3  # of the recordings, in which fingers close twice
+STRAYS_M, STRAYS = (0.04, 0.08), 6.0  # after a sixth of the recording as far
+STRAYS_AT_M = 0.12  # from every object; nearer to one the hand is where it acts
 
 
 def trembling(case: Case, random: np.random.Generator) -> Change:
@@ -59,5 +63,43 @@ def at_its_own_speed(case: Case, random: np.random.Generator) -> Change:
         times_s = None if given.timestamps_s is None else given.timestamps_s / faster
         moved = replace(given, timestamps_s=times_s, joint_velocities_rad_s=given.joint_velocities_rad_s * faster)
         return replace(recording, trajectory=moved, control_frequency_hz=recording.control_frequency_hz * faster)
+
+    return change
+
+
+def grasping_again(case: Case, random: np.random.Generator) -> Change:
+    """In some recordings the fingers close, open and close again before the hand goes on."""
+
+    def change(recording: Recording) -> Recording:
+        given = recording.trajectory
+        closes = np.flatnonzero(np.diff(given.gripper_open.astype(int)) < 0)
+        if not len(closes) or random.uniform() > AGAIN_SHARE:
+            return recording
+        frame, number = int(closes[0]) + 1, max(2, round(HOLDS_S * recording.control_frequency_hz))
+        kept = np.r_[0 : frame + 1, np.full(2 * number, frame), frame + 1 : len(given)]
+        longer = frames(replace(given, timestamps_s=None), kept)
+        is_open, speeds = longer.gripper_open.copy(), longer.joint_velocities_rad_s.copy()
+        is_open[frame + number : frame + 2 * number] = True
+        speeds[frame : frame + 2 * number + 1] = 0.0
+        return replace(recording, trajectory=replace(longer, gripper_open=is_open, joint_velocities_rad_s=speeds))
+
+    return change
+
+
+def straying(case: Case, random: np.random.Generator) -> Change:
+    """The hand strays by 4 to 8 cm on its way through free space; there are no joints."""
+
+    def change(recording: Recording) -> Recording:
+        given = recording.trajectory
+        places_m = np.array([pose.position_m for pose in (*recording.objects, *recording.objects_after)])
+        away_m = np.linalg.norm(given.positions_m[:, None] - places_m, axis=2).min(axis=1)
+        ends = np.clip(STRAYS * np.minimum(np.arange(len(given)), np.arange(len(given))[::-1]) / len(given), 0, 1)
+        free = gaussian_filter1d(np.clip(away_m / STRAYS_AT_M - 1, 0, 1), len(given) / 50)
+        way = random.normal(size=3)
+        off_m = random.uniform(*STRAYS_M) * (ends * free)[:, None] * way / np.linalg.norm(way)
+        moved = with_hand(recording, given.positions_m + off_m)
+        no_joints = np.zeros((len(given), 0))
+        trajectory = replace(moved.trajectory, joint_velocities_rad_s=no_joints, joint_positions_rad=None)
+        return replace(recording, trajectory=trajectory)
 
     return change

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,6 +28,17 @@ MAX_DISTANCE = 3.0  # in tolerances; larger distances between demonstrations cos
 
 Distances = Callable[[HandPath, int], Array]
 """From a path and a keyframe's number: (N,) distances of its poses from that keyframe of others, in tolerances."""
+
+
+class Touch(NamedTuple):
+    """The hand at an object.
+
+    Attributes:
+        turn: from where it took what it lets go of; its rotation where it takes something itself.
+    """
+
+    hand: Rotation
+    turn: Rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +168,19 @@ def clearly_nearest(objects: Sequence[ObjectPose], position_m: Array) -> int | N
         return None
     clear = len(order) == 1 or off_m[order[1]] >= CLEARLY * off_m[order[0]]
     return order[0] if clear else None
+
+
+def touched(recording: Recording) -> dict[str, Touch]:
+    """Return how the hand clearly grasps an object, or lets go of another one at it, by its name."""
+    found: dict[str, Touch] = {}
+    trajectory, taken = recording.motion.trajectory, None
+    for phase in (phase for phase in recording.phases if phase.gripper_open != phase.ends_open):
+        hand = Rotation.from_quat(trajectory.quaternions_xyzw[phase.last])
+        left = [pose for pose in recording.demonstration.objects if pose.name not in found]
+        if (place := clearly_nearest(left, trajectory.positions_m[phase.last])) is not None:
+            found[left[place].name] = Touch(hand, hand if taken is None else hand * taken.inv())
+        taken = None if phase.ends_open else hand
+    return found
 
 
 def choose(recording: Recording, numbers: Sequence[int], distances: Distances | None) -> list[Keyframe]:

@@ -21,7 +21,7 @@ from app.pipeline.findings.rules import SYMMETRY_SHOWN
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.groups import grouped
 from app.pipeline.plans.alignment import aligned
-from app.pipeline.plans.recording import Recording, clearly_nearest
+from app.pipeline.plans.recording import Recording, touched
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import tilted_objects
 from roboprompt_client.types.arrays import Array
@@ -35,6 +35,7 @@ LOOSELY_ALIKE_DEG = 20.0  # so may those of any number: people align their hands
 MIN_SIDES = 3  # of four; two may be those of two models of one object
 MIN_OF_TWO = 2  # grasps from each of two sides; one may be a slip
 NOISE_DEG = 5.0  # hands that take the nearest side turn by no more than the sides are apart, and this
+SLIPS_SHARE = 0.1  # of the demonstrations, which may do something else by chance
 MATTERS = 1 / 3  # as small a share of the scatter is left, once the side is known
 SCATTERS_M, SCATTERS_DEG = 0.01, 10.0  # rms; less needs no explanation
 
@@ -101,23 +102,12 @@ def folded(recordings: Sequence[Recording], symmetries: Symmetries) -> list[Reco
 
 
 def _folded(recording: Recording, symmetries: Symmetries) -> Demonstration:
-    hands = touched(recording)
+    hands = {name: touch.hand for name, touch in touched(recording).items()}
     poses = tuple(
         symmetries[pose.name].folded(pose, hands.get(pose.name)) if pose.name in symmetries else pose
         for pose in recording.demonstration.objects
     )
     return replace(recording.demonstration, objects=poses)
-
-
-def touched(recording: Recording) -> dict[str, Rotation]:
-    """Return the hand's rotation where it clearly grasps an object, or lets go of another one at it, by its name."""
-    found: dict[str, Rotation] = {}
-    trajectory = recording.motion.trajectory
-    for frame in (phase.last for phase in recording.phases if phase.gripper_open != phase.ends_open):
-        left = [pose for pose in recording.demonstration.objects if pose.name not in found]
-        if (place := clearly_nearest(left, trajectory.positions_m[frame])) is not None:
-            found[left[place].name] = Rotation.from_quat(trajectory.quaternions_xyzw[frame])
-    return found
 
 
 def sides_of(turns_deg: Array, turn_deg: float) -> tuple[Array, npt.NDArray[np.intp]]:
@@ -130,20 +120,21 @@ def sides_of(turns_deg: Array, turn_deg: float) -> tuple[Array, npt.NDArray[np.i
 
 def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
     """Return the symmetry under which all grasps of an object are equal, and hands take the nearest side."""
-    hands = [touched(each).get(name) for each in recordings]
+    touches = [touched(each).get(name) for each in recordings]
     objects = [each.demonstration.object(name).quaternion_xyzw for each in recordings]
-    known = [(hand, q) for hand, q in zip(hands, objects, strict=True) if hand is not None and q is not None]
+    known = [(touch, q) for touch, q in zip(touches, objects, strict=True) if touch is not None and q is not None]
     if len(known) < max(MIN_GRASPS, len(recordings)):
         return None
-    taking = Rotation.concatenate([hand for hand, _ in known])
-    turned = (taking * taking[0].inv()).as_rotvec(degrees=True)
-    if np.linalg.norm(turned[:, :2], axis=1).max() > ALIKE_DEG:
+    hands, turns = (Rotation.concatenate(each) for each in zip(*(touch for touch, _ in known), strict=True))
+    hands_deg, turns_deg = ((each * each[0].inv()).as_rotvec(degrees=True) for each in (hands, turns))
+    if np.linalg.norm(hands_deg[:, :2], axis=1).max() > ALIKE_DEG:
         return None
     yaws_deg = np.degrees([yaw_rad(quaternion) for _, quaternion in known])
     for turn_deg in TURNS_DEG:
-        left_deg, sides = sides_of(turned[:, 2] - yaws_deg, turn_deg)
-        if np.abs(left_deg).max() <= _alike_deg(len(known), turn_deg) and _nearest_taken(turned[:, 2], sides, turn_deg):
-            return _symmetry(taking, yaws_deg + turn_deg * sides, turn_deg)
+        left_deg, sides = sides_of(hands_deg[:, 2] - yaws_deg, turn_deg)
+        alike = np.abs(left_deg).max() <= _alike_deg(len(known), turn_deg)
+        if alike and _nearest_taken(turns_deg[:, 2], sides, turn_deg):
+            return _symmetry(hands, yaws_deg + turn_deg * sides, turn_deg)
     return None
 
 
@@ -157,13 +148,13 @@ def _alike_deg(number: int, turn_deg: float) -> float:
     return min(share * turn_deg / 2, LOOSELY_ALIKE_DEG)
 
 
-def _nearest_taken(hands_deg: Array, sides: npt.NDArray[np.intp], turn_deg: float) -> bool:
+def _nearest_taken(turns_deg: Array, sides: npt.NDArray[np.intp], turn_deg: float) -> bool:
     """Return whether hands take enough of the sides, and turn about the vertical no farther than need be for that.
 
     Two sides may be those of two models of an object that always lies alike: hands then hardly turn.
     """
     numbers = np.bincount(sides)
-    sorted_deg = np.sort(hands_deg % 360)
+    sorted_deg = np.sort(turns_deg % 360)
     span_deg = 360 - np.diff(sorted_deg, append=sorted_deg[0] + 360).max()
     if span_deg > turn_deg + NOISE_DEG:
         return False
@@ -190,11 +181,13 @@ def _side_matters(name: str, group: Sequence[Recording], given: Sequence[Recordi
     Args:
         group, given: with the object folded, and as it was.
     """
-    demonstrations = aligned(group)
-    if len({item.kind for item in demonstrations}) > 1:
+    of_kinds = grouped(zip(aligned(group), group, given, strict=True), lambda each: each[0].kind)
+    usual = max(of_kinds.values(), key=len)
+    if len(group) - len(usual) > SLIPS_SHARE * len(group):
         return True  # the side may decide between the ways
-    yaws = [[_yaw_deg(each, name) for each in both] for both in zip(group, given, strict=True)]
-    _, sides = sides_of(np.array([one - other for one, other in yaws]), 90.0)
+    demonstrations = [demonstration for demonstration, _, _ in usual]
+    turned_deg = [_yaw_deg(one, name) - _yaw_deg(other, name) for _, one, other in usual]
+    _, sides = sides_of(np.array(turned_deg), 90.0)
     return any(
         _explained(values, sides, least)
         for row in plan_rows(demonstrations)
