@@ -13,7 +13,6 @@ from roboprompt_client.types.arrays import Array
 TREMBLES_M, TREMBLES_RAD = 0.002, 0.02  # a tracker's error, or a person's hand
 FRAMES_OF_NOISE = 2.0  # over which it is smooth
 HOLDS_S = 0.6  # fingers that have missed stay closed, and then open, so long
-AGAIN_SHARE = 0.3  # of the recordings, in which fingers close twice
 STRAYS_M, STRAYS = (0.04, 0.08), 6.0  # after a sixth of the recording as far
 STRAYS_AT_M = 0.12  # from every object; nearer to one the hand is where it acts
 
@@ -68,12 +67,12 @@ def at_its_own_speed(case: Case, random: np.random.Generator) -> Change:
 
 
 def grasping_again(case: Case, random: np.random.Generator) -> Change:
-    """In some recordings the fingers close, open and close again before the hand goes on."""
+    """The fingers close, open and close again before the hand goes on."""
 
     def change(recording: Recording) -> Recording:
         given = recording.trajectory
         closes = np.flatnonzero(np.diff(given.gripper_open.astype(int)) < 0)
-        if not len(closes) or random.uniform() > AGAIN_SHARE:
+        if not len(closes):
             return recording
         frame, number = int(closes[0]) + 1, max(2, round(HOLDS_S * recording.control_frequency_hz))
         kept = np.r_[0 : frame + 1, np.full(2 * number, frame), frame + 1 : len(given)]

@@ -27,6 +27,11 @@ def in_all(fault: Fault) -> Mutation:
     return _in(fault, lambda number: number)
 
 
+def in_some(fault: Fault) -> Mutation:
+    """Three of ten recordings, drawn at random, have the fault."""
+    return _in(fault, lambda number: 3 * number // 10)
+
+
 def in_half(fault: Fault) -> Mutation:
     """One half of the recordings, drawn at random, has the fault."""
     return _in(fault, lambda number: number // 2)

@@ -7,7 +7,7 @@ from benchmarks.adversary.kinds import KINDS, RIGHT, WRONG
 from benchmarks.adversary.measure import digest_of, mutated
 from tests.benchmarks.adversary.cases import NUMBER, changes, picks
 
-HALF, ALL = NUMBER // 2, NUMBER
+SOME, HALF, ALL = 3 * NUMBER // 10, NUMBER // 2, NUMBER
 PLACES, TURNS, POSES = {"places"}, {"rotations"}, {"places", "rotations"}
 NAMED = {"names", "places", "rotations"}
 HAND, HAND_POSE = {"hand"}, {"hand", "hand's rotation"}
@@ -55,6 +55,8 @@ EXPECTED = {
     "hand trembles": (NONE, HAND_POSE | {"speed"}, ALL),
     "hand waits on its way": (NONE, TIME | HAND_POSE, ALL),
     "each at its own speed": (NONE, {"rate", "speed"}, ALL),
+    "fingers close again in some": (NONE, TIME | HAND_POSE, SOME),
+    "hand strays": (NONE, MOTION, ALL),
     "frame moved in half": (NONE, HAND_POSE | POSES, HALF),
     "hand shifted in half": (NONE, HAND, HALF),
     "hand shifted in all": (NONE, HAND, ALL),

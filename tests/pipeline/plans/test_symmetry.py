@@ -20,8 +20,9 @@ def nearest_deg(yaw_deg, turn_deg, home_deg=0.0):
     return (yaw_deg - home_deg + turn_deg / 2) % turn_deg - turn_deg / 2 + home_deg
 
 
-def taken(yaw_deg, hand_deg, released_deg, random, aside_m=0.0):
+def taken(yaw_deg, hand_deg, released_deg, random, aside_m=0.0, plate_deg=None):
     """A cube with that yaw, taken and let go of by hands with these; `aside_m` from its middle along its own x axis."""
+    plate_deg = float(random.uniform(-50, 50)) if plate_deg is None else plate_deg
     cube_m, plate_m = (
         random.uniform([0.2, -0.3, 0.02], [0.4, -0.05, 0.02]),
         random.uniform([0.2, 0.1, 0.0], [0.4, 0.3, 0]),
@@ -31,7 +32,7 @@ def taken(yaw_deg, hand_deg, released_deg, random, aside_m=0.0):
     motion = pick_and_place(held_m, placed_m, move=resting, start_m=(0.3, 0, 0.5))
     starts_s, ends_s = arrival_s(motion, held_m + UP_M, 2), arrival_s(motion, placed_m + UP_M, 0)
     turns = ((0.0, hand_deg), (starts_s + 0.4, hand_deg), (ends_s, released_deg), (motion.duration_s, released_deg))
-    objects = pose("cube", cube_m, yaw_deg), pose("plate", plate_m, float(random.uniform(-50, 50)))
+    objects = pose("cube", cube_m, yaw_deg), pose("plate", plate_m, plate_deg)
     return recording(replace(motion, turns=turns), objects, instruction="put the cube on the plate")
 
 
@@ -81,6 +82,30 @@ def test_a_symmetry_is_shown_only_where_nothing_depends_on_the_side(hand_deg, ho
             assert np.degrees((symmetries["cube"].grasp.inv() * relative).magnitude()) < 1e-6
         else:
             assert turned is given
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_put_down_squarely_on_something_turns_farther_than_hands_that_take_it(seed):
+    random, recordings = np.random.default_rng(seed), []
+    for cube_deg, plate_deg in random.uniform(-180, 180, (10, 2)).tolist():
+        hand_deg = CUBE(cube_deg)
+        released_deg = hand_deg + nearest_deg(plate_deg - hand_deg, 90)
+        recordings.append(taken(cube_deg, hand_deg, released_deg, random, plate_deg=plate_deg))
+    symmetries = shown_symmetries(recordings, {})
+    assert {name: item.turn_deg for name, item in symmetries.items()} == {"cube": 90, "plate": 90}
+
+
+@pytest.mark.parametrize(("slips", "shown"), [(1, True), (2, False)])
+def test_one_of_ten_may_slip(slips, shown):
+    """The side may decide between two ways, but not where one recording has another."""
+    recordings = group(CUBE)
+    for k in range(slips):
+        trajectory, again = recordings[k].motion.trajectory, recordings[k].motion.switches[0].frame + 4
+        is_open = trajectory.gripper_open.copy()
+        is_open[again : again + 8] = True
+        motion = replace(recordings[k].motion, trajectory=replace(trajectory, gripper_open=is_open))
+        recordings[k] = replace(recordings[k], motion=motion)
+    assert bool(shown_symmetries(recordings, {})) == shown
 
 
 @pytest.mark.parametrize(
