@@ -18,6 +18,7 @@ from app.pipeline.plans import agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
 from app.pipeline.plans.recording import Recording, alike_turned
 from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
+from app.pipeline.plans.tries import without_tries
 from app.services.cache import Cache
 from app.services.compared import compared
 from app.services.errors import NoDemonstrationsError
@@ -32,6 +33,7 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
+_FORM = attrgetter("demonstration.order.form")
 MAX_CHOICES = 4  # of a task's demonstrations that are kept
 
 
@@ -86,17 +88,16 @@ def recordings_of(
     connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
 ) -> Sequence[Recording]:
     """Return each record's demonstration with the motion of its trajectory; objects that not all have are left out."""
-    rule, recordings = settings.keyframes.keyframe_rule(), []
+    rule, recorded = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
     stored = [record.demonstration() for record in records]
     found = [replace(item, objects=settings.canonical(item.objects)) for item in stored]
     names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
     for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
-        recordings.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
-    if not settings.gripper_symmetry_deg:
-        return recordings
-    return made_by_group(recordings, attrgetter("demonstration.order.form"), alike_turned)
+        recorded.append(Recording(replace(demonstration.only(names), start=trajectory.action_at(0)), motion, rule))
+    recordings = made_by_group(recorded, _FORM, without_tries) if rule.aligned else recorded
+    return made_by_group(recordings, _FORM, alike_turned) if settings.gripper_symmetry_deg else recordings
 
 
 class TaskVersion:

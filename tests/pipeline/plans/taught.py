@@ -53,6 +53,16 @@ def picked(seed, **how):
     return recording(*picks(seed, **how), hz=np.random.default_rng(seed).choice([10, 15, 20, 30]))
 
 
+def slipped(seed, again_s=1.6):
+    """The cube is grasped, let go and, so long after the first time, grasped again; the hand waits for 2 s."""
+    motion, objects = picks(seed)
+    grasped_s = motion.switches[0]
+    motion = motion.held(grasped_s, 2.0)
+    first, *others = motion.switches
+    again = replace(motion, switches=(first, grasped_s + again_s / 2, grasped_s + again_s, *others))
+    return recording(again, objects)
+
+
 def reached(offsets_m, *, random, objects=None, instruction=INSTRUCTION, turns_deg=None):
     """Demonstrations of one action at these offsets from the cube, each in a scene of its own."""
     group = []

@@ -11,7 +11,7 @@ from app.pipeline.plans.rows import plan_rows, robust_center
 
 from ..recordings import flowing, pick_and_place, resting
 from ..scenes import pose, same_actions
-from .taught import picked, picks, recording, scene
+from .taught import picked, picks, recording, scene, slipped
 
 
 def grasps(demonstration):
@@ -43,16 +43,6 @@ def test_recordings_that_rest_keep_their_own_keyframes():
         np.testing.assert_array_equal(
             [action.position_m for action in demonstration.actions], item.motion.trajectory.positions_m[frames]
         )
-
-
-def slipped(seed):
-    """The cube is grasped, let go and grasped again."""
-    motion, objects = picks(seed)
-    grasped_s = motion.switches[0]
-    motion = motion.held(grasped_s, 2.0)
-    first, *others = motion.switches
-    again = replace(motion, switches=(first, grasped_s + 0.8, grasped_s + 1.6, *others))
-    return recording(again, objects)
 
 
 def test_another_sequence_of_grasps_is_another_plan():
